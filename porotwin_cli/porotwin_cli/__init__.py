@@ -1,0 +1,1 @@
+"""The porotwin command: demo, up, simulate, image, train, record, replay, bench and test."""

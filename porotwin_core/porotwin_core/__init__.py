@@ -1,0 +1,1 @@
+"""Shared language of PoroTwin: rig, grid, well rates, units, messages to arrays and back."""

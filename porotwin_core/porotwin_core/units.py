@@ -1,0 +1,20 @@
+"""Conversions between the laboratory's units and SI; the only place that knows them."""
+
+ML_H = 1e-6 / 3600.0
+"""One millilitre per hour in m^3/s."""
+
+GRAVITY = 9.81
+"""Standard acceleration of free fall [m/s^2]."""
+
+MOLECULAR_DIFFUSION = 1e-9
+"""Molecular diffusion of the tracer in the pores [m^2/s] (experiment folder contract)."""
+
+
+def from_ml_h(rate_ml_h: float) -> float:
+    """Return a pump rate [m^3/s] from millilitres per hour."""
+    return rate_ml_h * ML_H
+
+
+def to_ml_h(rate: float) -> float:
+    """Return a pump rate in millilitres per hour from [m^3/s]."""
+    return rate / ML_H

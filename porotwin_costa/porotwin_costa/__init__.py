@@ -1,0 +1,1 @@
+"""Data-driven model: the neural corrective source term (COSTA), its training and its service."""

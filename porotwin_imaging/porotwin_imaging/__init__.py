@@ -1,0 +1,1 @@
+"""Photographs of the rig: camera ingest and conversion to tracer concentration maps."""

@@ -1,0 +1,1 @@
+"""Experiment folders and MCAP bags: read, write, convert, record and replay."""
