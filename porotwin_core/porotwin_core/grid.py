@@ -99,4 +99,11 @@ def conservative_resample(field: FloatArray, shape: tuple[int, int]) -> FloatArr
         return field.copy()
     rows = _overlap(shape[0], field.shape[0])
     columns = _overlap(shape[1], field.shape[1])
-    return rows @ np.asarray(field, dtype=float) @ columns.T
+    field = np.asarray(field, dtype=float)
+    unknown = np.isnan(field)
+    if not unknown.any():
+        return rows @ field @ columns.T
+    # a product with NaN would spread it along whole rows and columns
+    moved = rows @ np.where(unknown, 0.0, field) @ columns.T
+    touched = (rows > 0).astype(float) @ unknown @ (columns > 0).T.astype(float) > 0
+    return np.where(touched, np.nan, moved)

@@ -150,6 +150,16 @@ class Rig(_Section):
                     raise ValueError(f"control gives well '{name}' two roles; keep one")
         return self
 
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Rig)
+            and self.model_dump() == other.model_dump()
+            and self._maps.keys() == other._maps.keys()
+            and all(np.array_equal(values, other._maps[key]) for key, values in self._maps.items())
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays and dictionaries
+
     def grid(self, nx: int, nz: int) -> Grid:
         """Return the grid of nx x nz cells over this rig."""
         return Grid(nx, nz, self.width_m, self.height_m)
@@ -217,7 +227,7 @@ def _read_map(path: Path, quantity: str, reference: MapReference) -> FloatArray:
         raise InputError(f"{path}: {quantity} names '{reference.file}', which is not beside it")
     try:
         with netCDF4.Dataset(file) as dataset:
-            values = np.ma.filled(
+            values: FloatArray = np.ma.filled(
                 np.ma.asarray(dataset.variables[reference.variable][:], dtype=float), np.nan
             )
     except KeyError:
@@ -248,6 +258,42 @@ def parse_rig(data: Any, path: Path) -> Rig:
         if isinstance(value, MapReference):
             rig._maps[quantity] = _read_map(path, quantity, value)
     return rig
+
+
+def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray]) -> Rig:
+    """Return the rig of `data` whose quantities are given as numbers or maps (nz, nx), not files.
+
+    A map is named after its quantity, the file in which `write_rig` puts it.
+
+    Raises:
+        InputError: one line naming the key, the value and what would mend it.
+    """
+    maps = {name: value for name, value in quantities.items() if not isinstance(value, float)}
+    references = {name: MapReference(file=f'{name}.nc', variable=name) for name in maps}
+    try:
+        rig = Rig.model_validate({**data, **quantities, **references})
+    except pydantic.ValidationError as error:
+        raise InputError(_one_line(Path('rig description'), error)) from None
+    rig._maps.update(maps)
+    return rig
+
+
+def write_rig(rig: Rig, path: Path | str) -> None:
+    """Write `rig` as a rig.yaml at `path`, its maps as NetCDF files beside it."""
+    path = Path(path)
+    data = rig.model_dump(mode='json', exclude_defaults=True)
+    for quantity, values in rig._maps.items():
+        reference = getattr(rig, quantity)
+        with netCDF4.Dataset(path.parent / reference.file, 'w') as dataset:
+            grid = rig.grid(values.shape[1], values.shape[0])
+            for name, coordinate in (('z', grid.z), ('x', grid.x)):
+                dataset.createDimension(name, len(coordinate))
+                dataset.createVariable(name, 'f8', (name,))[:] = coordinate
+                dataset[name].units = 'm'
+            dataset.createVariable(reference.variable, 'f8', ('z', 'x'))[:] = values
+    path.write_text(
+        yaml.safe_dump(data, sort_keys=False, default_flow_style=None), encoding='utf-8'
+    )
 
 
 def load_rig(path: Path | str) -> Rig:

@@ -1,6 +1,7 @@
 """What the wells pump: one well's rate, all wells at once, and the schedule over time."""
 
 import bisect
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -86,7 +87,7 @@ class Schedule:
         """Yield (start, end, rates) of constant rates that cover `start` to `end` [s]."""
         changes = sorted({time for time in self._times if start < time < end})
         edges = [start, *changes, end]
-        for low, high in zip(edges, edges[1:], strict=False):
+        for low, high in itertools.pairwise(edges):
             if high > low:
                 yield low, high, self.at(low)
 

@@ -1,0 +1,321 @@
+"""The one place that turns messages into the types of the algorithms, and back.
+
+Everything arriving is checked here, once: shapes against grids, names, finite numbers.
+"""
+
+import array
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import (
+    Boundaries,
+    Camera,
+    Control,
+    EffectDescription,
+    FixedWell,
+    Rig,
+    Well,
+    rig_from_maps,
+)
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_msgs.msg import (
+    CameraGeometry,
+    ControlLimits,
+    Effect,
+    GridInfo,
+    Outcome,
+    Quantity,
+    RigDescription,
+    SourceField,
+    TracerField,
+)
+from porotwin_msgs.msg import Well as WellMessage
+from porotwin_msgs.msg import WellRate as WellRateMessage
+
+RIG_FRAME = 'rig'
+"""Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the panel."""
+
+CAMERA_FRAME = 'camera_optical'
+"""Frame of photographs (REP-103): z forward, x right, y down."""
+
+
+def time_to_msg(seconds: float) -> Time:
+    """Return seconds since the epoch of the clock in use as a stamp, to the nanosecond."""
+    nanoseconds = round(seconds * 1e9)
+    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def time_from_msg(stamp: Time) -> float:
+    """Return a stamp as seconds since the epoch of the clock in use."""
+    return float(stamp.sec) + float(stamp.nanosec) * 1e-9
+
+
+def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
+    """Return a header stamped with `seconds`."""
+    return Header(stamp=time_to_msg(seconds), frame_id=frame)
+
+
+def grid_to_msg(grid: Grid) -> GridInfo:
+    """Return the message of a grid."""
+    return GridInfo(nx=grid.nx, nz=grid.nz, width=grid.width, height=grid.height)
+
+
+def grid_from_msg(message: GridInfo) -> Grid:
+    """Return the grid of a message.
+
+    Raises:
+        InputError: no cells, or sizes that are not positive.
+    """
+    return Grid(message.nx, message.nz, message.width, message.height)
+
+
+def _values(kind: str, values: array.array, grid: Grid, dtype: type) -> FloatArray:
+    if len(values) != grid.nx * grid.nz:
+        raise InputError(
+            f'{kind} has {len(values)} values on a grid of {grid.nx} x {grid.nz}; '
+            f'send {grid.nx * grid.nz}, row-major from the lower left'
+        )
+    return np.frombuffer(values, dtype=dtype).reshape(grid.shape)
+
+
+def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
+    """Return the message of a concentration map (nz, nx), valid at `seconds`; kept as float32."""
+    values = np.ascontiguousarray(concentration, dtype=np.float32)
+    return TracerField(
+        header=header_at(seconds),
+        grid=grid_to_msg(grid),
+        concentration=array.array('f', values.tobytes()),
+    )
+
+
+def tracer_from_msg(message: TracerField) -> tuple[FloatArray, Grid]:
+    """Return the map (nz, nx) float64 and its grid.
+
+    Raises:
+        InputError: the number of values does not fit the grid.
+    """
+    grid = grid_from_msg(message.grid)
+    values = _values('tracer field', message.concentration, grid, np.float32)
+    return values.astype(np.float64), grid
+
+
+def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:
+    """Return the message of a source (nz, nx) [1/s]."""
+    values = np.ascontiguousarray(source, dtype=np.float64)
+    return SourceField(
+        header=header_at(seconds),
+        grid=grid_to_msg(grid),
+        source=array.array('d', values.tobytes()),
+    )
+
+
+def source_from_msg(message: SourceField) -> tuple[FloatArray, Grid]:
+    """Return the source (nz, nx) [1/s] and its grid.
+
+    Raises:
+        InputError: the number of values does not fit the grid.
+    """
+    grid = grid_from_msg(message.grid)
+    return _values('source field', message.source, grid, np.float64).copy(), grid
+
+
+def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
+    """Return the messages of all rates, in the order given."""
+    return [
+        WellRateMessage(well=name, rate=well.rate, concentration=well.concentration)
+        for name, well in rates.items()
+    ]
+
+
+def rates_from_msg(messages: Iterable[WellRateMessage]) -> dict[str, WellRate]:
+    """Return the rates by well.
+
+    Raises:
+        InputError: a well is named twice, a rate is not finite, a concentration not in [0, 1].
+    """
+    rates: dict[str, WellRate] = {}
+    for message in messages:
+        if message.well in rates:
+            raise InputError(f"well '{message.well}' is named twice; name each once")
+        try:
+            rates[message.well] = WellRate(message.rate, message.concentration)
+        except InputError as error:
+            raise InputError(f"well '{message.well}': {error}") from None
+    return rates
+
+
+def ok() -> Outcome:
+    """Return the outcome of a request that went well."""
+    return Outcome(code=Outcome.OK)
+
+
+def refusal(error: Exception) -> Outcome:
+    """Return the outcome of a request that raised `error`, its message on one line."""
+    code = Outcome.INVALID_INPUT if isinstance(error, InputError) else Outcome.FAILED
+    text = ' '.join(str(error).split())
+    return Outcome(code=code, message=text or type(error).__name__)
+
+
+def _quantity_to_msg(value: float | FloatArray, rig: Rig) -> Quantity:
+    if isinstance(value, float):
+        return Quantity(value=value)
+    grid = rig.grid(value.shape[1], value.shape[0])
+    return Quantity(
+        value=math.nan,
+        grid=grid_to_msg(grid),
+        values=array.array('d', np.ascontiguousarray(value, dtype=np.float64).tobytes()),
+    )
+
+
+def _quantity_from_msg(message: Quantity) -> float | FloatArray:
+    if len(message.values) == 0:
+        return message.value
+    return _values('quantity', message.values, grid_from_msg(message.grid), np.float64).copy()
+
+
+def _effect_to_msg(effect: EffectDescription) -> Effect:
+    message = Effect(name=effect.name)
+    for name, value in effect.parameters.items():
+        text = isinstance(value, str)
+        message.parameter_names.append(name)
+        message.parameter_values.append(math.nan if text else value)
+        message.parameter_texts.append(value if text else '')
+    return message
+
+
+def _effect_from_msg(message: Effect) -> EffectDescription:
+    parameters = {
+        name: text or value
+        for name, value, text in zip(
+            message.parameter_names, message.parameter_values, message.parameter_texts, strict=True
+        )
+    }
+    return EffectDescription(name=message.name, parameters=parameters)
+
+
+def _camera_to_msg(camera: Camera) -> CameraGeometry:
+    checker = camera.colour_checker_px or ()
+    return CameraGeometry(
+        corners=[value for corner in camera.corners_px for value in corner],
+        colour_checker=[value for corner in checker for value in corner],
+        curvature_names=list(camera.curvature),
+        curvature_values=list(camera.curvature.values()),
+    )
+
+
+def _pairs(values: Iterable[float]) -> tuple[tuple[float, float], ...]:
+    flat = [float(value) for value in values]
+    return tuple(zip(flat[::2], flat[1::2], strict=True))
+
+
+def _camera_from_msg(message: CameraGeometry) -> Camera:
+    return Camera.model_validate(
+        {
+            'corners_px': _pairs(message.corners),
+            'colour_checker_px': _pairs(message.colour_checker) or None,
+            'curvature': dict(zip(message.curvature_names, message.curvature_values, strict=True)),
+        }
+    )
+
+
+def _control_to_msg(control: Control) -> ControlLimits:
+    fixed = {
+        name: WellRate(from_ml_h(well.rate_ml_h), well.concentration)
+        for name, well in control.fixed.items()
+    }
+    return ControlLimits(
+        wells=list(control.wells),
+        producer=control.producer,
+        fixed=rates_to_msg(fixed),
+        max_rate=from_ml_h(control.max_rate_ml_h),
+        max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+        disallowed_zone=[value for point in control.disallowed_zone_m for value in point],
+        fuzziness=control.fuzziness_m,
+    )
+
+
+def _tidy(value: float) -> float:
+    """Return `value` without the round-off of a change of units: 500.00000000000006 is 500."""
+    return float(f'{value:.14g}')
+
+
+def _control_from_msg(message: ControlLimits) -> Control:
+    fixed = {
+        name: FixedWell(rate_ml_h=_tidy(to_ml_h(well.rate)), concentration=well.concentration)
+        for name, well in rates_from_msg(message.fixed).items()
+    }
+    return Control(
+        wells=tuple(message.wells),
+        producer=message.producer,
+        fixed=fixed,
+        max_rate_ml_h=_tidy(to_ml_h(message.max_rate)),
+        max_total_rate_ml_h=_tidy(to_ml_h(message.max_total_rate)),
+        disallowed_zone_m=_pairs(message.disallowed_zone),
+        fuzziness_m=message.fuzziness,
+    )
+
+
+def rig_to_msg(rig: Rig) -> RigDescription:
+    """Return the message of a rig, maps included."""
+    return RigDescription(
+        name=rig.name,
+        width=rig.width_m,
+        height=rig.height_m,
+        depth=_quantity_to_msg(rig.believed_map('depth_m'), rig),
+        porosity=_quantity_to_msg(rig.believed_map('porosity'), rig),
+        permeability=_quantity_to_msg(rig.believed_map('permeability_m2'), rig),
+        viscosity=rig.viscosity_pa_s,
+        density=rig.density_kg_m3,
+        open_top=rig.boundaries.top == 'open',
+        open_bottom=rig.boundaries.bottom == 'open',
+        open_left=rig.boundaries.left == 'open',
+        open_right=rig.boundaries.right == 'open',
+        wells=[
+            WellMessage(name=name, x=well.x_m, z=well.z_m, radius=well.radius_m)
+            for name, well in rig.wells.items()
+        ],
+        camera=[_camera_to_msg(rig.camera)] if rig.camera else [],
+        control=[_control_to_msg(rig.control)] if rig.control else [],
+        effects=[_effect_to_msg(effect) for effect in rig.effects],
+    )
+
+
+def rig_from_msg(message: RigDescription) -> Rig:
+    """Return the rig of a message.
+
+    Raises:
+        InputError: the description is not one of a rig, or a map does not fit its grid.
+    """
+    sides = {
+        side: 'open' if getattr(message, f'open_{side}') else 'closed'
+        for side in ('top', 'bottom', 'left', 'right')
+    }
+    return rig_from_maps(
+        {
+            'name': message.name,
+            'width_m': message.width,
+            'height_m': message.height,
+            'viscosity_pa_s': message.viscosity,
+            'density_kg_m3': message.density,
+            'boundaries': Boundaries.model_validate(sides),
+            'wells': {
+                well.name: Well(x_m=well.x, z_m=well.z, radius_m=well.radius)
+                for well in message.wells
+            },
+            'camera': _camera_from_msg(message.camera[0]) if message.camera else None,
+            'control': _control_from_msg(message.control[0]) if message.control else None,
+            'effects': tuple(_effect_from_msg(effect) for effect in message.effects),
+        },
+        {
+            'depth_m': _quantity_from_msg(message.depth),
+            'porosity': _quantity_from_msg(message.porosity),
+            'permeability_m2': _quantity_from_msg(message.permeability),
+        },
+    )

@@ -1,0 +1,104 @@
+"""Messages and back: nothing lost, nothing wrong let in."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip('porotwin_msgs.msg', reason='needs ROS 2 and the built interfaces')
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.rig import parse_rig, rig_from_maps
+from porotwin_core.wells import WellRate
+from rclpy.serialization import deserialize_message, serialize_message
+
+from porotwin_core import conversions
+from porotwin_msgs.msg import Outcome
+from porotwin_msgs.msg import WellRate as WellRateMessage
+
+GRID = Grid(7, 4, 0.934, 0.562)
+
+
+@given(seconds=st.floats(0, 4e9))
+def test_stamps_keep_microseconds_over_centuries(seconds: float) -> None:
+    assert conversions.time_from_msg(conversions.time_to_msg(seconds)) == pytest.approx(
+        seconds, abs=1e-6
+    )
+
+
+def test_a_map_survives_the_wire() -> None:
+    values = np.random.default_rng(2).random(GRID.shape).astype(np.float32)
+    values[1, 2] = np.nan
+    message = conversions.tracer_to_msg(values, GRID, 12.5)
+    received = deserialize_message(serialize_message(message), type(message))
+    field, grid = conversions.tracer_from_msg(received)
+    np.testing.assert_array_equal(field, values)
+    assert grid == GRID
+    assert conversions.time_from_msg(received.header.stamp) == 12.5
+
+
+def test_a_source_survives_the_wire_in_double_precision() -> None:
+    values = np.random.default_rng(2).standard_normal(GRID.shape)
+    message = conversions.source_to_msg(values, GRID, 0.0)
+    received = deserialize_message(serialize_message(message), type(message))
+    np.testing.assert_array_equal(conversions.source_from_msg(received)[0], values)
+
+
+def test_a_map_that_does_not_fit_its_grid_is_refused() -> None:
+    message = conversions.tracer_to_msg(np.zeros(GRID.shape), GRID, 0.0)
+    message.grid.nx = 8
+    with pytest.raises(InputError, match='28 values on a grid of 8 x 4'):
+        conversions.tracer_from_msg(message)
+
+
+def test_rates_survive_and_wrong_ones_are_refused() -> None:
+    rates = {'injector': WellRate(1.4e-7, 1.0), 'producer': WellRate(-1.4e-7)}
+    messages = conversions.rates_to_msg(rates)
+    assert conversions.rates_from_msg(messages) == rates
+    with pytest.raises(InputError, match="'injector' is named twice"):
+        conversions.rates_from_msg([messages[0], messages[0]])
+    with pytest.raises(InputError, match="'a': well rate nan"):
+        conversions.rates_from_msg([WellRateMessage(well='a', rate=float('nan'))])
+
+
+def test_a_refusal_is_one_line() -> None:
+    outcome = conversions.refusal(InputError('two\nlines'))
+    assert (outcome.code, outcome.message) == (Outcome.INVALID_INPUT, 'two lines')
+    assert conversions.refusal(RuntimeError()).code == Outcome.FAILED
+
+
+@pytest.mark.parametrize('with_maps', [False, True])
+def test_a_rig_survives_the_wire(with_maps: bool) -> None:
+    data: dict[str, Any] = {
+        'name': 'small',
+        'width_m': 0.934,
+        'height_m': 0.562,
+        'viscosity_pa_s': 1e-3,
+        'density_kg_m3': 998.0,
+        'boundaries': {'top': 'closed', 'left': 'open'},
+        'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}, 'b': {'x_m': 0.6, 'z_m': 0.1, 'radius_m': 0.01}},
+        'camera': {
+            'corners_px': [[11, 8], [16, 1755], [3165, 1748], [3165, 5]],
+            'curvature': {'vertical_bulge': -2.73e-8},
+        },
+        'control': {
+            'wells': ['a'],
+            'producer': 'b',
+            'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]],
+        },
+        'effects': [{'name': 'rate', 'parameters': {'well': 'a', 'factor': 0.95}}],
+    }
+    quantities: dict[str, Any] = {'depth_m': 0.01, 'porosity': 0.375, 'permeability_m2': 6.57e-10}
+    if with_maps:
+        quantities['depth_m'] = np.linspace(0.01, 0.02, 20).reshape(4, 5)
+    rig = rig_from_maps(data, quantities)
+    message = conversions.rig_to_msg(rig)
+    again = conversions.rig_from_msg(deserialize_message(serialize_message(message), type(message)))
+    assert again == rig
+    np.testing.assert_array_equal(again.believed_map('depth_m'), rig.believed_map('depth_m'))
+    if not with_maps:
+        assert again == parse_rig({**data, **quantities}, Path('rig.yaml'))

