@@ -1,0 +1,234 @@
+"""Tracer maps on disk: `concentration.nc`, written and read frame by frame."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self, overload
+
+import netCDF4
+import numpy as np
+from numpy.typing import NDArray
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Rig
+
+Maps = NDArray[np.float32]
+
+CELL_TOLERANCE = 0.05
+"""How far a cell centre may lie from where the rig's grid has it, as a share of the cell."""
+
+PACKED_STEP = 0.004
+"""Step of a packed map: 8 bits reach from 0 to 1.016, 255 is NaN."""
+
+_BLOCK = 16
+
+
+@dataclass(frozen=True)
+class ConcentrationMaps:
+    """A series of tracer maps that stays on disk until it is asked for.
+
+    `times` [s] since the start of the experiment, shape (nt,), ascending. Indexing with a number
+    gives a map (nz, nx), with a slice a series (nt, nz, nx), in float32; 1 is the tracer stock,
+    NaN means the image says nothing there. Iterating reads a few frames at a time.
+    """
+
+    times: NDArray[np.float64]
+    grid: Grid
+    read: Callable[[int, int], Maps]
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @overload
+    def __getitem__(self, index: int) -> Maps: ...
+    @overload
+    def __getitem__(self, index: slice) -> Maps: ...
+    def __getitem__(self, index: int | slice) -> Maps:
+        if isinstance(index, slice):
+            start, stop, step = index.indices(len(self))
+            if step < 0:
+                return self[:][index]
+            return self.read(start, max(start, stop))[::step]
+        number = range(len(self))[index]
+        return self.read(number, number + 1)[0]
+
+    def __iter__(self) -> Iterator[Maps]:
+        for start in range(0, len(self), _BLOCK):
+            yield from self.read(start, min(start + _BLOCK, len(self)))
+
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> NDArray:
+        maps = self[:]
+        return maps if dtype is None else maps.astype(dtype)
+
+
+def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
+    """Return the maps of `path`, a NetCDF file over the whole of `rig`, without loading them.
+
+    Raises:
+        InputError: the file, its dimensions, coordinates or times are not those of the contract.
+    """
+    with _dataset(path) as dataset:
+        variable = _variable(dataset, path, 'concentration', ('time', 'z', 'x'))
+        if not np.issubdtype(variable.dtype, np.number):
+            raise InputError(f'{path}: concentration is {variable.dtype}; write float32')
+        times, z, x = (_coordinate(dataset, path, name) for name in ('time', 'z', 'x'))
+    grid = rig.grid(len(x), len(z))
+    _check_coordinate(path, 'x', x, grid.x, f'width_m {rig.width_m:g}')
+    _check_coordinate(path, 'z', z, grid.z, f'height_m {rig.height_m:g}')
+    if np.any(np.diff(times) <= 0):
+        first = int(np.argmax(np.diff(times) <= 0)) + 1
+        raise InputError(
+            f'{path}: time {times[first]:g} of frame {first} does not come after '
+            f'{times[first - 1]:g}; times must increase'
+        )
+
+    def read(start: int, stop: int) -> Maps:
+        with _dataset(path) as opened:
+            values = opened.variables['concentration'][start:stop]
+        return np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
+
+    return ConcentrationMaps(times, grid, read)
+
+
+def _dataset(path: Path) -> netCDF4.Dataset:
+    if not path.is_file():
+        raise InputError(f'{path}: no such file; it holds the concentration maps')
+    try:
+        return netCDF4.Dataset(path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f'{path}: not a readable NetCDF file ({reason}); write it again') from None
+
+
+def _variable(
+    dataset: netCDF4.Dataset, path: Path, name: str, dimensions: tuple[str, ...]
+) -> netCDF4.Variable:
+    if name not in dataset.variables:
+        raise InputError(f"{path}: has no variable '{name}' ({', '.join(dimensions)})")
+    variable = dataset.variables[name]
+    if variable.dimensions != dimensions:
+        raise InputError(
+            f'{path}: {name} lies over ({", ".join(variable.dimensions)}); '
+            f'needs ({", ".join(dimensions)})'
+        )
+    return variable
+
+
+def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.float64]:
+    values = _variable(dataset, path, name, (name,))[:]
+    filled: NDArray[np.float64] = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+    if filled.size == 0:
+        raise InputError(f'{path}: {name} is empty; there is no map in it')
+    if not np.isfinite(filled).all():
+        raise InputError(f'{path}: {name} holds values that are not finite; give every {name}')
+    return filled
+
+
+def _check_coordinate(path: Path, name: str, found: NDArray, wanted: NDArray, extent: str) -> None:
+    cell = 2 * wanted[0]
+    if np.abs(found - wanted).max() > CELL_TOLERANCE * cell:
+        raise InputError(
+            f'{path}: {name} runs from {found[0]:.6g} to {found[-1]:.6g} m in {len(found)} cells, '
+            f'but with {extent} in rig.yaml the cell centres run from {wanted[0]:.6g} to '
+            f'{wanted[-1]:.6g} m; correct the one that is wrong'
+        )
+
+
+class ConcentrationWriter:
+    """Writes `concentration.nc` one map at a time, so that memory does not grow with the length.
+
+    The file appears under its name when it is complete. With `packed` the values are rounded to
+    steps of 0.004 in 8 bits, clipped to 0..1.016; else they are kept as float32, bit for bit.
+
+    ```
+    with ConcentrationWriter(path, grid) as writer:
+        writer.append(time, concentration)
+    ```
+    """
+
+    def __init__(self, path: Path, grid: Grid, *, packed: bool = False) -> None:
+        self.path = path
+        self.grid = grid
+        self._partial = path.with_name(path.name + '.partial')
+        self._last = -np.inf
+        try:
+            self._dataset = netCDF4.Dataset(self._partial, 'w')
+        except OSError as error:
+            raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+        self._define(packed)
+
+    def _define(self, packed: bool) -> None:
+        dataset = self._dataset
+        dataset.createDimension('time', None)
+        for name, size in (('z', self.grid.nz), ('x', self.grid.nx)):
+            dataset.createDimension(name, size)
+        # A chunk of one time step is a kilobyte of memory per frame; one of 4096 is shared by all.
+        time = dataset.createVariable('time', 'f8', ('time',), chunksizes=(4096,))
+        time.setncatts({'units': 's', 'long_name': 'time since the start of the experiment'})
+        for name, centres in (('z', self.grid.z), ('x', self.grid.x)):
+            coordinate = dataset.createVariable(name, 'f8', (name,))
+            coordinate.setncatts({'units': 'm', 'long_name': f'cell centres, {name}'})
+            coordinate[:] = centres
+        variable = dataset.createVariable(
+            'concentration',
+            'u1' if packed else 'f4',
+            ('time', 'z', 'x'),
+            zlib=True,
+            complevel=4,
+            shuffle=not packed,
+            chunksizes=(1, self.grid.nz, self.grid.nx),
+            fill_value=255 if packed else np.float32(np.nan),
+        )
+        variable.setncatts({'units': '1', 'long_name': 'tracer concentration, 1 = stock'})
+        if packed:
+            variable.setncatts(
+                {'scale_factor': np.float32(PACKED_STEP), 'add_offset': np.float32(0)}
+            )
+        self._packed = packed
+
+    def append(self, time: float, concentration: NDArray) -> None:
+        """Write the map (nz, nx) seen at `time` [s]; times must increase.
+
+        Raises:
+            InputError: the map has another shape than the grid, or the time does not increase.
+        """
+        if concentration.shape != self.grid.shape:
+            raise InputError(
+                f'{self.path}: map of shape {concentration.shape} at {time:g} s; '
+                f'the grid has {self.grid.shape}'
+            )
+        if not time > self._last:
+            raise InputError(
+                f'{self.path}: map at {time:g} s after the one at {self._last:g} s; '
+                'times must increase'
+            )
+        number = len(self._dataset.dimensions['time'])
+        values = np.asarray(concentration, dtype=np.float32)
+        if self._packed:
+            unseen = np.isnan(values)
+            values = np.clip(np.where(unseen, 0, values), 0, 254 * PACKED_STEP)
+            values = np.ma.array(values, mask=unseen)
+        self._dataset.variables['concentration'][number] = values
+        self._dataset.variables['time'][number] = time
+        self._last = time
+
+    def close(self) -> None:
+        """Complete the file and give it its name."""
+        self._dataset.close()
+        self._partial.replace(self.path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self._dataset.close()
+            self._partial.unlink(missing_ok=True)

@@ -1,0 +1,84 @@
+"""What the pumps were told: `rates.csv` to a schedule and back."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+
+from porotwin_recording.table import number, number_text, read_table, write_table
+
+HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')
+
+
+def read_rates(path: Path, wells: Iterable[str]) -> Schedule:
+    """Return the schedule in the file `path`; its wells must be among `wells`, those of the rig.
+
+    Times in [s] since the start of the experiment, rates in ml/h, as the experiment folder says.
+
+    Raises:
+        InputError: one line naming file, line, value and what would mend it.
+    """
+    known = tuple(wells)
+    rows: list[ScheduleRow] = []
+    for where, words in read_table(path, HEADER, 'what the pumps were told'):
+        row = _row(words, where, known)
+        if rows and row.time < rows[-1].time:
+            raise InputError(
+                f'{where}: time_s {row.time:g} comes after {rows[-1].time:g}; sort the rows by time'
+            )
+        rows.append(row)
+    return Schedule(tuple(rows))
+
+
+def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
+    time = number(words[0], f'{where}: time_s')
+    if time < 0:
+        raise InputError(f'{where}: time_s {time:g} is negative; times count from the start')
+    well = words[1]
+    if well not in wells:
+        raise InputError(f"{where}: unknown well '{well}'; the rig has {', '.join(wells)}")
+    rate_ml_h = number(words[2], f'{where}: rate_ml_h')
+    if rate_ml_h > 0 and not words[3]:
+        raise InputError(
+            f"{where}: well '{well}' injects but its concentration is empty; "
+            'write 0 for water, 1 for tracer stock'
+        )
+    concentration = number(words[3], f'{where}: concentration') if words[3] else 0.0
+    if not 0.0 <= concentration <= 1.0:
+        raise InputError(
+            f'{where}: concentration {concentration:g}; must lie between 0 (water) and 1 (stock)'
+        )
+    return ScheduleRow(
+        time, well, WellRate(from_ml_h(rate_ml_h), 0.0 if rate_ml_h < 0 else concentration)
+    )
+
+
+def write_rates(path: Path, schedule: Schedule) -> None:
+    """Write `schedule` as `rates.csv`; read_rates returns the same schedule.
+
+    A rate that no number of ml/h stands for exactly comes back within its last binary digit.
+    """
+    write_table(
+        path,
+        HEADER,
+        (
+            (
+                number_text(row.time),
+                row.well,
+                _rate_ml_h(row.rate.rate),
+                '' if row.rate.rate < 0 else number_text(row.rate.concentration),
+            )
+            for row in schedule.rows
+        ),
+    )
+
+
+def _rate_ml_h(rate: float) -> str:
+    """Return the shortest number of ml/h that reads back as `rate` [m^3/s]."""
+    near = to_ml_h(rate)
+    candidates = [float(f'{near:.{digits}g}') for digits in range(1, 18)]
+    candidates += [math.nextafter(near, end) for end in (-math.inf, math.inf)]
+    return number_text(min(candidates, key=lambda rate_ml_h: abs(from_ml_h(rate_ml_h) - rate)))
