@@ -232,7 +232,7 @@ def _control_to_msg(control: Control) -> ControlLimits:
     }
     return ControlLimits(
         wells=list(control.wells),
-        producer=control.producer,
+        producer=control.producer or '',
         fixed=rates_to_msg(fixed),
         max_rate=from_ml_h(control.max_rate_ml_h),
         max_total_rate=from_ml_h(control.max_total_rate_ml_h),
@@ -253,7 +253,7 @@ def _control_from_msg(message: ControlLimits) -> Control:
     }
     return Control(
         wells=tuple(message.wells),
-        producer=message.producer,
+        producer=message.producer or None,
         fixed=fixed,
         max_rate_ml_h=_tidy(to_ml_h(message.max_rate)),
         max_total_rate_ml_h=_tidy(to_ml_h(message.max_total_rate)),

@@ -73,13 +73,13 @@ class Control(_Section):
     """What the twin may do with the wells, and where it must keep the tracer out (paper, sec. 4).
 
     The optimiser chooses the rates of `wells` (injecting water); `producer` takes out what all
-    others inject, so that the net rate is zero. `disallowed_zone_m` is a polygon of (x, z) points;
-    `fuzziness_m` is the distance over which the mask falls from 1 to 0 outside it. `safe_rates` are
-    those of `fixed` and zero for the controls, balanced by the producer.
+    others inject, so that the net rate is zero. A rig with an open side may do without a producer:
+    what is injected then leaves through that side. `disallowed_zone_m` is a polygon of (x, z)
+    points; `fuzziness_m` is the distance over which the mask falls from 1 to 0 outside it.
     """
 
     wells: tuple[str, ...]
-    producer: str
+    producer: str | None = None
     fixed: dict[str, FixedWell] = Field(default_factory=dict)
     max_rate_ml_h: Positive = 500.0
     max_total_rate_ml_h: Positive = 500.0
@@ -139,16 +139,27 @@ class Rig(_Section):
         if isinstance(self.porosity, float) and self.porosity > 1:
             raise ValueError(f'porosity {self.porosity}: must not exceed 1')
         if self.control is not None:
-            named = {*self.control.wells, self.control.producer, *self.control.fixed}
-            for name in sorted(named - set(self.wells)):
+            self._check_control(self.control)
+        return self
+
+    def _check_control(self, control: Control) -> None:
+        producer = () if control.producer is None else (control.producer,)
+        roles = [*control.wells, *producer, *control.fixed]
+        for name in roles:
+            if name not in self.wells:
                 raise ValueError(
                     f"control names an unknown well '{name}'; known: {', '.join(self.wells)}"
                 )
-            roles = [*self.control.wells, self.control.producer, *self.control.fixed]
-            for name in roles:
-                if roles.count(name) > 1:
-                    raise ValueError(f"control gives well '{name}' two roles; keep one")
-        return self
+            if roles.count(name) > 1:
+                raise ValueError(f"control gives well '{name}' two roles; keep one")
+        if not producer and self.closed:
+            raise ValueError('control needs a producer: every side of the rig is closed')
+
+    @property
+    def closed(self) -> bool:
+        """Whether every side is closed, so that the wells must balance."""
+        sides = self.boundaries
+        return 'open' not in (sides.top, sides.bottom, sides.left, sides.right)
 
     def __eq__(self, other: object) -> bool:
         return (

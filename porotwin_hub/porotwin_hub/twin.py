@@ -1,0 +1,290 @@
+"""The twin's loop on a page: one observed state in, a setpoint and a forecast out.
+
+The five steps of the paper (section 2.4): the asset emits a state; ask the physics-based model for
+a prediction; ask the data-driven model for a correction; ask the physics-based model for the
+corrected prediction; emit it. In the optimising mode (section 4) the rates are chosen first. The
+models are callables: local objects in tests, service clients in the running graph.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.wells import WellRate, WellRates
+
+from porotwin_hub.control import Decision, Limits, optimise
+from porotwin_hub.objective import Objective
+
+TIME_TOLERANCE = 0.5
+"""A forecast is for a photograph when their times differ by no more than this [s]."""
+
+
+class ModelUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake
+    """A model did not answer; the message says which and what would mend it."""
+
+
+class PhysicsModel(Protocol):
+    """The physics-based model as the loop needs it; arrays (nz, nx), time_step [s]."""
+
+    def predict(
+        self, concentration: FloatArray, rates: WellRates, time_step: float
+    ) -> FloatArray: ...
+
+    def correct(
+        self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
+    ) -> FloatArray: ...
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The data-driven model's answer: sigma (nz, nx) [1/s], or why there is none."""
+
+    sigma: FloatArray | None
+    status: str
+
+
+DataDrivenModel = Callable[[FloatArray, FloatArray, WellRates, float], Correction]
+"""sigma = DDM(c^n, c~^(n+1)) with the rates and the time step (paper, eq. sigmadef)."""
+
+
+def no_correction(*_: object) -> Correction:
+    """Return no correction: the loop without a data-driven model."""
+    return Correction(None, 'no data-driven model')
+
+
+@dataclass(frozen=True)
+class Observation:
+    """An observed state: concentration (nz, nx) with NaN where nothing was seen, at `time` [s]."""
+
+    time: float
+    concentration: FloatArray
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What the twin expects at `time`, from the state at `start`, if `rates` are pumped."""
+
+    start: float
+    time: float
+    rates: WellRates
+    predicted: FloatArray
+    corrected: FloatArray
+    correction_status: str
+    is_corrected: bool
+
+
+@dataclass(frozen=True)
+class SetpointDecision:
+    """Rates for the wells, until when they are good, and why."""
+
+    rates: dict[str, WellRate]
+    valid_until: float
+    reason: str
+
+
+@dataclass
+class Cycle:
+    """All that one observation led to."""
+
+    observation: Observation
+    prediction_error: float = math.nan
+    corrected_error: float = math.nan
+    disallowed_tracer: float = math.nan
+    setpoint: SetpointDecision | None = None
+    decision: Decision | None = None
+    forecast: Forecast | None = None
+    durations: dict[str, float] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+
+def relative_error(expected: FloatArray, observed: FloatArray) -> float:
+    """Return the relative L2 norm of expected - observed over the cells that were seen.
+
+    NaN when nothing was seen, or no tracer: there is nothing to be relative to.
+    """
+    seen = np.isfinite(observed)
+    norm = np.linalg.norm(observed[seen])
+    return float(np.linalg.norm((expected - observed)[seen]) / norm) if norm > 0 else math.nan
+
+
+def fill_unseen(observed: FloatArray, believed: FloatArray | None) -> FloatArray:
+    """Return the observed map with unseen cells taken from what the twin believes, else empty."""
+    substitute = np.zeros_like(observed) if believed is None else believed
+    return np.where(np.isfinite(observed), np.clip(observed, 0.0, 1.0), substitute)
+
+
+class Twin:
+    """State of the loop between two photographs; `cycle` advances it by one."""
+
+    def __init__(
+        self,
+        physics: PhysicsModel,
+        data_driven: DataDrivenModel,
+        grid: Grid,
+        *,
+        photo_interval: float,
+        horizon: float,
+        evaluations: int,
+        limits: Limits | None = None,
+        objective: Objective | None = None,
+        validity_intervals: int = 3,
+    ) -> None:
+        """Make the loop.
+
+        Args:
+            physics: the physics-based model.
+            data_driven: the data-driven model, or `no_correction`.
+            grid: the grid of all maps.
+            photo_interval: time between photographs [s]; how far a forecast looks ahead.
+            horizon: how far the optimiser looks ahead [s].
+            evaluations: predictions that the optimiser may ask for in one cycle.
+            limits: of the wells; None: the twin predicts and does not control.
+            objective: what the optimiser minimises; needed with `limits`.
+            validity_intervals: for how many photo intervals a setpoint is good.
+        """
+        self._physics = physics
+        self._data_driven = data_driven
+        self._grid = grid
+        self._photo_interval = photo_interval
+        self._horizon = horizon
+        self._evaluations = evaluations
+        self._limits = limits
+        self._objective = objective
+        self._validity = validity_intervals * photo_interval
+        self._told: SetpointDecision | None = None
+        self._believed: FloatArray | None = None
+        self._state: Observation | None = None
+        self._forecast: Forecast | None = None
+
+    def interrupt(self) -> None:
+        """Forget the sequence of time: the next state does not follow from the last."""
+        self._state = None
+        self._forecast = None
+        self._believed = None
+
+    def cycle(self, observation: Observation, measured: WellRates | None) -> Cycle:
+        """Return what follows from an observation.
+
+        Args:
+            observation: the state that the asset emitted.
+            measured: what the wells pumped since the previous state; None: not known, so the last
+                setpoint is taken to have been followed.
+
+        A model that does not answer is a remark of the cycle, never an exception: the setpoint is
+        then the last one while it is valid, afterwards the safe rates.
+        """
+        cycle = Cycle(observation)
+        pumped = measured if measured is not None else self._told_rates(observation.time)
+        self._judge(cycle, pumped)
+        state = fill_unseen(observation.concentration, self._believed)
+        if self._objective is not None:
+            cycle.disallowed_tracer = self._objective.disallowed_tracer(observation.concentration)
+        self._decide(cycle, state)
+        planned = cycle.setpoint.rates if cycle.setpoint is not None else pumped
+        self._look_ahead(cycle, state, planned)
+        self._state = Observation(observation.time, state)
+        self._forecast = cycle.forecast
+        self._believed = cycle.forecast.corrected if cycle.forecast is not None else state
+        return cycle
+
+    def _told_rates(self, now: float) -> WellRates:
+        if self._told is None:
+            return self._limits.safe() if self._limits is not None else {}
+        if now > self._told.valid_until and self._limits is not None:
+            return self._limits.safe()
+        return self._told.rates
+
+    def _judge(self, cycle: Cycle, pumped: WellRates) -> None:
+        """Compare the observation with the forecast made for its time, or with one made now."""
+        if self._state is None:
+            return
+        forecast, now = self._forecast, cycle.observation.time
+        if forecast is None or abs(forecast.time - now) > TIME_TOLERANCE:
+            try:
+                forecast = self._make_forecast(
+                    self._state.concentration, pumped, self._state.time, now, durations={}
+                )
+            except ModelUnavailable as error:
+                cycle.remarks.append(f'no prediction for this photograph: {error}')
+                return
+        observed = cycle.observation.concentration
+        cycle.prediction_error = relative_error(forecast.predicted, observed)
+        cycle.corrected_error = relative_error(forecast.corrected, observed)
+
+    def _decide(self, cycle: Cycle, state: FloatArray) -> None:
+        if self._limits is None or self._objective is None:
+            return
+        now = cycle.observation.time
+        started = time.perf_counter()
+        try:
+            cycle.decision = self._optimise(state, now)
+        except ModelUnavailable as error:
+            cycle.setpoint = self._without_model(now, str(error))
+            cycle.remarks.append(f'not optimised: {error}')
+        else:
+            rates, reason = cycle.decision.rates, 'least tracer in the disallowed zone'
+            broken = self._limits.violations(rates)
+            if (
+                broken
+            ):  # cannot happen while `Limits.setpoint` is right; the pumps are worth a check
+                cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
+                rates, reason = self._limits.safe(), 'optimised rates broke a limit'
+            cycle.setpoint = SetpointDecision(rates, now + self._validity, reason)
+        cycle.durations['optimise'] = time.perf_counter() - started
+        self._told = cycle.setpoint
+
+    def _optimise(self, state: FloatArray, now: float) -> Decision:
+        assert self._limits is not None
+        objective = self._objective
+        assert objective is not None
+
+        def cost(rates: WellRates) -> float:
+            return objective(self._physics.predict(state, rates, self._horizon))
+
+        return optimise(self._limits, cost, self._told_rates(now), evaluations=self._evaluations)
+
+    def _without_model(self, now: float, why: str) -> SetpointDecision:
+        assert self._limits is not None
+        if self._told is not None and now <= self._told.valid_until:
+            return SetpointDecision(self._told.rates, self._told.valid_until, f'held: {why}')
+        return SetpointDecision(self._limits.safe(), now + self._validity, f'safe rates: {why}')
+
+    def _look_ahead(self, cycle: Cycle, state: FloatArray, planned: WellRates) -> None:
+        now = cycle.observation.time
+        try:
+            cycle.forecast = self._make_forecast(
+                state, planned, now, now + self._photo_interval, durations=cycle.durations
+            )
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no forecast: {error}')
+
+    def _make_forecast(
+        self,
+        state: FloatArray,
+        rates: WellRates,
+        start: float,
+        end: float,
+        *,
+        durations: dict[str, float],
+    ) -> Forecast:
+        step = end - start
+        clock = time.perf_counter
+        begun = clock()
+        predicted = self._physics.predict(state, rates, step)
+        durations['predict'] = clock() - begun
+        begun = clock()
+        correction = self._data_driven(state, predicted, rates, step)
+        corrected = predicted
+        if correction.sigma is not None:
+            # the correction may overshoot; a concentration cannot
+            corrected = np.clip(
+                self._physics.correct(state, correction.sigma, rates, step), 0.0, 1.0
+            )
+        durations['correct'] = clock() - begun
+        return Forecast(
+            start, end, rates, predicted, corrected, correction.status, correction.sigma is not None
+        )
