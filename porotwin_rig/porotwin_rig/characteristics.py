@@ -1,0 +1,278 @@
+"""Transport along characteristics: where did the water at a point come from?
+
+Tracer is carried by following every vertex backward in time through the flow and reading the old
+concentration there (semi-Lagrangian; Staniforth & Cote 1991), with quintic interpolation kept
+within the range of its neighbours (Bermejo & Staniforth 1992). One reading per interval, however
+many cells the water has crossed: fronts stay sharp. The flow is free of sources everywhere outside
+the wells' discs, pointwise: an analytic radial flow for each well plus a remainder that is linear
+across each box (lowest-order Raviart-Thomas).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.floating]
+
+FLUSHED = 30.0
+"""A disc exchanged so many times holds nothing but what is injected (exp(-30) = 1e-13)."""
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """The flow as the tracer feels it during one interval; velocities are pore velocities.
+
+    `remainder_x` (nz + 1, nx + 2), `remainder_z` (nz + 2, nx + 1): Darcy flux times depth [m^2/s]
+    on the boxes' faces, without the wells' radial flow. `storage` (nz + 1, nx + 1): porosity times
+    depth times retardation [m]. `wells`: one row (x, z, radius, rate [m^3/s], concentration) each.
+    `open_sides`: whether water may enter through left, right, bottom, top; it brings no tracer.
+    `settling`: velocity [m/s] at which tracer sinks through the water, halting at the bottom over
+    `settling_length` [m].
+    """
+
+    hx: float
+    hz: float
+    remainder_x: FloatArray
+    remainder_z: FloatArray
+    storage: FloatArray
+    wells: FloatArray
+    open_sides: NDArray[np.bool_]
+    settling: float = 0.0
+    settling_length: float = 0.02
+
+
+@numba.njit(cache=True, nogil=True)
+def _flow_at(
+    x: float,
+    z: float,
+    hx: float,
+    hz: float,
+    ux: FloatArray,
+    uz: FloatArray,
+    storage: FloatArray,
+    wells: FloatArray,
+    settling: float,
+    settling_length: float,
+) -> tuple[float, float, float, float, float]:
+    """Return (vx, vz, exchange [1/s], injected concentration, compression [1/s]) at a point."""
+    rows, columns = storage.shape
+    i = min(max(int(x / hx + 0.5), 0), columns - 1)
+    j = min(max(int(z / hz + 0.5), 0), rows - 1)
+    left = (i - 0.5) * hx if i > 0 else 0.0
+    right = (i + 0.5) * hx if i < columns - 1 else i * hx
+    bottom = (j - 0.5) * hz if j > 0 else 0.0
+    top = (j + 0.5) * hz if j < rows - 1 else j * hz
+    s = (x - left) / (right - left)
+    t = (z - bottom) / (top - bottom)
+    vx = (1.0 - s) * ux[j, i] + s * ux[j, i + 1]
+    vz = (1.0 - t) * uz[j, i] + t * uz[j + 1, i]
+    exchange = 0.0
+    injected = 0.0
+    for w in range(wells.shape[0]):
+        dx = x - wells[w, 0]
+        dz = z - wells[w, 1]
+        distance2 = dx * dx + dz * dz
+        radius2 = wells[w, 2] * wells[w, 2]
+        strength = wells[w, 3] / (2.0 * math.pi)
+        if distance2 < radius2:
+            if strength > 0.0:
+                source = 2.0 * strength / radius2
+                exchange += source
+                injected += source * wells[w, 4]
+            distance2 = radius2
+        vx += strength * dx / distance2
+        vz += strength * dz / distance2
+    per_storage = 1.0 / storage[j, i]
+    if exchange > 0.0:
+        injected /= exchange
+    compression = 0.0
+    vz *= per_storage
+    if settling != 0.0:
+        fall = math.exp(-z / settling_length)
+        vz -= settling * (1.0 - fall)
+        compression = settling * fall / settling_length
+    return vx * per_storage, vz, exchange * per_storage, injected, compression
+
+
+@numba.njit(cache=True, nogil=True)
+def _quintic_weights(s: float, weights: FloatArray) -> None:
+    """Fill Lagrange weights of the six vertices -2..3 for a point at 0 <= s <= 1."""
+    a, b, c, d, e, f = s + 2.0, s + 1.0, s, s - 1.0, s - 2.0, s - 3.0
+    weights[0] = -b * c * d * e * f / 120.0
+    weights[1] = a * c * d * e * f / 24.0
+    weights[2] = -a * b * d * e * f / 12.0
+    weights[3] = a * b * c * e * f / 12.0
+    weights[4] = -a * b * c * d * f / 24.0
+    weights[5] = a * b * c * d * e / 120.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _mirrored(index: int, last: int) -> int:
+    if index < 0:
+        return -index
+    if index > last:
+        return 2 * last - index
+    return index
+
+
+@numba.njit(cache=True, nogil=True)
+def _read(
+    x: float,
+    z: float,
+    hx: float,
+    hz: float,
+    field: FloatArray,
+    along_x: FloatArray,
+    along_z: FloatArray,
+) -> tuple[float, float, float]:
+    """Return (value, lowest, highest neighbour) of the vertex `field` at a point."""
+    rows, columns = field.shape
+    i = min(int(x / hx), columns - 2)
+    j = min(int(z / hz), rows - 2)
+    a, b, c, d = field[j, i], field[j, i + 1], field[j + 1, i], field[j + 1, i + 1]
+    low = min(a, b, c, d)
+    high = max(a, b, c, d)
+    if high - low < 1e-12:
+        return low, low, high
+    _quintic_weights(x / hx - i, along_x)
+    _quintic_weights(z / hz - j, along_z)
+    value = 0.0
+    for m in range(6):
+        row = _mirrored(j + m - 2, rows - 1)
+        line = 0.0
+        for n in range(6):
+            line += along_x[n] * field[row, _mirrored(i + n - 2, columns - 1)]
+        value += along_z[m] * line
+    return min(max(value, low), high), low, high
+
+
+@numba.njit(cache=True, nogil=True)
+def _trace(
+    xs: FloatArray,
+    zs: FloatArray,
+    durations: FloatArray,
+    hx: float,
+    hz: float,
+    ux: FloatArray,
+    uz: FloatArray,
+    storage: FloatArray,
+    wells: FloatArray,
+    open_sides: NDArray[np.bool_],
+    settling: float,
+    settling_length: float,
+    field: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (concentration, lowest, highest) that arrives at each point after its duration."""
+    rows, columns = storage.shape
+    width, height = (columns - 1) * hx, (rows - 1) * hz
+    arrived = np.empty(xs.size)
+    lowest = np.empty(xs.size)
+    highest = np.empty(xs.size)
+    along_x, along_z = np.empty(6), np.empty(6)
+    reach = min(hx, hz)
+    for p in range(xs.size):
+        x, z, left_over = xs[p], zs[p], durations[p]
+        flushed = 0.0  # how often the water round the point was exchanged on its way, backward
+        gained = 0.0  # what those exchanges brought
+        squeezed = 0.0
+        fresh = False  # came in through an open side
+        while left_over > 0.0:
+            vx, vz, rate, brought, squeeze = _flow_at(
+                x, z, hx, hz, ux, uz, storage, wells, settling, settling_length
+            )
+            speed = math.sqrt(vx * vx + vz * vz)
+            if speed * left_over < 1e-12 and rate == 0.0:
+                break
+            step = left_over
+            if speed * step > reach:
+                step = reach / speed
+            if rate * step > 0.5:
+                step = 0.5 / rate
+            half = 0.5 * step
+            kx2, kz2, rate2, brought2, squeeze2 = _flow_at(
+                x - half * vx, z - half * vz,
+                hx, hz, ux, uz, storage, wells, settling, settling_length,
+            )  # fmt: skip
+            kx3, kz3, _, _, _ = _flow_at(
+                x - half * kx2, z - half * kz2,
+                hx, hz, ux, uz, storage, wells, settling, settling_length,
+            )  # fmt: skip
+            kx4, kz4, rate4, brought4, squeeze4 = _flow_at(
+                x - step * kx3, z - step * kz3,
+                hx, hz, ux, uz, storage, wells, settling, settling_length,
+            )  # fmt: skip
+            x -= step / 6.0 * (vx + 2.0 * kx2 + 2.0 * kx3 + kx4)
+            z -= step / 6.0 * (vz + 2.0 * kz2 + 2.0 * kz3 + kz4)
+            mean_rate = (rate + 4.0 * rate2 + rate4) / 6.0
+            squeezed += step * (squeeze + 4.0 * squeeze2 + squeeze4) / 6.0
+            if mean_rate > 0.0:
+                mixed = (rate * brought + 4.0 * rate2 * brought2 + rate4 * brought4) / (
+                    6.0 * mean_rate
+                )
+                gained += math.exp(-flushed) * (1.0 - math.exp(-mean_rate * step)) * mixed
+                flushed += mean_rate * step
+                if flushed > FLUSHED:
+                    break
+            left_over -= step
+            if x < 0.0:
+                if open_sides[0]:
+                    fresh = True
+                x = 0.0
+            elif x > width:
+                if open_sides[1]:
+                    fresh = True
+                x = width
+            if z < 0.0:
+                if open_sides[2]:
+                    fresh = True
+                z = 0.0
+            elif z > height:
+                if open_sides[3]:
+                    fresh = True
+                z = height
+            if fresh:
+                break
+        kept = math.exp(-flushed) if flushed < FLUSHED else 0.0
+        old, low, high = 0.0, 0.0, 0.0
+        if kept > 0.0 and not fresh:
+            old, low, high = _read(x, z, hx, hz, field, along_x, along_z)
+        growth = math.exp(squeezed)
+        arrived[p] = (kept * old + gained) * growth
+        lowest[p] = (kept * low + gained) * growth
+        highest[p] = (kept * high + gained) * growth
+    return arrived, lowest, highest
+
+
+def arriving(
+    carrier: Carrier,
+    field: FloatArray,
+    *,
+    x: FloatArray,
+    z: FloatArray,
+    duration: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the concentration at points (x, z) [m] `duration` [s] after it was `field`.
+
+    All of one shape; also the lowest and highest value that the interpolation could have taken,
+    between which a correction of the mass may move it.
+    """
+    arrived, lowest, highest = _trace(
+        np.ascontiguousarray(x, dtype=float).ravel(),
+        np.ascontiguousarray(z, dtype=float).ravel(),
+        np.ascontiguousarray(duration, dtype=float).ravel(),
+        carrier.hx,
+        carrier.hz,
+        carrier.remainder_x,
+        carrier.remainder_z,
+        carrier.storage,
+        carrier.wells,
+        carrier.open_sides,
+        carrier.settling,
+        carrier.settling_length,
+        field,
+    )
+    shape = np.shape(x)
+    return arrived.reshape(shape), lowest.reshape(shape), highest.reshape(shape)

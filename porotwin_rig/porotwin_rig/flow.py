@@ -1,0 +1,304 @@
+"""Darcy flow of the virtual rig: vertex-centred box method with analytic wells.
+
+The unknown is the potential h [m] at the vertices of bilinear elements; water is balanced over the
+box round every vertex (control-volume finite elements; Baliga & Patankar 1980; Bank & Rose 1987).
+Close to a well the potential is singular. Its singular part, h_w = -Q ln(r) / (2 pi T_w), is kept
+analytic and only the smooth remainder is computed, so that wells lie where they are, not in a cell.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from porotwin_core.rig import Boundaries
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.linalg import LinearOperator, cg, splu
+
+from porotwin_rig.mesh import Mesh
+
+FloatArray = NDArray[np.floating]
+Solve = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Fluxes:
+    """Water through the faces of the vertices' boxes [m^3/s], positive along x and z.
+
+    `x`: (nz + 1, nx + 2), `z`: (nz + 2, nx + 1); the outermost ones are the walls.
+    """
+
+    x: FloatArray
+    z: FloatArray
+
+    def __add__(self, other: 'Fluxes') -> 'Fluxes':
+        return Fluxes(self.x + other.x, self.z + other.z)
+
+    def __sub__(self, other: 'Fluxes') -> 'Fluxes':
+        return Fluxes(self.x - other.x, self.z - other.z)
+
+    def __mul__(self, factor: float) -> 'Fluxes':
+        return Fluxes(self.x * factor, self.z * factor)
+
+    @property
+    def outflow(self) -> FloatArray:
+        """Net outflow of every box [m^3/s], shape (nz + 1, nx + 1)."""
+        return np.diff(self.x, axis=1) + np.diff(self.z, axis=0)
+
+
+def no_flux(mesh: Mesh) -> Fluxes:
+    """Return fluxes of resting water."""
+    rows, columns = mesh.shape
+    return Fluxes(np.zeros((rows, columns + 1)), np.zeros((rows + 1, columns)))
+
+
+@dataclass(frozen=True)
+class HalfFaces:
+    """Water through the four half faces inside every element [m^3/s], each (nz, nx).
+
+    `low`, `high`: along x, through the lower and upper half of the vertical middle line;
+    `left`, `right`: along z, through the left and right half of the horizontal middle line.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    left: FloatArray
+    right: FloatArray
+
+    def scaled(self, along_x: FloatArray, along_z: FloatArray) -> 'HalfFaces':
+        """Return the half-face values times factors per element (nz, nx)."""
+        return HalfFaces(
+            self.low * along_x, self.high * along_x, self.left * along_z, self.right * along_z
+        )
+
+    def onto_boxes(self, mesh: Mesh) -> Fluxes:
+        """Return the sums over whole box faces; nothing passes the walls."""
+        fluxes = no_flux(mesh)
+        fluxes.x[:-1, 1:-1] += self.low
+        fluxes.x[1:, 1:-1] += self.high
+        fluxes.z[1:-1, :-1] += self.left
+        fluxes.z[1:-1, 1:] += self.right
+        return fluxes
+
+
+def bilinear_flow(
+    mesh: Mesh, potential: FloatArray, along_x: FloatArray, along_z: FloatArray
+) -> HalfFaces:
+    """Return the Darcy flow through the half faces of the bilinear `potential` [m].
+
+    `along_x`, `along_z` (nz, nx): transmissivity K * depth [m^2/s] of the elements.
+    """
+    h00, h10 = potential[:-1, :-1], potential[:-1, 1:]
+    h01, h11 = potential[1:, :-1], potential[1:, 1:]
+    ax = along_x * (0.5 * mesh.hz / mesh.hx)
+    az = along_z * (0.5 * mesh.hx / mesh.hz)
+    lower, upper, left, right = h00 - h10, h01 - h11, h00 - h01, h10 - h11
+    return HalfFaces(
+        low=ax * (0.75 * lower + 0.25 * upper),
+        high=ax * (0.25 * lower + 0.75 * upper),
+        left=az * (0.75 * left + 0.25 * right),
+        right=az * (0.25 * left + 0.75 * right),
+    )
+
+
+def _angle(ax: FloatArray, az: FloatArray, bx: FloatArray, bz: FloatArray) -> FloatArray:
+    """Return the angle from the ray (ax, az) to the ray (bx, bz), counter-clockwise positive."""
+    return np.arctan2(ax * bz - az * bx, ax * bx + az * bz)
+
+
+def radial_half_faces(mesh: Mesh, x: float, z: float) -> HalfFaces:
+    """Return the half-face flow of a unit source at (x, z) in an unbounded plane.
+
+    A segment receives the share of the angle under which the source sees it.
+    """
+    left, bottom = mesh.x[None, :-1] - x, mesh.z[:-1, None] - z
+    middle_x, middle_z = left + 0.5 * mesh.hx, bottom + 0.5 * mesh.hz
+    right, top = left + mesh.hx, bottom + mesh.hz
+    share = 1.0 / (2.0 * math.pi)
+    return HalfFaces(
+        low=share * _angle(middle_x, bottom, middle_x, middle_z),
+        high=share * _angle(middle_x, middle_z, middle_x, top),
+        left=share * _angle(middle_x, middle_z, left, middle_z),
+        right=share * _angle(right, middle_z, middle_x, middle_z),
+    )
+
+
+def radial_fluxes(mesh: Mesh, x: float, z: float) -> Fluxes:
+    """Return the box fluxes of a unit source at (x, z) in an unbounded plane, walls included."""
+    fluxes = radial_half_faces(mesh, x, z).onto_boxes(mesh)
+    edges_x = np.concatenate(([0.0], mesh.x[:-1] + 0.5 * mesh.hx, [mesh.width])) - x
+    edges_z = np.concatenate(([0.0], mesh.z[:-1] + 0.5 * mesh.hz, [mesh.height])) - z
+    share = 1.0 / (2.0 * math.pi)
+    for column, wall in ((0, -x), (-1, mesh.width - x)):
+        wall_x = np.full(len(edges_z) - 1, wall)
+        fluxes.x[:, column] = share * _angle(wall_x, edges_z[:-1], wall_x, edges_z[1:])
+    for row, wall in ((0, -z), (-1, mesh.height - z)):
+        wall_z = np.full(len(edges_x) - 1, wall)
+        fluxes.z[row, :] = share * _angle(edges_x[1:], wall_z, edges_x[:-1], wall_z)
+    return fluxes
+
+
+def _matrix(mesh: Mesh, along_x: FloatArray, along_z: FloatArray) -> csc_matrix:
+    """Return the symmetric matrix of the boxes' outflow for unit potentials."""
+    numbers = np.arange(mesh.shape[0] * mesh.shape[1]).reshape(mesh.shape)
+    corners = [numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, :-1], numbers[1:, 1:]]
+    ax = along_x * (0.5 * mesh.hz / mesh.hx)
+    az = along_z * (0.5 * mesh.hx / mesh.hz)
+    diagonal = 0.75 * (ax + az)
+    beside, above = 0.25 * az - 0.75 * ax, 0.25 * ax - 0.75 * az
+    across = -0.25 * (ax + az)
+    pattern = [
+        [diagonal, beside, above, across],
+        [beside, diagonal, across, above],
+        [above, across, diagonal, beside],
+        [across, above, beside, diagonal],
+    ]
+    rows = np.concatenate([corners[i].ravel() for i in range(4) for _ in range(4)])
+    columns = np.concatenate([corners[j].ravel() for _ in range(4) for j in range(4)])
+    values = np.concatenate([pattern[i][j].ravel() for i in range(4) for j in range(4)])
+    return coo_matrix((values, (rows, columns)), shape=(numbers.size, numbers.size)).tocsc()
+
+
+def held_vertices(mesh: Mesh, boundaries: Boundaries) -> NDArray[np.bool_]:
+    """Return which vertices lie on an open side, shape (nz + 1, nx + 1)."""
+    held = np.zeros(mesh.shape, dtype=bool)
+    held[-1, :] |= boundaries.top == 'open'
+    held[0, :] |= boundaries.bottom == 'open'
+    held[:, 0] |= boundaries.left == 'open'
+    held[:, -1] |= boundaries.right == 'open'
+    return held
+
+
+class BoxFlow:
+    """Flow through sand of given transmissivity with some vertices held at a known potential.
+
+    Where no vertex is held, one corner fixes the level, and whatever is pumped must add up to zero.
+    """
+
+    def __init__(
+        self, mesh: Mesh, along_x: FloatArray, along_z: FloatArray, *, held: NDArray[np.bool_]
+    ) -> None:
+        self.mesh = mesh
+        self.along_x = along_x
+        self.along_z = along_z
+        self.held = held
+        fixed = held.copy()
+        if not fixed.any():
+            fixed[0, 0] = True
+        self._free = np.flatnonzero(~fixed.ravel())
+        self._factor: Solve = self._factorise(along_x, along_z)
+
+    def _free_matrix(self, along_x: FloatArray, along_z: FloatArray) -> csc_matrix:
+        return _matrix(self.mesh, along_x, along_z)[self._free][:, self._free]
+
+    def _factorise(self, along_x: FloatArray, along_z: FloatArray) -> Solve:
+        factor = splu(
+            self._free_matrix(along_x, along_z),
+            permc_spec='MMD_AT_PLUS_A',
+            diag_pivot_thresh=0.0,
+            options={'SymmetricMode': True},
+        )
+        return factor.solve
+
+    def _radial(self, x: float, z: float, along_x: FloatArray, along_z: FloatArray) -> HalfFaces:
+        """Return the half-face flow of a unit well's singular potential in the actual sand."""
+        column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
+        row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
+        here = math.sqrt(along_x[row, column] * along_z[row, column])
+        return radial_half_faces(self.mesh, x, z).scaled(along_x / here, along_z / here)
+
+    def _radial_potential(self, x: float, z: float, here: float) -> FloatArray:
+        distance = np.hypot(self.mesh.x[None, :] - x, self.mesh.z[:, None] - z)
+        return -np.log(np.maximum(distance, 1e-9)) / (2.0 * math.pi * here)
+
+    def well(self, x: float, z: float) -> Fluxes:
+        """Return the fluxes of a well at (x, z) that injects 1 m^3/s, open sides at zero."""
+        return self.combined([(x, z, 1.0)])
+
+    def combined(
+        self,
+        wells: list[tuple[float, float, float]],
+        *,
+        held_potential: FloatArray | None = None,
+        driven: HalfFaces | None = None,
+        along: tuple[FloatArray, FloatArray] | None = None,
+    ) -> Fluxes:
+        """Return the fluxes of all `wells` (x, z, rate [m^3/s]) and drives together.
+
+        `held_potential` [m] (nz + 1, nx + 1): what held vertices are held at, else zero.
+        `driven`: flow through half faces that a body force adds (buoyancy).
+        `along`: another transmissivity along x and z than that of the factorisation, which then
+        serves as the preconditioner of conjugate gradients.
+        """
+        along_x, along_z = (self.along_x, self.along_z) if along is None else along
+        known = np.zeros(self.mesh.shape) if held_potential is None else held_potential.copy()
+        extra = no_flux(self.mesh)
+        supply = np.zeros(self.mesh.shape)
+        for x, z, rate in wells:
+            radial = self._radial(x, z, along_x, along_z)
+            extra = extra + radial.onto_boxes(self.mesh) * rate
+            supply[self._box_of(x, z)] += rate
+            if self.held.any():
+                column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
+                row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
+                here = math.sqrt(along_x[row, column] * along_z[row, column])
+                known -= rate * self._radial_potential(x, z, here)
+        if driven is not None:
+            extra = extra + driven.onto_boxes(self.mesh)
+        known = np.where(self.held, known, 0.0)
+        smooth = bilinear_flow(self.mesh, known, along_x, along_z).onto_boxes(self.mesh)
+        demand = (supply - extra.outflow - smooth.outflow).ravel()[self._free]
+        potential = known.ravel()
+        potential[self._free] += self._solve(demand, along)
+        smooth = bilinear_flow(
+            self.mesh, potential.reshape(self.mesh.shape), along_x, along_z
+        ).onto_boxes(self.mesh)
+        return self._through_open_sides(smooth + extra, supply)
+
+    def through_walls(self, forced: Fluxes) -> Fluxes:
+        """Return the fluxes where water is forced through the walls, as `forced` has it there.
+
+        Only for sand without held vertices; as much must enter as leaves.
+        """
+        potential = np.zeros(self.mesh.shape[0] * self.mesh.shape[1])
+        potential[self._free] = self._factor((-forced.outflow).ravel()[self._free])
+        potential = potential.reshape(self.mesh.shape)
+        smooth = bilinear_flow(self.mesh, potential, self.along_x, self.along_z)
+        return smooth.onto_boxes(self.mesh) + forced
+
+    def _solve(self, demand: FloatArray, along: tuple[FloatArray, FloatArray] | None) -> FloatArray:
+        if along is None:
+            return self._factor(demand)
+        matrix = self._free_matrix(*along)
+        size = len(demand)
+        solution, _ = cg(
+            matrix,
+            demand,
+            rtol=1e-9,
+            atol=0.0,
+            maxiter=200,
+            M=LinearOperator((size, size), self._factor),
+        )
+        return solution
+
+    def _box_of(self, x: float, z: float) -> tuple[int, int]:
+        return (int(z / self.mesh.hz + 0.5), int(x / self.mesh.hx + 0.5))
+
+    def _through_open_sides(self, fluxes: Fluxes, supply: FloatArray) -> Fluxes:
+        """Return the fluxes with what the held boxes gain let out through their side."""
+        gain = np.where(self.held, supply - fluxes.outflow, 0.0)
+        if not self.held.any():
+            return fluxes
+        top, bottom = self.held[-1].all(), self.held[0].all()
+        if top:
+            fluxes.z[-1] += gain[-1]
+            gain[-1] = 0.0
+        if bottom:
+            fluxes.z[0] -= gain[0]
+            gain[0] = 0.0
+        if self.held[:, 0].all():
+            fluxes.x[:, 0] -= gain[:, 0]
+        if self.held[:, -1].all():
+            fluxes.x[:, -1] += gain[:, -1]
+        return fluxes
