@@ -1,0 +1,57 @@
+"""How the disc of a well, at its true position, shares out over the cells of a grid."""
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+
+
+def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray:
+    """Return the area of {0 <= s <= x, 0 <= t <= z} within the disc about the origin (x, z >= 0).
+
+    The area under min(z, sqrt(radius^2 - s^2)) up to s = x, in closed form.
+    """
+    x, z = np.minimum(x, radius), np.minimum(z, radius)
+    flat = np.minimum(x, np.sqrt(radius**2 - z**2))
+
+    def under_arc(s: FloatArray) -> FloatArray:
+        height = np.sqrt(np.maximum(radius**2 - s**2, 0.0))
+        return 0.5 * (s * height + radius**2 * np.arcsin(np.clip(s / radius, -1.0, 1.0)))
+
+    return flat * z + under_arc(x) - under_arc(flat)
+
+
+def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[FloatArray, FloatArray]:
+    """Return the cells that the disc about (`x`, `z`) [m] touches and their shares of its area.
+
+    The shares are exact areas of overlap of circle and cell, relative to the part of the disc that
+    lies within the rig, and add up to one. Cells are flat indices into a field (nz, nx).
+
+    Raises:
+        InputError: the centre lies outside the rig.
+    """
+    if not (0 <= x <= grid.width and 0 <= z <= grid.height):
+        raise InputError(
+            f'well at ({x:.6g}, {z:.6g}) m lies outside the rig of {grid.width} x {grid.height} m; '
+            'correct its position'
+        )
+    columns = _touched(x, radius, grid.dx, grid.nx)
+    rows = _touched(z, radius, grid.dz, grid.nz)
+    edges_x = np.append(columns, columns[-1] + 1) * grid.dx - x
+    edges_z = np.append(rows, rows[-1] + 1) * grid.dz - z
+    corner_x, corner_z = np.meshgrid(edges_x, edges_z)
+    signed = (
+        np.sign(corner_x)
+        * np.sign(corner_z)
+        * _quadrant_overlap(np.abs(corner_x), np.abs(corner_z), radius)
+    )
+    area = signed[1:, 1:] - signed[:-1, 1:] - signed[1:, :-1] + signed[:-1, :-1]
+    cells = rows[:, None] * grid.nx + columns[None, :]
+    touched = area > 1e-12 * radius**2
+    return cells[touched], area[touched] / area[touched].sum()
+
+
+def _touched(centre: float, radius: float, size: float, count: int) -> np.ndarray:
+    low = max(int(np.floor((centre - radius) / size)), 0)
+    high = min(int(np.floor((centre + radius) / size)), count - 1)
+    return np.arange(low, high + 1)

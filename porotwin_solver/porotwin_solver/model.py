@@ -1,0 +1,164 @@
+"""The physics-based model as the twin asks it: predict, residual, correct (paper sec. 2.2)."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.wells import WellRates
+from porotwin_solver.effects import apply_effects
+from porotwin_solver.engine import Engine, State
+from porotwin_solver.physics import Physics, believed_physics
+from porotwin_solver.quantities import quantity_of_interest
+from porotwin_solver.refinement import refine
+from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND
+from porotwin_solver.view import View
+
+SettingName = Literal['fast', 'accurate', 'upwind']
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scheme of `transport`, and how much finer than asked for it runs."""
+
+    scheme: int
+    refinement: int
+
+
+SETTINGS: dict[str, Setting] = {
+    'fast': Setting(SUPERBEE, 1),
+    'accurate': Setting(THIRD_ORDER, 2),
+    'upwind': Setting(UPWIND, 1),
+}
+"""The live loop and the optimiser; simulation, training, diagnosis; the paper's diffusive model."""
+
+
+def setting_of(name: str) -> Setting:
+    """Return the setting `name`.
+
+    Raises:
+        InputError: there is none; the message lists those there are.
+    """
+    if name not in SETTINGS:
+        raise InputError(f"setting '{name}': unknown; choose from {', '.join(SETTINGS)}")
+    return SETTINGS[name]
+
+
+class Model:
+    """The rig's physics on one grid, asked for one interval at a time.
+
+    P is the propagator: what the scheme makes of a state within `time_step`. The operator of the
+    paper, in the sense of the scheme that runs, is
+
+        L c = phi (c^(n+1) - P c^n) / dt + f_c,
+
+    so that L c = f_c is the prediction, r = L c - f_c = phi (c^(n+1) - P c^n) / dt the residual of
+    an observed pair (paper eq. costa_residual2), and L c = f_c + sigma solved by
+    c^(n+1) = P c^n + dt sigma / phi. This holds for limited, nonlinear P and any number of inner
+    steps alike; for small dt it tends to phi dc/dt + div(q c). phi is the porosity, times the
+    retardation factor where tracer sorbs. sigma is a density per rig volume [1/s].
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        grid: Grid,
+        *,
+        setting: str = 'accurate',
+        effects: Iterable[EffectDescription] = (),
+    ) -> None:
+        """Prepare the flow of `rig` with its own and further `effects` on `grid`.
+
+        Raises:
+            InputError: unknown setting, effect or parameter; fields no rig can have.
+        """
+        chosen = setting_of(setting)
+        described = (*rig.effects, *effects)
+        self.rig, self.grid, self.setting = rig, grid, setting
+        self.believed, self.view = apply_effects(believed_physics(rig, grid), View(), described)
+        physics = self.believed
+        if chosen.refinement > 1:
+            fine = grid.refined(chosen.refinement)
+            physics, _ = apply_effects(believed_physics(rig, fine), View(), described)
+        self.engine = Engine(physics, scheme=chosen.scheme)
+        self._storage = self.believed.porosity * self.believed.retardation_factor
+
+    @property
+    def physics(self) -> Physics:
+        """The coefficients on `grid`, effects included."""
+        return self.believed
+
+    def initial_condition(self) -> FloatArray:
+        """Return the map before any tracer is injected: zeros, (nz, nx)."""
+        return np.zeros(self.grid.shape)
+
+    def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
+        """Return the map (nz, nx) that `time_step` [s] under constant `rates` makes of another.
+
+        Bounded by the range of `concentration` and of what is injected; moving and immobile water
+        start from the same concentration.
+
+        Raises:
+            InputError: NaN or another shape, an unknown well, rates that do not balance in a
+                closed rig, a time step that is not positive.
+        """
+        start = self.checked(concentration, 'concentration')
+        step = _checked_step(time_step)
+        state = State.at_rest(refine(start, self.engine.grid.shape))
+        self.engine.advance(state, rates, step)
+        return conservative_resample(self.engine.seen(state), self.grid.shape)
+
+    def residual(
+        self,
+        previous: FloatArray,
+        next_: FloatArray,
+        rates: WellRates,
+        time_step: float,
+    ) -> FloatArray:
+        """Return r = L c - f_c [1/s], (nz, nx), of an observed pair of maps."""
+        observed = self.checked(next_, 'next')
+        predicted = self.predict(previous, rates, time_step)
+        return self._storage * (observed - predicted) / time_step
+
+    def correct(
+        self,
+        previous: FloatArray,
+        sigma: FloatArray,
+        rates: WellRates,
+        time_step: float,
+    ) -> FloatArray:
+        """Return the solution of L c = f_c + sigma, (nz, nx); not clipped.
+
+        With the exact residual as `sigma` [1/s] this is the observed map to round-off.
+        """
+        source = self.checked(sigma, 'sigma')
+        predicted = self.predict(previous, rates, time_step)
+        return predicted + time_step * source / self._storage
+
+    def quantity_of_interest(self, name: str, concentration: FloatArray) -> float:
+        """Return the quantity `name` (see `quantities`) of a map (nz, nx), in SI."""
+        values = self.checked(concentration, 'concentration')
+        return quantity_of_interest(name, self.believed, values)
+
+    def checked(self, values: FloatArray, name: str) -> FloatArray:
+        array = np.asarray(values, dtype=float)
+        if array.shape != self.grid.shape:
+            raise InputError(
+                f'{name}: a map of {array.shape} cells, the model has {self.grid.shape} '
+                '(rows, columns); resample it'
+            )
+        if not np.isfinite(array).all():
+            count = int(np.count_nonzero(~np.isfinite(array)))
+            raise InputError(f'{name}: {count} cells are not finite; fill them before asking')
+        return array
+
+
+def _checked_step(time_step: float) -> float:
+    if not (math.isfinite(time_step) and time_step > 0):
+        raise InputError(f'time step {time_step} s: must be positive')
+    return float(time_step)

@@ -1,0 +1,63 @@
+"""What the camera makes of the concentration: the observation operators of the image effects."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+
+
+@dataclass(frozen=True)
+class View:
+    """How the recorded map follows from the rig; the default shows the concentration itself.
+
+    Moved first (`dx`, `dz` [m], `rotation` [rad], `scale` about the rig's middle), then bent
+    (c ** `exponent`), then lit (1 + `drift` t + `gradient` (x - W/2), kept within 0..1). The map
+    stamped t shows the rig at pump time t + `clock_offset` [s].
+    """
+
+    exponent: float = 1.0
+    drift: float = 0.0
+    gradient: float = 0.0
+    dx: float = 0.0
+    dz: float = 0.0
+    rotation: float = 0.0
+    scale: float = 1.0
+    clock_offset: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether the picture is shifted, turned or scaled."""
+        return (self.dx, self.dz, self.rotation, self.scale) != (0.0, 0.0, 0.0, 1.0)
+
+    def shown(self, concentration: FloatArray, grid: Grid, time: float) -> FloatArray:
+        """Return the map on `grid` that the camera makes at `time` [s] of a finer or equal map."""
+        if self.moves:
+            concentration = self._moved(concentration, grid)
+        seen = conservative_resample(concentration, grid.shape)
+        if self.exponent != 1.0:
+            seen = np.maximum(seen, 0.0) ** self.exponent
+        if self.drift or self.gradient:
+            light = 1.0 + self.drift * time + self.gradient * (grid.x - grid.width / 2.0)
+            seen = np.clip(seen * light, 0.0, 1.0)
+        return seen
+
+    def _moved(self, concentration: FloatArray, grid: Grid) -> FloatArray:
+        """Return the moved map, sampled at the middles of the given cells or finer."""
+        nz, nx = concentration.shape
+        fine = Grid(nx, nz, grid.width, grid.height)
+        centre_x, centre_z = grid.width / 2.0, grid.height / 2.0
+        x = (fine.x[None, :] - centre_x - self.dx) / self.scale
+        z = (fine.z[:, None] - centre_z - self.dz) / self.scale
+        cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
+        from_x = cosine * x + sine * z + centre_x
+        from_z = -sine * x + cosine * z + centre_z
+        return map_coordinates(
+            concentration,
+            [from_z / fine.dz - 0.5, from_x / fine.dx - 0.5],
+            order=1,
+            mode='constant',
+            cval=0.0,
+        )
