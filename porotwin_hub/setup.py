@@ -1,3 +1,5 @@
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 PACKAGE = 'porotwin_hub'
@@ -9,8 +11,16 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
         ('share/' + PACKAGE, ['package.xml']),
+        ('share/' + PACKAGE + '/launch', [str(path) for path in Path('launch').glob('*.py')]),
+        ('share/' + PACKAGE + '/config', [str(path) for path in Path('config').glob('*.yaml')]),
     ],
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'hub_node = porotwin_hub.hub_node:main',
+            'operator_node = porotwin_hub.operator_node:main',
+        ],
+    },
 )

@@ -1,0 +1,69 @@
+"""What every node of the graph does the same way: parameters, diagnostics, a clean end."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+
+from porotwin_core.errors import InputError
+
+
+def declare(node: Node, name: str, default: Any, description: str) -> Any:
+    """Declare a read-only parameter of the type of `default` and return its value.
+
+    Raises:
+        InputError: the value given is of another type.
+    """
+    descriptor = ParameterDescriptor(description=description, read_only=True)
+    try:
+        return node.declare_parameter(name, default, descriptor).value
+    except rclpy.exceptions.InvalidParameterTypeException as error:
+        raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
+
+
+class Diagnostics:
+    """Publishes the health of one node on /diagnostics (REP-107)."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+
+    def report(self, level: bytes, message: str, **values: object) -> None:
+        """Publish one line of health; `level` is one of DiagnosticStatus.OK, WARN, ERROR."""
+        status = DiagnosticStatus(
+            level=level,
+            name=self._node.get_name(),
+            hardware_id='porotwin',
+            message=message,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+
+
+def run(make_node: Callable[[], Node], executor: Executor | None = None) -> None:
+    """Spin the node until it is told to stop: the `main` of every node.
+
+    A mistake in its parameters ends the process with status 2 and one line.
+    """
+    rclpy.init()
+    try:
+        node = make_node()
+    except InputError as error:
+        print(f'error: {error}', file=sys.stderr)
+        sys.exit(2)
+    executor = executor or MultiThreadedExecutor(num_threads=2)
+    executor.add_node(node)
+    try:
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,43 @@
+"""Setpoints in words: for an operator at a terminal, and for a voice."""
+
+from dataclasses import dataclass
+
+from porotwin_core.units import to_ml_h
+from porotwin_core.wells import WellRate, WellRates
+
+CHANGE_ML_H = 0.05
+"""Smaller differences are not worth an operator's hand [ml/h]."""
+
+
+@dataclass(frozen=True)
+class Announcement:
+    """One setpoint as people read and hear it; `changed` names the wells to turn."""
+
+    text: str
+    speech: str
+    changed: tuple[str, ...]
+
+
+def _spoken_name(well: str) -> str:
+    """Return 'control 2' for 'control2': digits are read apart from words."""
+    head = well.rstrip('0123456789')
+    return f'{head} {well[len(head) :]}'.replace('_', ' ').strip()
+
+
+def announce(sequence: int, rates: WellRates, before: WellRates) -> Announcement:
+    """Return the words for `rates` [m^3/s] after `before`; every rate in ml/h."""
+    changed = tuple(
+        well
+        for well, rate in rates.items()
+        if abs(to_ml_h(rate.rate - before.get(well, WellRate()).rate)) > CHANGE_ML_H
+    )
+    lines = [f'setpoint {sequence}']
+    for well, rate in rates.items():
+        value = to_ml_h(rate.rate)
+        line = f'  {well:12} {value:8.1f} ml/h'
+        if well in changed:
+            line += f'   <-- was {to_ml_h(before.get(well, WellRate()).rate):.1f}'
+        lines.append(line)
+    spoken = [f'{_spoken_name(well)}: {to_ml_h(rates[well].rate):.0f}' for well in changed]
+    speech = f'Set {", ".join(spoken)}.' if spoken else 'No change.'
+    return Announcement('\n'.join(lines), speech.replace(': -', ': minus '), changed)

@@ -1,0 +1,142 @@
+"""The one description of the node graph: `./porotwin up`, `demo` and the launch file start this.
+
+A node is a package, an executable (which is also a module of that package) and its parameters.
+Names of topics and services are relative to the namespace, `/clock` and `/diagnostics` apart.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+NAMESPACE = '/porotwin'
+
+Parameter = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class NodeDescription:
+    """One process of the graph."""
+
+    name: str
+    package: str
+    executable: str
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    remappings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def module(self) -> str:
+        """Return the module to run where executables are not installed."""
+        return f'{self.package}.{self.executable}'
+
+
+def _setting(default: Any, description: str) -> Any:
+    return field(default=default, metadata={'description': description})
+
+
+@dataclass(frozen=True)
+class GraphSettings:
+    """What a user chooses when the graph starts; the arguments of the launch file."""
+
+    rig: Path = field(metadata={'description': 'path of rig.yaml'})
+    photos: Path | None = _setting(None, 'folder to watch for photographs')
+    device: str = _setting('', 'camera device, such as /dev/video0, instead of a folder')
+    calibration: Path | None = _setting(None, 'calibration of the photographs')
+    model: Path | None = _setting(None, 'COSTA model to load; without one the correction is zero')
+    grid: str = _setting('', 'columns x rows of the maps; empty: cells of about 5 mm')
+    setting: str = _setting('fast', 'scheme of the physics-based model: fast, accurate or upwind')
+    photo_interval_s: float = _setting(30.0, 'time between photographs [s]')
+    horizon_s: float = _setting(600.0, 'how far the optimiser looks ahead [s]')
+    evaluations: int = _setting(60, 'predictions that one optimisation may ask for')
+    control: bool = _setting(True, 'choose setpoints, when rig.yaml says what may be controlled')
+    retrain_every: int = _setting(0, 'retrain COSTA after so many new states; 0: never')
+    record: Path | None = _setting(None, 'bag to record everything into')
+    page: str = _setting('', 'HOST:PORT of the page; empty: no page')
+    speak: bool = _setting(False, 'speak setpoints with espeak-ng')
+    use_sim_time: bool = _setting(False, 'take the time from /clock')
+
+
+def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the nodes of the twin itself, without what stands for the physical asset."""
+    common: dict[str, Parameter] = {'rig': str(settings.rig), 'use_sim_time': settings.use_sim_time}
+    mapped = {**common, 'grid': settings.grid} if settings.grid else common
+    calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
+    model = {'model': str(settings.model)} if settings.model else {}
+    nodes = [
+        NodeDescription(
+            'imaging',
+            'porotwin_imaging',
+            'imaging_node',
+            {**mapped, **calibration, 'photo_interval_s': settings.photo_interval_s},
+        ),
+        NodeDescription(
+            'solver', 'porotwin_solver', 'solver_node', {**mapped, 'setting': settings.setting}
+        ),
+        NodeDescription('costa', 'porotwin_costa', 'costa_node', {**mapped, **model}),
+        NodeDescription(
+            'hub',
+            'porotwin_hub',
+            'hub_node',
+            {
+                **mapped,
+                'photo_interval_s': settings.photo_interval_s,
+                'horizon_s': settings.horizon_s,
+                'evaluations': settings.evaluations,
+                'control': settings.control,
+            },
+        ),
+    ]
+    if settings.retrain_every > 0:
+        every: dict[str, Parameter] = {'retrain_every': settings.retrain_every}
+        nodes.append(
+            NodeDescription('trainer', 'porotwin_costa', 'trainer_node', {**mapped, **every})
+        )
+    if settings.record is not None:
+        nodes.append(
+            NodeDescription(
+                'recorder',
+                'porotwin_recording',
+                'recorder_node',
+                {'output': str(settings.record), 'use_sim_time': settings.use_sim_time},
+            )
+        )
+    if settings.page:
+        nodes.append(
+            NodeDescription(
+                'page', 'porotwin_page', 'page_node', {**common, 'address': settings.page}
+            )
+        )
+    return nodes
+
+
+def camera_node(settings: GraphSettings) -> NodeDescription:
+    """Return the node that brings photographs in, from a folder or a device."""
+    parameters: dict[str, Parameter] = {'use_sim_time': settings.use_sim_time}
+    if settings.device:
+        parameters |= {'device': settings.device, 'photo_interval_s': settings.photo_interval_s}
+    else:
+        parameters['photos'] = str(settings.photos)
+    return NodeDescription('camera', 'porotwin_imaging', 'camera_node', parameters)
+
+
+def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
+    """Return the bridge to the operator; `asset`: a person sets the pumps."""
+    return NodeDescription(
+        'operator',
+        'porotwin_hub',
+        'operator_node',
+        {
+            'rig': str(settings.rig),
+            'use_sim_time': settings.use_sim_time,
+            'asset': asset,
+            'speak': settings.speak,
+        },
+    )
+
+
+def live_graph(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps."""
+    return [
+        *twin_nodes(settings),
+        operator_node(settings, asset=True),
+        camera_node(settings),
+    ]

@@ -1,0 +1,229 @@
+"""The hub as a node: listens to the asset's states, asks the models, publishes and controls.
+
+Callbacks only store what arrives, in order; a worker thread takes one refreshed state after the
+other through `twin.Twin`. When states come faster than cycles, the newest is taken and the skipped
+ones are named.
+"""
+
+import math
+import queue
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.rig import Rig, load_rig
+from porotwin_core.wells import WellRate
+from rclpy.node import Node
+
+from porotwin_core import conversions, qos
+from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
+from porotwin_hub.control import Limits
+from porotwin_hub.objective import Objective
+from porotwin_hub.twin import Cycle, ModelUnavailable, Observation, SetpointDecision, Twin
+from porotwin_msgs.msg import (
+    CleanState,
+    CycleReport,
+    NewState,
+    RigDescription,
+    Setpoint,
+    StateRefreshed,
+    TracerField,
+    WellRates,
+)
+
+
+@dataclass(frozen=True)
+class Refreshed:
+    """A complete state, ready for a cycle."""
+
+    state: NewState
+    measured: dict[str, WellRate] | None
+
+
+class HubNode(Node):
+    """Client of all devices; the one that decides."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read parameters and make the loop.
+
+        Raises:
+            InputError: a parameter or the rig description is wrong.
+        """
+        super().__init__('hub', **kwargs)
+        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
+        default_grid = str(rig.default_grid())
+        grid_text = declare(self, 'grid', default_grid, 'columns x rows of the maps')
+        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        control = declare(self, 'control', True, 'choose setpoints when rig.yaml allows it')
+        self._limits = Limits.of(rig) if control and rig.control is not None else None
+        self._known_wells = set(rig.wells)
+        self._twin = self._make_twin(rig)
+        self._diagnostics = Diagnostics(self)
+        self._setpoints = 0
+        self._pending: NewState | None = None
+        self._measured: dict[str, WellRate] | None = None
+        self._events: queue.Queue[Refreshed | CleanState] = queue.Queue()
+        self._make_topics()
+        self._rig_publisher.publish(conversions.rig_to_msg(rig))
+        if self._limits is None:
+            self.get_logger().info('no control of wells: predicting only')
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def _make_twin(self, rig: Rig) -> Twin:
+        timeout = declare(self, 'model_timeout_s', 20.0, 'longest wait for a model [s]')
+        self._call = Caller(self, timeout=timeout)
+        return Twin(
+            PhysicsModelClient(self._call, self._grid),
+            DataDrivenModelClient(self._call, self._grid),
+            self._grid,
+            photo_interval=declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]'),
+            horizon=declare(self, 'horizon_s', 600.0, 'how far the optimiser looks ahead [s]'),
+            evaluations=declare(self, 'evaluations', 60, 'predictions per optimisation'),
+            limits=self._limits,
+            objective=Objective(rig, self._grid) if self._limits is not None else None,
+        )
+
+    def _make_topics(self) -> None:
+        self._rig_publisher = self.create_publisher(RigDescription, 'rig/description', qos.CONFIG)
+        self._predicted = self.create_publisher(TracerField, 'tracer/predicted', qos.FIELD)
+        self._corrected = self.create_publisher(TracerField, 'tracer/corrected', qos.FIELD)
+        self._setpoint = self.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
+        self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
+        self.create_subscription(
+            StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
+        )
+        self.create_subscription(CleanState, 'asset/clean_state', self._events.put, qos.FIELD)
+        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+
+    def _on_new_state(self, message: NewState) -> None:
+        self._pending = message
+
+    def _on_measured(self, message: WellRates) -> None:
+        try:
+            rates = conversions.rates_from_msg(message.wells)
+        except InputError as error:
+            self.get_logger().error(f'measured rates ignored: {error}')
+            return
+        unknown = sorted(set(rates) - self._known_wells)
+        if unknown:
+            self.get_logger().error(
+                f"measured rates ignored: well '{unknown[0]}' is not in rig.yaml; "
+                f'known: {", ".join(sorted(self._known_wells))}'
+            )
+            return
+        self._measured = rates
+
+    def _on_refreshed(self, message: StateRefreshed) -> None:
+        state, self._pending = self._pending, None
+        if state is None or state.sequence != message.sequence:
+            self.get_logger().warning(f'state {message.sequence} is refreshed but did not arrive')
+            return
+        self._events.put(Refreshed(state, self._measured))
+
+    def _work(self) -> None:
+        while self.context.ok():
+            event = self._events.get()
+            skipped = 0
+            while isinstance(event, Refreshed) and not self._events.empty():
+                newer = self._events.get()
+                skipped += 1
+                event = newer
+            if isinstance(event, CleanState):
+                self._twin.interrupt()
+                self.get_logger().info(f'time sequence interrupted: {event.reason}')
+                continue
+            try:
+                self._cycle(event, skipped)
+            except InputError as error:
+                self.get_logger().error(f'state {event.state.sequence} ignored: {error}')
+            except Exception as error:
+                # the loop outlives any one photograph
+                self.get_logger().error(f'state {event.state.sequence} failed: {error!r}')
+                self._diagnostics.report(DiagnosticStatus.ERROR, f'cycle failed: {error!r}')
+
+    def _cycle(self, refreshed: Refreshed, skipped: int) -> None:
+        begun = time.perf_counter()
+        concentration, grid = conversions.tracer_from_msg(refreshed.state.tracer)
+        if grid != self._grid:
+            raise InputError(
+                f'its map is {grid} over {grid.width} x {grid.height} m, the hub works on '
+                f'{self._grid} over {self._grid.width} x {self._grid.height} m; start both alike'
+            )
+        stamp = conversions.time_from_msg(refreshed.state.header.stamp)
+        cycle = self._twin.cycle(Observation(stamp, concentration), refreshed.measured)
+        if skipped:
+            cycle.remarks.append(f'{skipped} older states skipped: cycles are slower than photos')
+        cycle.durations['cycle'] = time.perf_counter() - begun
+        self._publish(cycle, refreshed.state)
+
+    def _publish(self, cycle: Cycle, state: NewState) -> None:
+        if cycle.forecast is not None:
+            for publisher, values in (
+                (self._predicted, cycle.forecast.predicted),
+                (self._corrected, cycle.forecast.corrected),
+            ):
+                publisher.publish(
+                    conversions.tracer_to_msg(values, self._grid, cycle.forecast.time)
+                )
+        if cycle.setpoint is not None:
+            self._send(cycle.setpoint, state, cycle)
+        self._report.publish(self._report_of(cycle, state))
+        level = DiagnosticStatus.WARN if cycle.remarks else DiagnosticStatus.OK
+        summary = '; '.join(cycle.remarks) or f'state {state.sequence} done'
+        self._diagnostics.report(level, summary, cycle_duration_s=f'{cycle.durations["cycle"]:.3f}')
+        if cycle.remarks:
+            self.get_logger().warning(f'state {state.sequence}: {summary}')
+
+    def _send(self, decision: SetpointDecision, state: NewState, cycle: Cycle) -> None:
+        assert self._limits is not None
+        broken = self._limits.violations(decision.rates)
+        if broken:
+            raise RuntimeError(f'setpoint withheld: {"; ".join(broken)}')
+        self._setpoints += 1
+        message = Setpoint(
+            header=state.header,
+            sequence=self._setpoints,
+            valid_until=conversions.time_to_msg(decision.valid_until),
+            wells=conversions.rates_to_msg(decision.rates),
+            reason=decision.reason,
+        )
+        self._setpoint.publish(message)
+        try:
+            send_control(self._call, message)
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'setpoint {self._setpoints} not taken: {error}')
+
+    def _report_of(self, cycle: Cycle, state: NewState) -> CycleReport:
+        decision, forecast = cycle.decision, cycle.forecast
+        return CycleReport(
+            header=state.header,
+            sequence=state.sequence,
+            prediction_error=cycle.prediction_error,
+            corrected_error=cycle.corrected_error,
+            disallowed_tracer=cycle.disallowed_tracer,
+            objective_unchanged=decision.cost_unchanged if decision else math.nan,
+            objective=decision.cost if decision else math.nan,
+            objective_evaluations=decision.evaluations if decision else 0,
+            corrected=forecast is not None and forecast.is_corrected,
+            correction_status=forecast.correction_status if forecast else 'no forecast',
+            predict_duration=cycle.durations.get('predict', math.nan),
+            correct_duration=cycle.durations.get('correct', math.nan),
+            optimise_duration=cycle.durations.get('optimise', math.nan),
+            cycle_duration=cycle.durations['cycle'],
+            remarks=cycle.remarks,
+        )
+
+
+def main() -> None:
+    """Run the node."""
+    run(HubNode)
+
+
+if __name__ == '__main__':
+    main()

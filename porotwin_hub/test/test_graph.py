@@ -1,0 +1,69 @@
+"""The description of the graph: complete, consistent, and what its parts really offer."""
+
+import ast
+from pathlib import Path
+
+import pytest
+from porotwin_core.rig import load_rig
+from porotwin_hub.control import Limits
+from porotwin_hub.graph import GraphSettings, NodeDescription, camera_node, live_graph, twin_nodes
+
+ROOT = Path(__file__).resolve().parents[2]
+FULL = GraphSettings(
+    rig=Path('rig.yaml'),
+    photos=Path('photos'),
+    calibration=Path('calibration.yaml'),
+    model=Path('model'),
+    grid='94x56',
+    retrain_every=40,
+    record=Path('bag'),
+    page='127.0.0.1:8765',
+)
+
+
+def declared_parameters(module: Path) -> set[str]:
+    """Return the names that a node module hands to `declare` or `declare_parameter`."""
+    return {
+        argument.value
+        for call in ast.walk(ast.parse(module.read_text()))
+        if isinstance(call, ast.Call)
+        and getattr(call.func, 'id', getattr(call.func, 'attr', ''))
+        in ('declare', 'declare_parameter')
+        for argument in call.args[:2]
+        if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+    }
+
+
+@pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
+def test_every_parameter_given_is_one_that_the_node_declares(node: NodeDescription) -> None:
+    module = ROOT / node.package / node.package / f'{node.executable}.py'
+    unknown = set(node.parameters) - declared_parameters(module) - {'use_sim_time'}
+    assert not unknown, f'{node.module} does not declare {unknown}'
+
+
+@pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
+def test_every_executable_is_installed_by_its_package(node: NodeDescription) -> None:
+    text = (ROOT / node.package / 'setup.py').read_text()
+    assert f'{node.executable} = {node.module}:main' in text
+
+
+def test_names_are_unique() -> None:
+    names = [node.name for node in live_graph(FULL)]
+    assert len(names) == len(set(names))
+
+
+def test_what_was_not_asked_for_is_not_started() -> None:
+    names = {node.name for node in twin_nodes(GraphSettings(rig=Path('rig.yaml')))}
+    assert names == {'imaging', 'solver', 'costa', 'hub'}
+
+
+def test_a_device_takes_the_place_of_the_folder() -> None:
+    node = camera_node(GraphSettings(rig=Path('rig.yaml'), device='/dev/video0'))
+    assert node.parameters['device'] == '/dev/video0'
+    assert 'photos' not in node.parameters
+
+
+def test_the_papers_rig_can_be_controlled() -> None:
+    rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+    limits = Limits.of(rig)
+    assert limits.violations(limits.safe()) == []
