@@ -1,0 +1,216 @@
+"""An MCAP file written so that a crash, a kill or a full disk costs nothing written before it.
+
+Specification: https://mcap.dev/spec. Messages gather in a chunk; `flush` writes the chunk with one
+append. A file cut off at any byte can be read up to its last whole chunk.
+
+The writers of the `mcap` and `rosbags` packages do not serve here: neither can close a chunk before
+it is full (a setpoint every half minute would wait for hours), and after a failed write both go on
+behind the debris. The records themselves are those of `mcap.records`.
+"""
+
+import os
+import zlib
+from pathlib import Path
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    MessageIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+MAGIC = b'\x89MCAP0\r\n'
+PROFILE = 'ros2'
+LIBRARY = 'porotwin'
+
+CHUNK_SIZE = 1 << 20
+"""Size at which a chunk is written without being asked [bytes]."""
+
+
+class McapWriter:
+    """Appends schemas, channels and messages to a new MCAP file at `path`.
+
+    With `compress`, chunks go through zstd. Between two chunks the file is not touched.
+
+    Raises:
+        OSError: the file exists already or cannot be made.
+    """
+
+    def __init__(self, path: Path, *, compress: bool = True) -> None:
+        self.path = path
+        self.message_counts: dict[int, int] = {}
+        self.start_time = 0
+        self.end_time = 0
+        self._file = path.open('xb', buffering=0)
+        self._size = 0
+        self._compressor = zstandard.ZstdCompressor(level=1) if compress else None
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._records = RecordBuilder()
+        self._entries: dict[int, list[tuple[int, int]]] = {}
+        self._chunk_indexes: list[bytes] = []
+        self._append(MAGIC + _bytes(Header(PROFILE, LIBRARY)))
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages given so far."""
+        return sum(self.message_counts.values())
+
+    @property
+    def waiting(self) -> int:
+        """Size of what the next flush will write [bytes]."""
+        return self._records.count
+
+    def add_schema(self, name: str, definition: str) -> int:
+        """Add a message type with its `definition` (ros2msg) and return the id of its schema."""
+        schema = Schema(len(self._schemas) + 1, definition.encode(), 'ros2msg', name)
+        self._schemas.append(schema)
+        schema.write(self._records)
+        return schema.id
+
+    def add_channel(self, topic: str, schema_id: int, metadata: dict[str, str]) -> int:
+        """Add a topic and return the id of its channel."""
+        channel = Channel(len(self._channels) + 1, topic, 'cdr', metadata, schema_id)
+        self._channels.append(channel)
+        self.message_counts[channel.id] = 0
+        channel.write(self._records)
+        return channel.id
+
+    def write(
+        self, channel_id: int, data: bytes, *, log_time: int, publish_time: int, sequence: int = 0
+    ) -> None:
+        """Add a serialized message; times in [ns], `sequence` as its publisher counted it.
+
+        Raises:
+            OSError: the chunk was full and could not be written; the message waits, see `flush`.
+        """
+        first = self.message_count == 0
+        self.start_time = log_time if first else min(self.start_time, log_time)
+        self.end_time = max(self.end_time, log_time)
+        self.message_counts[channel_id] += 1
+        self._entries.setdefault(channel_id, []).append((log_time, self._records.count))
+        message = Message(channel_id, log_time, data, publish_time, sequence & 0xFFFFFFFF)
+        message.write(self._records)
+        if self._records.count >= CHUNK_SIZE:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write all messages that wait; afterwards they survive the end of this process.
+
+        Raises:
+            OSError: nothing was written; the messages wait for the next flush.
+        """
+        if not self._entries:
+            return
+        records = self._records.end()
+        try:
+            self._write_chunk(records)
+        except OSError:
+            self._records.write(records)
+            raise
+        self._entries = {}
+
+    def _write_chunk(self, records: bytes) -> None:
+        data = self._compressor.compress(records) if self._compressor else records
+        times = [time for entries in self._entries.values() for time, _ in entries]
+        compression = 'zstd' if self._compressor else ''
+        chunk = _bytes(
+            Chunk(compression, data, max(times), min(times), zlib.crc32(records), len(records))
+        )
+        offsets: dict[int, int] = {}
+        indexes = bytearray()
+        for channel_id, entries in self._entries.items():
+            offsets[channel_id] = self._size + len(chunk) + len(indexes)
+            indexes += _bytes(MessageIndex(channel_id, entries))
+        index = ChunkIndex(
+            chunk_length=len(chunk),
+            chunk_start_offset=self._size,
+            compression=compression,
+            compressed_size=len(data),
+            message_end_time=max(times),
+            message_index_length=len(indexes),
+            message_index_offsets=offsets,
+            message_start_time=min(times),
+            uncompressed_size=len(records),
+        )
+        self._append(chunk + indexes)
+        self._chunk_indexes.append(_bytes(index))
+
+    def _append(self, data: bytes) -> None:
+        """Write all of `data`, or leave the file as it was."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            self._file.truncate(self._size)
+            self._file.seek(self._size)
+            raise
+        self._size += len(data)
+
+    def close(self) -> None:
+        """Write what waits, the index and the end of the file.
+
+        Raises:
+            OSError: the end could not be written; the file holds every chunk before it.
+        """
+        try:
+            self.flush()
+            self._append(self._end())
+            os.fsync(self._file.fileno())
+        finally:
+            self._file.close()
+
+    def _end(self) -> bytes:
+        """Return everything behind the last chunk."""
+        data_end = _bytes(DataEnd(0))
+        summary_start = self._size + len(data_end)
+        groups = {
+            Opcode.SCHEMA: [_bytes(schema) for schema in self._schemas],
+            Opcode.CHANNEL: [_bytes(channel) for channel in self._channels],
+            Opcode.CHUNK_INDEX: self._chunk_indexes,
+            Opcode.STATISTICS: [_bytes(self._statistics())],
+        }
+        summary = bytearray()
+        offsets = bytearray()
+        for opcode, records in groups.items():
+            start = summary_start + len(summary)
+            summary += b''.join(records)
+            length = summary_start + len(summary) - start
+            if length:
+                offsets += _bytes(SummaryOffset(opcode, start, length))
+        offset_start = summary_start + len(summary)
+        summary += offsets
+        footer = _bytes(Footer(summary_start, offset_start, 0))
+        checksum = zlib.crc32(summary + footer[:-4])
+        return data_end + summary + footer[:-4] + checksum.to_bytes(4, 'little') + MAGIC
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self.message_counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=self.message_count,
+            message_end_time=self.end_time,
+            message_start_time=self.start_time,
+            metadata_count=0,
+            schema_count=len(self._schemas),
+        )
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
