@@ -8,11 +8,10 @@ The pressure of every well, at unit rate, is solved once; a change of rates is a
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags_array
-from scipy.sparse.linalg import SuperLU, splu
-
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries
+from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse.linalg import SuperLU, splu
 
 
 @dataclass(frozen=True)
@@ -65,16 +64,15 @@ def transmissibilities(grid: Grid, conductance: FloatArray, boundaries: Boundari
     return faces
 
 
-def pressure_matrix(faces: FaceField, *, pinned: bool) -> csc_matrix:
+def pressure_matrix(faces: FaceField, *, pin: float) -> csc_matrix:
     """Return the symmetric positive definite two-point matrix of the pressures.
 
-    `pinned` adds a little to one diagonal entry; a rig without an open side knows its pressure but
+    `pin` is added to the first diagonal entry: a rig without an open side knows its pressure but
     for a constant, and with balanced sources that entry changes no flux.
     """
     nz, nx = faces.x.shape[0], faces.z.shape[1]
     diagonal = faces.x[:, :-1] + faces.x[:, 1:] + faces.z[:-1] + faces.z[1:]
-    if pinned:
-        diagonal[0, 0] += diagonal.max()
+    diagonal[0, 0] += pin
     right = faces.x[:, 1:].copy()
     right[:, -1] = 0.0
     right = right.ravel()[:-1]
@@ -106,16 +104,17 @@ class Flow:
         self.grid = grid
         self.transmissibility = transmissibilities(grid, conductance, boundaries)
         self.closed = 'open' not in boundaries.model_dump().values()
+        self.pin = float(self.transmissibility.x.max()) if self.closed else 0.0
         self._factor: SuperLU = splu(
-            pressure_matrix(self.transmissibility, pinned=self.closed),
+            pressure_matrix(self.transmissibility, pin=self.pin),
             permc_spec='MMD_AT_PLUS_A',
             diag_pivot_thresh=0.0,
             options={'SymmetricMode': True},
         )
 
-    def pressure(self, source: FloatArray) -> FloatArray:
-        """Return the pressure [Pa] of a `source` per cell [m^3/s]; both (nz, nx)."""
-        return self._factor.solve(source.ravel()).reshape(self.grid.shape)
+    def solve(self, source: FloatArray) -> FloatArray:
+        """Return the pressure [Pa] of a `source` per cell [m^3/s]; both flat."""
+        return self._factor.solve(source)
 
     def flux(self, source: FloatArray, driven: FaceField | None = None) -> FaceField:
         """Return the flux [m^3/s] through every face.
@@ -124,12 +123,12 @@ class Flow:
         beside that of the pressure gradient, such as that of buoyancy.
         """
         total = source if driven is None else source - driven.divergence()
-        flux = self.pressure_flux(self.pressure(total))
+        pressure = self.solve(total.ravel()).reshape(self.grid.shape)
+        flux = self.pressure_flux(pressure, self.transmissibility)
         return flux if driven is None else flux + driven
 
-    def pressure_flux(self, pressure: FloatArray) -> FaceField:
+    def pressure_flux(self, pressure: FloatArray, trans: FaceField) -> FaceField:
         """Return -T grad p [m^3/s] on every face, the potential of open sides being zero."""
-        trans = self.transmissibility
         flux = FaceField.zeros(self.grid)
         flux.x[:, 1:-1] = -np.diff(pressure, axis=1)
         flux.z[1:-1] = -np.diff(pressure, axis=0)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import WellRates
+
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.physics import Physics, believed_physics

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig
@@ -66,6 +65,16 @@ class Physics:
         """Volume that stores tracer at the concentration the camera sees [m^3], (nz, nx)."""
         return self.volume * self.porosity * self.retardation_factor
 
+    def well(self, name: str) -> str:
+        """Return `name` where it is a well.
+
+        Raises:
+            InputError: the rig has no such well; the message lists those it has.
+        """
+        if name not in self.wells:
+            raise InputError(f"unknown well '{name}'; known: {', '.join(self.wells)}")
+        return name
+
 
 def believed_physics(rig: Rig, grid: Grid) -> Physics:
     """Return what `rig.yaml` says, on the cells of `grid`, without any effect.
@@ -111,9 +120,11 @@ def check(physics: Physics) -> None:
             raise InputError(f'{name} {values.min():.6g}: must be positive everywhere')
     if physics.porosity.max() > 1:
         raise InputError(f'porosity {physics.porosity.max():.6g}: must not exceed 1')
-    for name, well in physics.wells.items():
+    openings = {f"well '{name}'": well for name, well in physics.wells.items()}
+    openings |= {f'leak {n + 1}': leak.opening for n, leak in enumerate(physics.leaks)}
+    for name, well in openings.items():
         if not (0 < well.x < physics.grid.width and 0 < well.z < physics.grid.height):
             raise InputError(
-                f"well '{name}' at ({well.x:.6g}, {well.z:.6g}) m lies outside the rig of "
+                f'{name} at ({well.x:.6g}, {well.z:.6g}) m lies outside the rig of '
                 f'{physics.grid.width} x {physics.grid.height} m; correct its position'
             )

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
+
 from porotwin_solver.engine import State
 from porotwin_solver.model import Model
 from porotwin_solver.refinement import refine

@@ -24,10 +24,10 @@ the cells' Courant numbers, not with the largest one, which sits at a well.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
-
 from porotwin_core.grid import FloatArray
+
+from porotwin_solver.compiled import compiled, sort_by_pace, starting_level
 from porotwin_solver.flow import FaceField
 
 COURANT = 0.5
@@ -35,8 +35,6 @@ COURANT = 0.5
 
 UPWIND, SUPERBEE, THIRD_ORDER = 0, 1, 2
 """Schemes for the value on a face; the last two differ in how smooth slopes are treated."""
-
-compiled = njit(cache=True, nogil=True, error_model='numpy')
 
 
 class Sources(NamedTuple):
@@ -82,11 +80,9 @@ def pace(flux: FaceField, sources: Sources, pore_volume: FloatArray, time_step: 
 
 
 @compiled
-def _pace(flux_x, flux_z, inflow, outflow, volume, time_step, courant):  # type: ignore[no-untyped-def]
+def _pace(flux_x, flux_z, inflow, outflow, volume, time_step, courant):
     nz, nx = volume.shape
-    level = np.empty((nz, nx), np.int8)
-    count = np.zeros(64, np.int64)
-    top = 0
+    rate = np.empty((nz, nx))
     for i in range(nz):
         for j in range(nx):
             west, east, south, north = (
@@ -97,27 +93,9 @@ def _pace(flux_x, flux_z, inflow, outflow, volume, time_step, courant):  # type:
             )
             leaving = max(east, 0.0) - min(west, 0.0) + max(north, 0.0) - min(south, 0.0)
             coming = max(west, 0.0) - min(east, 0.0) + max(south, 0.0) - min(north, 0.0)
-            share = max(leaving + outflow[i, j], coming + inflow[i, j]) * time_step / volume[i, j]
-            steps = 0
-            while share > courant and steps < 40:
-                share *= 0.5
-                steps += 1
-            level[i, j] = steps
-            count[steps] += 1
-            top = max(top, steps)
-    reach = np.empty(top + 1, np.int64)
-    place = np.empty(top + 1, np.int64)
-    total = 0
-    for steps in range(top, -1, -1):
-        place[steps] = total
-        total += count[steps]
-        reach[steps] = total
-    order = np.empty(nz * nx, np.int32)
-    for i in range(nz):
-        for j in range(nx):
-            steps = level[i, j]
-            order[place[steps]] = i * nx + j
-            place[steps] += 1
+            rate[i, j] = max(leaving + outflow[i, j], coming + inflow[i, j]) / volume[i, j]
+    level = np.empty((nz, nx), np.int8)
+    order, reach = sort_by_pace(rate.ravel(), time_step, courant, level.ravel())
     return level, order, reach
 
 
@@ -174,7 +152,7 @@ def advect(
 
 
 @compiled
-def _slope(behind, ahead, courant, scheme):  # type: ignore[no-untyped-def]
+def _slope(behind, ahead, courant, scheme):
     """Return the limited increment from cell to face; `behind`, `ahead`: differences of cells."""
     if scheme == 0 or behind * ahead <= 0.0:
         return 0.0
@@ -188,7 +166,7 @@ def _slope(behind, ahead, courant, scheme):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _between(value, end):  # type: ignore[no-untyped-def]
+def _between(value, end):
     """Return `value` moved into the range between zero and `end`."""
     return min(max(value, min(0.0, end)), max(0.0, end))
 
@@ -213,7 +191,7 @@ def _corrections(
     low,
     high,
     scheme,
-):  # type: ignore[no-untyped-def]
+):
     """Return what is added to `c` on the west, east, south and north face where they let out.
 
     out_*, in_*: share of the cell's volume that leaves or enters in one step through that face, and
@@ -270,18 +248,6 @@ def _corrections(
 
 
 @compiled
-def _starting_level(step, top):  # type: ignore[no-untyped-def]
-    """Return the lowest level whose cells begin a step of their own at the finest step `step`."""
-    if step == 0:
-        return 0
-    level = top
-    while step % 2 == 0:
-        step //= 2
-        level -= 1
-    return max(level, 0)
-
-
-@compiled
 def _advect(
     c,
     flux_x,
@@ -299,7 +265,7 @@ def _advect(
     rate_z,
     amount_x,
     amount_z,
-):  # type: ignore[no-untyped-def]
+):
     top = len(reach) - 1
     rate_x[:] = 0.0
     rate_z[:] = 0.0
@@ -314,7 +280,7 @@ def _advect(
             time_step,
             level,
             order,
-            reach[_starting_level(step, top)],
+            reach[starting_level(step, top)],
             scheme,
             rate_x,
             rate_z,
@@ -331,7 +297,7 @@ def _advect(
             time_step,
             level,
             order,
-            reach[_starting_level(step + 1, top)] if step + 1 < 1 << top else reach[0],
+            reach[starting_level(step + 1, top)],
             rate_x,
             rate_z,
             amount_x,
@@ -356,7 +322,7 @@ def _leave(
     rate_z,
     amount_x,
     amount_z,
-):  # type: ignore[no-untyped-def]
+):
     """Evaluate the faces through which the first `active` cells let out, for one of their steps."""
     nz, nx = c.shape
     for place in range(active):
@@ -398,7 +364,7 @@ def _leave(
 
 
 @compiled
-def _cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):  # type: ignore[no-untyped-def]
+def _cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):
     """Return the corrections of cell (i, j); a side of the rig mirrors the cell itself."""
     nz, nx = c.shape
     here = c[i, j]
@@ -458,7 +424,7 @@ def _arrive(
     rate_z,
     amount_x,
     amount_z,
-):  # type: ignore[no-untyped-def]
+):
     """End one step of the first `active` cells: book what came and went."""
     nz, nx = c.shape
     for place in range(active):

@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import map_coordinates
-
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from scipy.ndimage import map_coordinates
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.errors import InputError
+
 from porotwin_solver.physics import Physics
 from porotwin_solver.view import View
 

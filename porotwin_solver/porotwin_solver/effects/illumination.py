@@ -1,0 +1,19 @@
+"""The light changes: signal = c (1 + drift t + gradient (x - W/2)), kept within 0..1."""
+
+from dataclasses import replace
+
+from porotwin_solver.effects.effect import Effect, Parameter, Values
+from porotwin_solver.view import View
+
+
+def _light(view: View, values: Values) -> View:
+    return replace(
+        view, drift=view.drift + values['drift'], gradient=view.gradient + values['gradient']
+    )
+
+
+EFFECT = Effect(
+    'illumination',
+    {'drift': Parameter('1/s', default=0.0), 'gradient': Parameter('1/m', default=0.0)},
+    on_view=_light,
+)
