@@ -1,0 +1,59 @@
+"""Tensor files that cannot run code: safetensors with one JSON object in the header."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+from numpy.typing import NDArray
+from porotwin_core.errors import InputError
+
+_PICKLES = (b'\x80', b'PK\x03\x04')
+"""How Python pickles and torch.save archives begin."""
+
+
+def write_tensors(
+    path: Path, tensors: Mapping[str, NDArray], file_format: str, description: Mapping[str, Any]
+) -> None:
+    """Write tensors and their JSON description to `path`, whole or not at all."""
+    metadata = {'format': file_format, 'description': json.dumps(description)}
+    part = path.with_name(f'.{path.name}.{os.getpid()}.part')
+    contiguous = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        safetensors.numpy.save_file(contiguous, part, metadata)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+
+
+def read_header(path: Path, file_format: str) -> dict[str, Any]:
+    """Return the JSON description in `path`.
+
+    Raises:
+        InputError: the file is missing, a pickle, no safetensors file or of another format.
+    """
+    try:
+        with path.open('rb') as file:
+            start = file.read(4)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be read ({error.strerror})') from None
+    if start.startswith(_PICKLES):
+        raise InputError(f'{path}: a pickle, which may run code; only .safetensors files are read')
+    try:
+        with safetensors.safe_open(path, framework='numpy') as file:
+            metadata = file.metadata() or {}
+    except safetensors.SafetensorError as error:
+        raise InputError(f'{path}: not a safetensors file ({error})') from None
+    if metadata.get('format') != file_format:
+        found = metadata.get('format', 'another program')
+        raise InputError(f'{path}: made as {found}, needs {file_format}; train or build it again')
+    try:
+        return json.loads(metadata['description'])
+    except (KeyError, json.JSONDecodeError):
+        raise InputError(f'{path}: its description is damaged; make it again') from None
