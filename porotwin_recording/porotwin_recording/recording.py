@@ -11,6 +11,8 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
 
+from porotwin_recording.bag_reader import is_bag
+from porotwin_recording.bag_recording import read_bag
 from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.experiment import read_experiment
 from porotwin_recording.photos import Photo
@@ -23,7 +25,8 @@ class Recording:
     `told` is what the pumps were told, `measured` what they delivered, where somebody measured it;
     `maps` the tracer maps, read from disk as they are asked for; `photos` in the order of their
     times. Times in [s] since the start of the experiment. None or empty where the recording holds
-    nothing of the kind; `schedule`, `times`, `grid` and `concentration` insist.
+    nothing of the kind; `schedule`, `times`, `grid` and `concentration` insist. `remarks` says in
+    a line each what is wrong with a recording that could be read all the same.
     """
 
     source: Path
@@ -32,6 +35,7 @@ class Recording:
     measured: Schedule | None = None
     maps: ConcentrationMaps | None = None
     photos: tuple[Photo, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def schedule(self) -> Schedule:
@@ -81,7 +85,14 @@ def open_recording(path: Path | str, *, rig: Rig | Path | str | None = None) -> 
         rig = load_rig(rig)
     if not path.exists():
         raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
-    experiment = read_experiment(path, rig)
+    is_folder = path.is_dir() and ((path / 'rig.yaml').is_file() or not is_bag(path))
+    experiment = read_experiment(path, rig) if is_folder else read_bag(path, rig)
     return Recording(
-        path, experiment.rig, experiment.told, None, experiment.maps, experiment.photos
+        path,
+        experiment.rig,
+        experiment.told,
+        experiment.measured,
+        experiment.maps,
+        experiment.photos,
+        experiment.remarks,
     )
