@@ -105,9 +105,9 @@ class VirtualRig:
             number('dispersion', 'longitudinal_dispersivity'),
             number('dispersion', 'transverse_dispersivity'),
         )
-        self._mobile = np.zeros(self.mesh.shape)
-        self._beside = np.zeros(self.mesh.shape)  # immobile or sorbed, per pore volume
-        self._signal = np.zeros(self.mesh.shape)  # a stain that lags behind the tracer
+        self._mobile: FloatArray = np.zeros(self.mesh.shape)
+        self._beside: FloatArray = np.zeros(self.mesh.shape)  # immobile or sorbed, per pore volume
+        self._signal: FloatArray = np.zeros(self.mesh.shape)  # a stain that lags behind the tracer
         self.injected = 0.0
         self.removed = 0.0
         self.decayed = 0.0
