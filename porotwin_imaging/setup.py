@@ -13,4 +13,10 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'camera_node = porotwin_imaging.camera_node:main',
+            'imaging_node = porotwin_imaging.imaging_node:main',
+        ],
+    },
 )

@@ -1,10 +1,15 @@
 """The imaging chain: from the bytes of a photograph to a map of tracer concentration.
 
-    imaging = Imaging(rig, grid)
+    imaging = Imaging(rig, grid, calibration=load_calibration('calibration.yaml'))
     imaging.set_baselines([jpeg_bytes, ...])
-    map = imaging.concentration(jpeg_bytes)
+    found = imaging.concentration(jpeg_bytes)
+
+A photograph is decoded as coarsely as the map allows, aligned to the baseline, read once at the
+sampling points, averaged over the map's cells in linear light, matched to the baseline's colours
+and light, compared with the baseline, scaled, and denoised.
 """
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -17,7 +22,8 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_imaging import photograph, validity
+from porotwin_imaging import colour_checker, light, photograph, validity
+from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.registration import Aligner, Alignment
 from porotwin_imaging.sampling import Sampling, choose_reduction
@@ -25,22 +31,30 @@ from porotwin_imaging.total_variation import denoise
 
 Array = NDArray[np.floating]
 
-_LINEAR = np.where(
-    np.arange(256) / 255 <= 0.04045,
-    np.arange(256) / 255 / 12.92,
-    ((np.arange(256) / 255 + 0.055) / 1.055) ** 2.4,
+_LEVELS = np.arange(256) / 255
+LINEAR_LIGHT = np.where(
+    _LEVELS <= 0.04045, _LEVELS / 12.92, ((_LEVELS + 0.055) / 1.055) ** 2.4
 ).astype(np.float32)
 """Linear light of the 256 grey levels of sRGB."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How the chain works; lengths in metres."""
+    """How the chain works.
 
-    smoothing_m: float = 2e-4
-    tolerance: float = 1e-3
+    `smoothing_m`: length of the total-variation denoising [m]; `tolerance`: its error [-];
+    `least_valid_share`: share of a cell that must be seen for it to have a value;
+    `reported_shift_px`: camera shift, in pixels of the file, from which the status tells of it;
+    `correlated_samples`: samples that share one error, since JPEG and interpolation smear it;
+    `suspicious_residual_px`: misfit of the alignment, in decoded pixels, that marks the map.
+    """
+
+    smoothing_m: float = 1e-4
+    tolerance: float = 2e-3
     least_valid_share: float = 0.3
-    reported_shift_px: float = 1.0
+    reported_shift_px: float = 2.0
+    correlated_samples: float = 4.0
+    suspicious_residual_px: float = 0.35
 
 
 @dataclass(frozen=True)
@@ -48,15 +62,26 @@ class ConcentrationMap:
     """A map of tracer concentration, read from one photograph.
 
     `values` (nz, nx) float32, row 0 the bottom, 1 = tracer stock, NaN where the photograph says
-    nothing; `noise` (nz, nx): standard deviation of `values`; `status`: what a reader should know,
-    one line each; `timings`: seconds by stage; `alignment`: how the camera had moved.
+    nothing; `noise` (nz, nx): standard deviation of `values`; `calibrated`: whether the scale is
+    measured; `suspicious`: whether the map should be looked at before it is believed; `status`:
+    what a reader should know, one line each; `timings`: seconds by stage; `alignment`: how the
+    camera had moved; `signal` (nz, nx): what the scaling was applied to.
     """
 
     values: NDArray[np.float32]
     noise: NDArray[np.float32]
+    calibrated: bool
+    suspicious: bool
     status: list[str]
     timings: dict[str, float]
     alignment: Alignment
+    signal: Array
+
+    @property
+    def typical_noise(self) -> float:
+        """Median standard deviation over the cells that are seen [-]; NaN when none is."""
+        seen = self.noise[np.isfinite(self.noise)]
+        return float(np.median(seen)) if seen.size else math.nan
 
 
 @dataclass
@@ -70,18 +95,55 @@ class _Stopwatch:
         self.timings[name] = self.timings.get(name, 0.0) + time.perf_counter() - start
 
 
+@dataclass(frozen=True)
+class _Baseline:
+    """What all photographs are compared with, on the sampling grid and on the map's cells.
+
+    `colours` (rows, columns, 3): linear red, green, blue where usable, 0 elsewhere; `mean`,
+    `square` (nz, nx, 3): over each cell; `usable` (rows, columns) 0 or 1; `share` (nz, nx) of
+    each cell; `fluctuation` (nz, nx, 3): variance of the log ratio between several baselines.
+    """
+
+    colours: Array
+    mean: Array
+    square: Array
+    usable: Array
+    share: Array
+    patches: Array | None
+    matrix: Array
+    fluctuation: Array
+
+
 class Imaging:
     """The chain of one camera and rig; `set_baselines` first, then any number of photographs."""
 
-    def __init__(self, rig: Rig, grid: Grid, *, settings: Settings = Settings()) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        grid: Grid,
+        *,
+        calibration: Calibration | None = None,
+        settings: Settings | None = None,
+    ) -> None:
+        """Prepare for photographs of `rig` and maps on `grid`.
+
+        Raises:
+            InputError: the rig has no camera, or one that cannot be.
+        """
         self.rig = rig
         self.grid = grid
-        self.settings = settings
+        self.settings = settings or Settings()
+        self.calibrated = calibration is not None
+        self.calibration = calibration or Calibration()
+        self.validity: validity.Validity | None = None
         self._geometry = Geometry.of(rig)
-        self._ready = False
+        self._factors = self.calibration.factor_map(grid)
+        self._baseline: _Baseline | None = None
 
     def set_baselines(self, photographs: Sequence[bytes]) -> list[str]:
         """Take photographs without tracer as the reference of all that follow.
+
+        Returns remarks, one line each. After an error the earlier baselines stay in use.
 
         Raises:
             InputError: no photograph, or one that cannot be used.
@@ -91,21 +153,14 @@ class Imaging:
         self._photo_size = photograph.size(photographs[0])
         self._refuse_outside(self._photo_size)
         self._reduction = choose_reduction(self._geometry, self.grid, self._photo_size[0])
-        self._sampling = Sampling.of(self._geometry, self.grid, self._reduction)
-        first = photograph.decode(photographs[0], self._reduction)
+        first = self._decode(photographs[0])
         self._aligner = Aligner(first.pixels, self._region(first.pixels.shape))
-        sampled = []
-        for data in photographs:
-            picture = self._decode(data)
-            alignment = self._aligner.align(picture.pixels)
-            sampled.append(self._sampling.sample(_linear(picture.pixels), alignment.homography))
-        self._baseline = np.mean(sampled, axis=0)
-        self._mask = validity.lit(self._baseline).astype(np.float32)
-        self._baseline *= self._mask[..., None]
-        self._valid_share = self._sampling.cell_means(self._mask)
-        self._reference = self._sampling.cell_means(self._baseline)
-        self._ready = True
-        return []
+        self._sampling = Sampling.of(self._geometry, self.grid, self._reduction)
+        pictures = [first, *(self._decode(data) for data in photographs[1:])]
+        remarks = self._combine([picture.pixels for picture in pictures])
+        if len(photographs) == 1:
+            remarks.append('one baseline: the fluctuation between photographs is not known')
+        return remarks
 
     def concentration(self, data: bytes) -> ConcentrationMap:
         """Return the concentration that the photograph `data` (the file's bytes) shows.
@@ -113,37 +168,182 @@ class Imaging:
         Raises:
             InputError: the photograph cannot be used; one line says why.
         """
-        if not self._ready:
+        if self._baseline is None:
             raise InputError('no baseline yet: give a photograph taken before the injection')
         watch = _Stopwatch()
-        status: list[str] = ['uncalibrated: default scaling']
+        status = [] if self.calibrated else ['uncalibrated: default scaling']
         with watch.stage('decode'):
             picture = self._decode(data)
         with watch.stage('align'):
             alignment = self._aligner.align(picture.pixels)
-        if alignment.shift * self._reduction > self.settings.reported_shift_px:
-            status.append(f'camera moved by {alignment.shift * self._reduction:.1f} px')
+        status += self._remarks(alignment)
         with watch.stage('remap'):
-            sampled = self._sampling.sample(_linear(picture.pixels), alignment.homography)
-            sampled *= self._mask[..., None]
-            state = self._sampling.cell_means(sampled)
+            sampled = self._sampling.sample(picture.pixels, alignment.homography)
+            colours = _linear(sampled)
+        with watch.stage('average'):
+            log_ratio, variance, share = self._compare(colours, self._baseline)
+        with watch.stage('light'):
+            gain, remarks = self._checker_gain(picture.pixels, alignment, self._baseline)
+            status += remarks
+            seen = share > self.settings.least_valid_share
+            drift = light.drift(log_ratio, np.where(seen, share, 0.0), gain)
+            log_ratio = log_ratio - drift.log_gain
         with watch.stage('signal'):
-            ratio = state[..., 2] / np.maximum(self._reference[..., 2], 1e-6)
-            signal = -np.log(np.maximum(ratio, 0.02))
-            known = self._valid_share > self.settings.least_valid_share
-            signal = np.where(known, signal, np.nan)
+            signal = self.calibration.signal.of(log_ratio) * self._factors
+            spread = self.calibration.signal.noise(log_ratio, variance) * self._factors
+            raw = self.calibration.response.concentration_of(signal)
+            noise = spread * self.calibration.response.slope_at(signal)
         with watch.stage('denoise'):
             smooth = denoise(
-                signal,
-                self._valid_share,
+                np.where(seen, raw, np.nan),
+                _confidence(noise, seen),
                 spacing=(self.grid.dz, self.grid.dx),
                 length=self.settings.smoothing_m,
                 tolerance=self.settings.tolerance,
             )
-        values = np.where(known, np.clip(smooth.values, 0.0, 1.0), np.nan).astype(np.float32)
+            values = np.where(seen, np.clip(smooth.values, 0.0, 1.0), np.nan)
         return ConcentrationMap(
-            values, np.full_like(values, np.nan), status, watch.timings, alignment
+            values.astype(np.float32),
+            np.where(seen, noise, np.nan).astype(np.float32),
+            self.calibrated,
+            alignment.residual > self.settings.suspicious_residual_px,
+            status,
+            watch.timings,
+            alignment,
+            np.where(seen, signal, np.nan),
         )
+
+    def _combine(self, pictures: list[NDArray[np.uint8]]) -> list[str]:
+        """Make the baseline from decoded pictures, the first of which all are aligned to."""
+        sampled = [_linear(self._sampling.sample(pictures[0]))]
+        for pixels in pictures[1:]:
+            alignment = self._aligner.align(pixels)
+            sampled.append(_linear(self._sampling.sample(pixels, alignment.homography)))
+        self.validity = validity.judge(
+            sampled[0], width=self.grid.width, checker=self._checker_on_sampling()
+        )
+        usable = self.validity.usable
+        if self.calibration.hidden is not None:
+            hidden = cv2.resize(
+                self.calibration.hidden, usable.shape[::-1], interpolation=cv2.INTER_NEAREST
+            )
+            usable &= hidden < 128
+        mask = usable.astype(np.float32)
+        share = self._sampling.cell_means(mask)
+        if not (share > self.settings.least_valid_share).any():
+            raise InputError('baseline shows nothing of the sand: check light and corners_px')
+        remarks, patches, matrix = self._match_colours(pictures[0])
+        colours = sampled[0]
+        if len(sampled) > 1:
+            means = [self._sampling.cell_means(one * mask[..., None]) for one in sampled]
+            gains = [
+                light.drift(_log_ratio(mean, means[0]), share, None).log_gain.mean(axis=(0, 1))
+                for mean in means
+            ]
+            colours = np.mean(
+                [one * np.exp(-gain) for one, gain in zip(sampled, gains, strict=True)], axis=0
+            )
+            ratios = np.array(
+                [_log_ratio(mean, means[0]) - gain for mean, gain in zip(means, gains, strict=True)]
+            )
+            fluctuation = ratios.var(axis=0, ddof=1)
+        colours = (colours * mask[..., None]).astype(np.float32)
+        mean = self._sampling.cell_means(colours)
+        if len(sampled) == 1:
+            fluctuation = np.zeros_like(mean)
+        self._baseline = _Baseline(
+            colours,
+            mean,
+            self._sampling.cell_means(colours * colours),
+            mask,
+            share,
+            patches,
+            matrix,
+            fluctuation,
+        )
+        return remarks
+
+    def _compare(self, colours: Array, baseline: _Baseline) -> tuple[Array, Array, Array]:
+        """Return log ratio (nz, nx, 3) to the baseline, its variance, and the share of cells seen.
+
+        The ratio of sums over a cell weights every grain by its own light; its variance is that of
+        a ratio estimator (Cochran, Sampling Techniques, sec. 6.4), from what the samples leave.
+        """
+        usable = baseline.usable
+        glare = colours.max(axis=2) >= validity.GLARE
+        if glare.any():
+            usable = usable * ~glare
+            masked = baseline.colours * ~glare[..., None]
+            mean, square = (self._sampling.cell_means(m) for m in (masked, masked * masked))
+            share = self._sampling.cell_means(usable)
+        else:
+            mean, square, share = baseline.mean, baseline.square, baseline.share
+        colours = colours * usable[..., None]
+        state = self._sampling.cell_means(colours)
+        product = self._sampling.cell_means(colours * baseline.colours)
+        own = self._sampling.cell_means(colours * colours)
+        ratio = state / np.maximum(mean, 1e-6)
+        left = np.maximum(own - 2 * ratio * product + ratio**2 * square, 0.0)
+        samples = np.maximum(share * self._sampling.factor**2, 1.0)
+        scatter = left / (samples / self.settings.correlated_samples)[..., None]
+        variance = scatter / np.maximum(state, 1e-4) ** 2 + baseline.fluctuation
+        return _log_ratio(state, mean), variance, share
+
+    def _match_colours(self, pixels: NDArray[np.uint8]) -> tuple[list[str], Array | None, Array]:
+        """Return remarks, the baseline's patches (24, 3), and its matrix to the chart's colours."""
+        corners = self._checker_corners()
+        if corners is None:
+            return [], None, np.eye(3)
+        found = colour_checker.find(_linear(pixels), corners)
+        if found is None:
+            return ['colour checker not found: light is judged by the sand alone'], None, np.eye(3)
+        matrix, kept = colour_checker.fit_matrix(found.patches, colour_checker.REFERENCE)
+        remarks = [
+            f'colour checker found {found.moved_px * self._reduction:.0f} px from its given place, '
+            f'{kept.sum()} of 24 patches used'
+        ]
+        return remarks, found.patches, matrix
+
+    def _checker_gain(
+        self, pixels: NDArray[np.uint8], alignment: Alignment, baseline: _Baseline
+    ) -> tuple[Array | None, list[str]]:
+        """Return the log gain (3,) of light since the baseline at the colour checker, if seen."""
+        corners = self._checker_corners()
+        if corners is None or baseline.patches is None:
+            return None, []
+        moved = cv2.perspectiveTransform(corners[:, None].astype(np.float64), alignment.homography)
+        found = colour_checker.find(_linear_near(pixels, moved[:, 0]), moved[:, 0])
+        if found is None:
+            return None, ['colour checker not seen: light is judged by the sand alone']
+        return colour_checker.log_gain(found.patches, baseline.patches), []
+
+    def _checker_corners(self) -> Array | None:
+        camera = self.rig.camera
+        if camera is None or camera.colour_checker_px is None:
+            return None
+        return (np.array(camera.colour_checker_px) + 0.5) / self._reduction - 0.5
+
+    def _checker_on_sampling(self) -> Array | None:
+        """Return the checker's corners as (column, row) on the sampling grid."""
+        camera = self.rig.camera
+        if camera is None or camera.colour_checker_px is None:
+            return None
+        x, z = self._geometry.to_metres(*np.array(camera.colour_checker_px).T)
+        rows, columns = self._sampling.shape
+        return np.stack([x / self.grid.width * columns, (1 - z / self.grid.height) * rows], axis=1)
+
+    def _remarks(self, alignment: Alignment) -> list[str]:
+        remarks = []
+        if alignment.shift * self._reduction > self.settings.reported_shift_px:
+            remarks.append(
+                f'camera has moved by {alignment.shift * self._reduction:.1f} px: corrected'
+            )
+        if alignment.residual > self.settings.suspicious_residual_px:
+            remarks.append(
+                f'alignment leaves {alignment.residual * self._reduction:.1f} px: the picture is '
+                'deformed against the baseline'
+            )
+        return remarks
 
     def _decode(self, data: bytes) -> photograph.Photograph:
         size = photograph.size(data)
@@ -173,4 +373,32 @@ class Imaging:
 
 
 def _linear(pixels: NDArray[np.uint8]) -> Array:
-    return cv2.LUT(pixels, _LINEAR)
+    """Return linear red, green, blue of 8-bit blue, green, red."""
+    return cv2.LUT(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), LINEAR_LIGHT)
+
+
+def _linear_near(pixels: NDArray[np.uint8], corners: Array) -> Array:
+    """Return the linear colours of a picture of the same shape, filled only near `corners`."""
+    reach = 2 * int(np.ptp(corners, axis=0).max())
+    low = np.maximum(np.floor(corners.min(axis=0)).astype(int) - reach, 0)
+    high = np.ceil(corners.max(axis=0)).astype(int) + reach
+    picture = np.zeros(pixels.shape, np.float32)
+    area = (slice(low[1], high[1]), slice(low[0], high[0]))
+    picture[area] = _linear(np.ascontiguousarray(pixels[area]))
+    return picture
+
+
+def _log_ratio(state: Array, baseline: Array) -> Array:
+    """Return ln(state / baseline); both are linear light, and 0 where nothing is seen."""
+    return np.log(np.maximum(state, 1e-5) / np.maximum(baseline, 1e-5))
+
+
+def _confidence(noise: Array, seen: NDArray[np.bool_]) -> Array:
+    """Return weights (nz, nx) from 0 to 1 for the denoising: the noise's inverse variance.
+
+    A cell of the median noise counts fully, so that `smoothing_m` means the same in every picture.
+    """
+    if not seen.any():
+        return np.zeros_like(noise)
+    usual = float(np.median(noise[seen]))
+    return np.where(seen, np.minimum((usual / np.maximum(noise, 1e-9)) ** 2, 1.0), 0.0)

@@ -169,3 +169,14 @@ def fit_matrix(patches: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]
         tukey = np.clip(1.0 - (left / (4.7 * spread)) ** 2, 0.0, None)
         weight = usable * scale * tukey
     return matrix.T, usable & (tukey > 0.0)
+
+
+def log_gain(patches: Array, baseline: Array) -> Array:
+    """Return the log ratio (3,) of light at the chart to that of the baseline, channel by channel.
+
+    The median over patches that are neither over-exposed nor dark in either: one covered patch,
+    or glare on one, does not move it.
+    """
+    usable = (patches < OVER_EXPOSED) & (baseline < OVER_EXPOSED) & (baseline > 0.05)
+    ratio = np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4))
+    return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])

@@ -72,7 +72,5 @@ class Sampling:
 
     def cell_means(self, picture: Array) -> Array:
         """Return the mean of a sampled picture over each cell, shape (nz, nx[, channels])."""
-        means = cv2.resize(
-            picture, (self.grid.nx, self.grid.nz), interpolation=cv2.INTER_AREA
-        )
+        means = cv2.resize(picture, (self.grid.nx, self.grid.nz), interpolation=cv2.INTER_AREA)
         return np.ascontiguousarray(means[::-1])

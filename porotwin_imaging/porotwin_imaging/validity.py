@@ -1,9 +1,12 @@
 """Where a photograph of the rig can say something about tracer, judged from the baseline.
 
-Nothing can be read off the colour checker, bolts, tubes and thermocouples, dark frames and deep
-shadow, glare, and the water that stands above the sand. The masks are made once per baseline on
-the sampling grid (finer than the map), where a bolt or a tube is many samples wide.
+Nothing can be read off frames and deep shadow, glare, the colour checker, the water that stands
+above the sand with the bolts in it, and tubes or thermocouples in front of the sand. The masks are
+made once per baseline on the sampling grid (finer than the map), top row first; glare is looked for
+in every photograph.
 """
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,12 +16,156 @@ Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 LEAST_LIGHT = 0.012
-"""Linear brightness below which a sample is frame or deep shadow, relative to the photo's white."""
+"""Linear brightness below which a sample is frame or deep shadow."""
 GLARE = 0.955
 """Linear value (grey level 250) from which a channel is over-exposed."""
+SMOOTH = 0.25
+"""Texture, relative to the rig's median, below which there is water and no sand."""
+DETECTION_COLUMNS = 900
+"""Width of the picture on which objects are looked for; a tube of 1/400 of the rig is seen."""
+OBJECT_SEED, OBJECT_EDGE = 6.0, 3.0
+"""Deviations from the colour of the surrounding sand at which an object is seen, and ends."""
+SMALLEST_OBJECT_M = 0.03
+"""Objects shorter than this are grains [m]."""
+
+
+@dataclass(frozen=True)
+class Validity:
+    """Masks on the sampling grid, True where the named thing hides the sand."""
+
+    unlit: Mask
+    checker: Mask
+    water: Mask
+    objects: Mask
+
+    @property
+    def usable(self) -> Mask:
+        """Where nothing hides the sand."""
+        return ~(self.unlit | self.checker | self.water | self.objects)
+
+
+def judge(colours: Array, *, width: float, checker: Array | None) -> Validity:
+    """Return what hides the sand in a baseline.
+
+    `colours` (rows, columns, 3): linear light on the sampling grid; `width` of the rig [m];
+    `checker` (4, 2): the chart's corners as (column, row) on that grid, None where it hangs
+    outside.
+    """
+    unlit = ~lit(colours)
+    scale = min(1.0, DETECTION_COLUMNS / colours.shape[1])
+    small = cv2.resize(colours, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    shape = colours.shape[:2]
+    water = _enlarged(_water(small), shape)
+    hidden = cv2.resize(
+        (unlit | water).astype(np.uint8), small.shape[1::-1], interpolation=cv2.INTER_NEAREST
+    )
+    objects = _enlarged(_objects(small, hidden.astype(bool), width), shape)
+    return Validity(unlit, _polygon(checker, shape), water, objects)
 
 
 def lit(colours: Array) -> Mask:
     """Return where the linear `colours` (rows, columns, 3) are neither dark nor over-exposed."""
-    smooth = cv2.blur(colours, (5, 5))
+    smooth = cv2.blur(colours, (9, 9))
     return (smooth.mean(axis=2) > LEAST_LIGHT) & (colours.max(axis=2) < GLARE)
+
+
+def _polygon(corners: Array | None, shape: tuple[int, int]) -> Mask:
+    """Return the chart with its frame: its corners moved out by a third."""
+    mask = np.zeros(shape, np.uint8)
+    if corners is not None:
+        middle = corners.mean(axis=0)
+        outer = middle + 1.35 * (corners - middle)
+        cv2.fillPoly(mask, [np.rint(outer).astype(np.int32)], 1)
+    return mask.astype(bool)
+
+
+def texture(colours: Array) -> Array:
+    """Return the spread of brightness between neighbouring grains, relative to the brightness."""
+    grey = colours.mean(axis=2)
+    grains = grey - cv2.GaussianBlur(grey, (0, 0), 2)
+    size = (11, 11)
+    return np.sqrt(np.maximum(cv2.blur(grains**2, size), 0.0)) / (cv2.blur(grey, size) + 1e-3)
+
+
+def _water(colours: Array) -> Mask:
+    """Return the band between the rig's top and the sand's surface, bolts included.
+
+    Water is smooth where sand has grains. The surface in each column is the lowest smooth place of
+    the smooth band along the top, moved to the strongest change of colour nearby.
+    """
+    rough = texture(colours)
+    rows, columns = rough.shape
+    smooth = (rough < SMOOTH * np.median(rough)).astype(np.uint8)
+    smooth = cv2.morphologyEx(smooth, cv2.MORPH_OPEN, np.ones((7, 7), np.uint8))
+    top = rows // 5
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth)
+    band = np.zeros_like(smooth)
+    for label in range(1, count):
+        left, upper, wide, _, area = stats[label]
+        if upper < top and wide > columns // 8 and area > wide * 5:
+            band[labels == label] = 1
+    if band.any(axis=0).mean() < 0.5:
+        return np.zeros(rough.shape, bool)
+    depth = np.where(band.any(axis=0), rows - 1 - np.argmax(band[::-1], axis=0), -1)
+    known = depth >= 0
+    depth = np.interp(np.arange(columns), np.flatnonzero(known), depth[known])
+    # objects in the water hide its lower part from view: take the neighbours' depth
+    depth = cv2.dilate(depth.astype(np.float32)[None, :], np.ones((1, columns // 10 | 1)))[0]
+    surface = _nearest_edge(colours, depth)
+    return np.arange(rows)[:, None] <= surface[None, :]
+
+
+def _nearest_edge(colours: Array, depth: Array) -> Array:
+    """Return the rows of the strongest change of log colour at most 4 % of the height from `depth`.
+
+    The rows are smoothed by a running maximum and median, so that the mask covers the surface.
+    """
+    rows = colours.shape[0]
+    reach = max(4, rows // 25)
+    logs = np.log(cv2.blur(colours, (9, 1)) + 1e-3)
+    lag = 3
+    change = np.zeros(colours.shape[:2], np.float32)
+    change[lag:-lag] = np.abs(logs[2 * lag :] - logs[: -2 * lag]).sum(axis=2)
+    distance = np.abs(np.arange(rows)[:, None] - depth[None, :])
+    edge = np.argmax(np.where(distance <= reach, change, -1.0), axis=0).astype(np.float32)
+    lower = np.maximum(edge, depth.astype(np.float32))[None, :]
+    covered = cv2.dilate(lower, np.ones((1, 9), np.uint8))
+    return covered[0] + 2 * lag
+
+
+def _objects(colours: Array, hidden: Mask, width: float) -> Mask:
+    """Return tubes and the like: connected places whose colour is not that of the sand around."""
+    logs = np.log(cv2.blur(colours, (3, 3)) + 1e-3)
+    hue = np.stack([logs[..., 2] - logs[..., 1], logs[..., 0] - logs[..., 1]], axis=-1)
+    deviation = np.zeros(hue.shape[:2], np.float32)
+    size = 41
+    for channel in range(2):
+        plane = hue[..., channel].astype(np.float32)
+        around = _local_median(plane, size)
+        spread = 1.4826 * _local_median(np.abs(plane - around), size)
+        floor = 0.5 * np.median(spread)
+        deviation += ((plane - around) / np.maximum(spread, floor)) ** 2
+    deviation = np.sqrt(deviation)
+    deviation[hidden] = 0.0
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        (deviation > OBJECT_EDGE).astype(np.uint8), connectivity=8
+    )
+    least = SMALLEST_OBJECT_M / width * colours.shape[1]
+    seeds = np.bincount(labels[deviation > OBJECT_SEED], minlength=count)
+    length = np.hypot(stats[:, 2], stats[:, 3])
+    chosen = (length >= max(least, 6.0)) & (seeds >= 0.2 * stats[:, 4]) & (seeds >= 6)
+    chosen[0] = False
+    return cv2.dilate(chosen[labels].astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+
+
+def _local_median(plane: Array, size: int) -> Array:
+    """Return the median over size x size places, found on 8 bits of the plane's central range."""
+    low, high = np.percentile(plane, [0.5, 99.5])
+    levels = np.clip((plane - low) / max(high - low, 1e-6) * 255, 0, 255).astype(np.uint8)
+    return cv2.medianBlur(levels, size) / 255.0 * (high - low) + low
+
+
+def _enlarged(mask: Mask, shape: tuple[int, int]) -> Mask:
+    return cv2.resize(
+        mask.astype(np.uint8), (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST
+    ).astype(bool)

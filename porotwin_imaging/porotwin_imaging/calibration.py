@@ -1,0 +1,167 @@
+"""The calibration file: how signal becomes concentration, small, readable, with what made it.
+
+    schema: 1
+    made: {from: experiment folder, photographs: 12, outliers: 1, ...}
+    signal: {contrast: absorbance, weights: [1.0, 0.0, 0.0]}
+    response: {signal: [0.0, 0.6, 1.9], concentration: [0.0, 0.35, 1.0]}
+    sands: {file: sands.png, factors: [1.0, 1.52]}
+    hidden: {file: hidden.png}
+
+`response` is monotone and piecewise linear. `sands` names a picture with one grey level for each
+sand (0, 1, 2, ...), over the whole rig, top row first, and the factor by which each one's signal is
+multiplied before the response; `hidden` names a picture that is white where nothing can be read
+off. Both may be corrected by hand with any paint program.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_imaging.tracer_signal import Signal
+
+Array = NDArray[np.floating]
+Labels = NDArray[np.uint8]
+
+SCHEMA = 1
+
+DEFAULT_FULL_SIGNAL = 2.0
+"""Signal taken for tracer stock while there is no calibration: the absorbance of red by the green
+tracer of the large FluidFlower's test in coarse sand."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """A monotone curve from signal to concentration, straight between its points."""
+
+    signal: tuple[float, ...] = (0.0, DEFAULT_FULL_SIGNAL)
+    concentration: tuple[float, ...] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        signal, concentration = np.array(self.signal), np.array(self.concentration)
+        if len(signal) != len(concentration) or len(signal) < 2:
+            raise InputError('calibration: response needs as many signals as concentrations, 2 up')
+        if (np.diff(signal) <= 0).any() or (np.diff(concentration) < 0).any():
+            raise InputError('calibration: response must increase; calibrate again')
+
+    def concentration_of(self, signal: Array) -> Array:
+        """Return the concentration; beyond its ends the curve goes on straight."""
+        x, y = np.array(self.signal), np.array(self.concentration)
+        inside = np.interp(signal, x, y)
+        first, last = (y[1] - y[0]) / (x[1] - x[0]), (y[-1] - y[-2]) / (x[-1] - x[-2])
+        below, above = np.minimum(signal - x[0], 0.0), np.maximum(signal - x[-1], 0.0)
+        return inside + first * below + last * above
+
+    def slope_at(self, signal: Array) -> Array:
+        """Return d concentration / d signal."""
+        x, y = np.array(self.signal), np.array(self.concentration)
+        slopes = np.diff(y) / np.diff(x)
+        piece = np.clip(np.searchsorted(x, signal, side='right') - 1, 0, len(slopes) - 1)
+        return slopes[piece]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the chain needs to turn signal into concentration; see the module's text."""
+
+    signal: Signal = Signal()
+    response: Response = Response()
+    sands: Labels | None = None
+    factors: tuple[float, ...] = (1.0,)
+    hidden: Labels | None = None
+    made: dict[str, Any] = field(default_factory=dict)
+
+    def factor_map(self, grid: Grid) -> Array:
+        """Return each cell's factor (nz, nx), by the sand that covers its middle."""
+        if self.sands is None:
+            return np.full(grid.shape, self.factors[0])
+        labels = cv2.resize(self.sands, (grid.nx, grid.nz), interpolation=cv2.INTER_NEAREST)
+        return np.array(self.factors)[np.minimum(labels[::-1], len(self.factors) - 1)]
+
+
+def load_calibration(path: Path | str) -> Calibration:
+    """Return the calibration in the file `path`.
+
+    Raises:
+        InputError: one line naming the file, the key and what would mend it.
+    """
+    path = Path(path)
+    try:
+        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except FileNotFoundError:
+        raise InputError(f'{path}: no such file; make one with: porotwin calibrate') from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
+    try:
+        if data['schema'] != SCHEMA:
+            raise InputError(f'{path}: schema {data["schema"]}; this version reads {SCHEMA}')
+        signal = Signal(data['signal']['contrast'], _weights(data['signal']['weights']))
+        response = Response(
+            tuple(float(value) for value in data['response']['signal']),
+            tuple(float(value) for value in data['response']['concentration']),
+        )
+        sands = data.get('sands') or {}
+        hidden = data.get('hidden') or {}
+        return Calibration(
+            signal,
+            response,
+            _picture(path, sands.get('file')),
+            tuple(float(value) for value in sands.get('factors', [1.0])),
+            _picture(path, hidden.get('file')),
+            data.get('made') or {},
+        )
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f'{path}: not a calibration ({type(error).__name__}: {error}); calibrate again'
+        ) from None
+
+
+def save_calibration(calibration: Calibration, path: Path | str) -> None:
+    """Write the calibration as YAML to `path`, its pictures beside it."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data: dict[str, Any] = {
+        'schema': SCHEMA,
+        'made': calibration.made,
+        'signal': {
+            'contrast': calibration.signal.contrast,
+            'weights': [round(value, 5) for value in calibration.signal.weights],
+        },
+        'response': {
+            'signal': [round(value, 5) for value in calibration.response.signal],
+            'concentration': [round(value, 5) for value in calibration.response.concentration],
+        },
+    }
+    if calibration.sands is not None:
+        cv2.imwrite(str(path.with_name('sands.png')), calibration.sands)
+        data['sands'] = {
+            'file': 'sands.png',
+            'factors': [round(value, 4) for value in calibration.factors],
+        }
+    if calibration.hidden is not None:
+        cv2.imwrite(str(path.with_name('hidden.png')), calibration.hidden)
+        data['hidden'] = {'file': 'hidden.png'}
+    text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    path.write_text(text, encoding='utf-8')
+
+
+def _weights(values: Any) -> tuple[float, float, float]:
+    red, green, blue = (float(value) for value in values)
+    return red, green, blue
+
+
+def _picture(path: Path, name: str | None) -> Labels | None:
+    if name is None:
+        return None
+    picture = cv2.imread(str(path.with_name(name)), cv2.IMREAD_GRAYSCALE)
+    if picture is None:
+        raise InputError(f"picture '{name}' is not beside it or cannot be read")
+    return np.asarray(picture, np.uint8)

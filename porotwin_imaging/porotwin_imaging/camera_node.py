@@ -1,0 +1,69 @@
+"""Publishes photographs from a watched folder or a camera, stamped with their exposure."""
+
+from rclpy.node import Node
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import CompressedImage
+
+from porotwin_core.conversions import CAMERA_FRAME, header_at
+from porotwin_core.errors import InputError
+from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.qos import BASELINE, PHOTO
+from porotwin_imaging.sources import Device, Folder, Photo, Source
+
+FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
+
+
+class CameraNode(Node):
+    """Topics: `camera/image/compressed` (states), `camera/baseline/compressed` (latched)."""
+
+    def __init__(self) -> None:
+        super().__init__('camera')
+        self._source = self._make_source()
+        period = declare(self, 'period', 0.0, 'time between two looks [s]; 0: 0.5, device: 30')
+        self._baseline = self.create_publisher(
+            CompressedImage, 'camera/baseline/compressed', BASELINE
+        )
+        self._state = self.create_publisher(CompressedImage, 'camera/image/compressed', PHOTO)
+        self._diagnostics = Diagnostics(self)
+        default = 0.5 if isinstance(self._source, Folder) else 30.0
+        self.create_timer(period or default, self._look)
+
+    def _make_source(self) -> Source:
+        photos = declare(self, 'photos', '', 'folder that the camera writes to')
+        device = declare(self, 'device', '', 'camera, as a number or /dev/video0')
+        width = declare(self, 'width', 0, 'columns asked of the camera [px]; 0: its own')
+        height = declare(self, 'height', 0, 'rows asked of the camera [px]; 0: its own')
+        patience = declare(self, 'patience', 10.0, 'wait for a file still being written [s]')
+        if bool(photos) == bool(device):
+            raise InputError("camera: give one of the parameters 'photos' and 'device'")
+        if photos:
+            return Folder(photos, patience=patience)
+        return Device(device, width=width, height=height)
+
+    def _look(self) -> None:
+        photos, problems = self._source.poll()
+        for problem in problems:
+            self.get_logger().warning(problem.reason)
+            self._diagnostics.report(DiagnosticStatus.ERROR, problem.reason, file=problem.name)
+        for photo in photos:
+            self._publish(photo)
+
+    def _publish(self, photo: Photo) -> None:
+        message = CompressedImage(header=header_at(photo.time, CAMERA_FRAME))
+        message.format = FORMATS.get(photo.data[:2], 'tiff')
+        message.data.frombytes(photo.data)
+        publisher = self._baseline if photo.role == 'baseline' else self._state
+        publisher.publish(message)
+        line = f'{photo.role} photograph {photo.name}, exposed at {photo.time:.3f} s'
+        self.get_logger().info(line)
+        self._diagnostics.report(DiagnosticStatus.OK, line, file=photo.name)
+
+
+def main() -> None:
+    """Run the node."""
+    run(CameraNode)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,92 @@
+"""The light's drift between baseline and photograph, and its removal.
+
+Lamps warm up, daylight moves: a photograph is brighter or darker than its baseline by a factor that
+varies slowly over the rig. The colour checker shows the drift of each channel at its place; sand
+without tracer shows how it varies over the rig. Both work on log ratios to the baseline, where the
+drift is a sum: a constant for each channel, and a quadratic in x and z that all channels share.
+Tracer is told from light by robust weights: it only darkens, and by more than light drifts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+
+LEAST_BACKGROUND = 0.1
+"""Share of the seen cells that must be free of tracer for the sand to show the drift."""
+TOLERANCE = 0.06
+"""Log ratio from the drift at which a cell no longer counts as background (Tukey's biweight)."""
+REACH = 0.25
+"""Largest difference of log ratio between the checker and the sand that is taken for light."""
+_BIN = 0.01
+
+
+@dataclass(frozen=True)
+class Light:
+    """`log_gain` (nz, nx, 3): log of the photograph's light relative to the baseline's.
+
+    `background`: share of the seen cells it was read from; 0 when only the checker shows it.
+    """
+
+    log_gain: Array
+    background: float
+
+
+def drift(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Light:
+    """Return the drift of light seen in log ratios (nz, nx, 3) of photograph to baseline.
+
+    `weight` (nz, nx): 0 where a cell is not seen; `checker_gain` (3,): log gain at the checker.
+    """
+    start = _level(log_ratio, weight, checker_gain)
+    terms = _terms(log_ratio.shape[:2])
+    constants, shape = start, np.zeros(terms.shape[-1])
+    share = 0.0
+    seen = weight > 0
+    background = np.zeros_like(weight)
+    for _ in range(8):
+        left = log_ratio - constants - (terms @ shape)[..., None]
+        distance = np.sqrt((left**2).mean(axis=2)) / TOLERANCE
+        background = weight * np.clip(1.0 - distance**2, 0.0, None) ** 2
+        share = float((background > 0).sum() / max(1, seen.sum()))
+        if share < LEAST_BACKGROUND:
+            break
+        constants, shape = _fit(log_ratio, terms, background)
+    if share < LEAST_BACKGROUND:
+        gain = np.zeros(3) if checker_gain is None else checker_gain
+        return Light(np.broadcast_to(gain, log_ratio.shape), 0.0)
+    return Light(constants + (terms @ shape)[..., None], share)
+
+
+def _level(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Array:
+    """Return where to start (3,): the commonest log ratio of the sand near the checker's."""
+    expected = np.zeros(3) if checker_gain is None else checker_gain
+    values = log_ratio[weight > 0]
+    if not len(values):
+        return expected
+    grey = values.mean(axis=1)
+    edges = np.arange(expected.mean() - REACH, expected.mean() + REACH + _BIN, _BIN)
+    counts = np.histogram(grey, edges)[0]
+    counts = np.convolve(counts, np.ones(3), mode='same')
+    middle = 0.5 * (edges[:-1] + edges[1:])[int(np.argmax(counts))]
+    near = np.abs(grey - middle) < 2 * _BIN
+    return np.median(values[near], axis=0) if near.any() else expected
+
+
+def _terms(shape: tuple[int, int]) -> Array:
+    z, x = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing='ij')
+    return np.stack([x, z, x * x, x * z, z * z], axis=-1)
+
+
+def _fit(log_ratio: Array, terms: Array, weight: Array) -> tuple[Array, Array]:
+    """Return the channels' constants (3,) and the common quadratic (5,), by least squares."""
+    total = weight.sum()
+    mean_terms = np.einsum('ij,ijk->k', weight, terms) / total
+    grey = log_ratio.mean(axis=2)
+    centred = terms - mean_terms
+    matrix = np.einsum('ij,ijk,ijl->kl', weight, centred, centred) / total
+    right = np.einsum('ij,ijk,ij->k', weight, centred, grey) / total
+    shape = np.linalg.solve(matrix + 1e-3 * np.eye(matrix.shape[0]) * np.trace(matrix), right)
+    flat = log_ratio - (terms @ shape)[..., None]
+    return np.einsum('ij,ijk->k', weight, flat) / total, shape

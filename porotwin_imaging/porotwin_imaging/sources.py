@@ -1,0 +1,264 @@
+"""Where photographs come from: a folder that is watched, or a camera on USB.
+
+A folder is polled, since network shares report nothing. A photograph is sent once, when it is
+whole: its size has not changed between two looks and it ends as its format says. While an older
+file is still being written a newer one waits for it, but no longer than `patience`. A protocol
+`imaging.csv` (time_s, path, role) in the folder or above it gives roles and times; without it the
+first photograph of a session is the baseline.
+"""
+
+import csv
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import cv2
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.exposure import exposure_time
+from porotwin_imaging.photograph import is_whole
+
+Role = Literal['baseline', 'state']
+SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
+PROTOCOL = 'imaging.csv'
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photograph as the camera wrote it, with its exposure `time` [s], `role` and `name`."""
+
+    data: bytes
+    time: float
+    role: Role
+    name: str
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A file that cannot be sent, and why, in one line."""
+
+    name: str
+    reason: str
+
+
+class Source(Protocol):
+    """Gives the photographs that have come since it was last asked."""
+
+    def poll(self) -> tuple[list[Photo], list[Problem]]:
+        """Return new photographs in the order of their exposure, and files in trouble."""
+        ...
+
+
+def read_protocol(path: Path) -> dict[Path, tuple[float, Role]]:
+    """Return time [s] and role of every file that the protocol `path` names.
+
+    Raises:
+        InputError: a line is not `time_s,path,role`.
+    """
+    lines: dict[Path, tuple[float, Role]] = {}
+    with path.open(encoding='utf-8-sig', newline='') as file:
+        for line in csv.DictReader(file, skipinitialspace=True):
+            try:
+                role = line['role']
+                if role not in ('baseline', 'state'):
+                    raise ValueError(role)
+                lines[(path.parent / line['path']).resolve()] = (float(line['time_s']), role)  # type: ignore[assignment]
+            except (KeyError, TypeError, ValueError):
+                raise InputError(
+                    f'{path}: cannot read {dict(line)}; write time_s,path,role with role baseline '
+                    'or state'
+                ) from None
+    return lines
+
+
+@dataclass
+class _Watched:
+    size: int
+    changed: float
+    since: float
+    """When it was first seen with this size and time of change (the clock of `Folder`)."""
+    reported: bool = False
+
+
+class Folder:
+    """Watches `folder` for photographs.
+
+    `patience` [s]: how long a whole file waits for an older one still being written, and after how
+    long an unfinished file that no longer grows is reported. `clock` is for tests.
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        *,
+        patience: float = 10.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.folder = Path(folder)
+        self._patience = patience
+        self._clock = clock
+        self._watched: dict[str, _Watched] = {}
+        self._sent: set[str] = set()
+        self._baseline_sent = False
+        self._protocol_stamp: tuple[Path, int, int] | None = None
+        self._protocol: dict[Path, tuple[float, Role]] = {}
+        if not self.folder.is_dir():
+            raise InputError(f'{folder}: no such folder; name the folder the camera writes to')
+
+    def poll(self) -> tuple[list[Photo], list[Problem]]:
+        """Look once; cheap when nothing has changed. See `Source.poll`."""
+        now = self._clock()
+        problems = self._read_protocol()
+        candidates = self._look(now)
+        whole: dict[str, bytes] = {}
+        unfinished: list[str] = []
+        for name in candidates:
+            data = self._whole(name, now)
+            if data is None:
+                unfinished.append(name)
+            else:
+                whole[name] = data
+        problems += self._stuck(unfinished, now)
+        photos = [self._photo(name, data) for name, data in self._released(whole, unfinished, now)]
+        return self._with_baseline(sorted(photos, key=lambda photo: photo.time)), problems
+
+    def _look(self, now: float) -> list[str]:
+        """Return the names of files not sent yet, and note when each last changed."""
+        names = []
+        try:
+            with os.scandir(self.folder) as entries:
+                for entry in entries:
+                    if entry.name in self._sent or entry.name.startswith('.'):
+                        continue
+                    if Path(entry.name).suffix.lower() not in SUFFIXES:
+                        continue
+                    status = entry.stat()
+                    known = self._watched.get(entry.name)
+                    if known is None or (known.size, known.changed) != (
+                        status.st_size,
+                        status.st_mtime,
+                    ):
+                        self._watched[entry.name] = _Watched(status.st_size, status.st_mtime, now)
+                    names.append(entry.name)
+        except OSError:  # a share that is away for a moment: look again next time
+            return []
+        return names
+
+    def _whole(self, name: str, now: float) -> bytes | None:
+        watched = self._watched[name]
+        if watched.since == now or watched.reported:
+            return None
+        try:
+            data = (self.folder / name).read_bytes()
+        except OSError:
+            return None
+        return data if len(data) == watched.size and is_whole(data) else None
+
+    def _stuck(self, unfinished: list[str], now: float) -> list[Problem]:
+        problems = []
+        for name in unfinished:
+            watched = self._watched[name]
+            if not watched.reported and now - watched.since >= self._patience:
+                watched.reported = True
+                problems.append(
+                    Problem(
+                        name,
+                        f"photograph '{name}' is truncated or broken: {watched.size} bytes, "
+                        f'unchanged for {self._patience:g} s; copy it again',
+                    )
+                )
+        return problems
+
+    def _released(
+        self, whole: dict[str, bytes], unfinished: list[str], now: float
+    ) -> list[tuple[str, bytes]]:
+        """Return what may go now: not before older files that are still being written."""
+        growing = [self._watched[name] for name in unfinished if not self._watched[name].reported]
+        oldest = min((watched.changed for watched in growing), default=float('inf'))
+        released = []
+        for name, data in whole.items():
+            watched = self._watched[name]
+            if watched.changed <= oldest or now - watched.since >= self._patience:
+                released.append((name, data))
+                self._sent.add(name)
+                del self._watched[name]
+        return released
+
+    def _photo(self, name: str, data: bytes) -> Photo:
+        path = self.folder / name
+        told = self._protocol.get(path.resolve())
+        moment = exposure_time(data, told[0] if told else None, path)
+        return Photo(data, moment, told[1] if told else 'state', name)
+
+    def _with_baseline(self, photos: list[Photo]) -> list[Photo]:
+        """Make the first photograph of a session without a protocol its baseline."""
+        if photos and not self._protocol and not self._baseline_sent:
+            first = photos[0]
+            photos = [Photo(first.data, first.time, 'baseline', first.name), *photos[1:]]
+        self._baseline_sent = self._baseline_sent or bool(photos)
+        return photos
+
+    def _read_protocol(self) -> list[Problem]:
+        for path in (self.folder / PROTOCOL, self.folder.parent / PROTOCOL):
+            try:
+                status = path.stat()
+                stamp = (path, status.st_mtime_ns, status.st_size)
+                if stamp != self._protocol_stamp:
+                    self._protocol_stamp = stamp
+                    self._protocol = read_protocol(path)
+            except InputError as error:
+                return [Problem(PROTOCOL, str(error))]
+            except OSError:
+                continue
+            break
+        return []
+
+
+class Device:
+    """A USB or V4L camera through OpenCV, one photograph for every `poll`, encoded as JPEG.
+
+    `device` is a number or a path such as /dev/video0; `width`, `height` are asked of the camera
+    [px]. The first photograph is the baseline. `clock` gives the exposure time [s].
+    """
+
+    def __init__(
+        self,
+        device: int | str,
+        *,
+        width: int = 0,
+        height: int = 0,
+        quality: int = 95,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._name = str(device)
+        self._quality = quality
+        self._clock = clock
+        self._count = 0
+        self._camera = cv2.VideoCapture(int(device) if str(device).isdigit() else str(device))
+        if not self._camera.isOpened():
+            raise InputError(f"camera '{device}' cannot be opened; see which /dev/video* exist")
+        self._camera.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        if width and height:
+            self._camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
+            self._camera.set(cv2.CAP_PROP_FRAME_HEIGHT, height)
+
+    def poll(self) -> tuple[list[Photo], list[Problem]]:
+        """Take a photograph now. See `Source.poll`."""
+        self._camera.grab()  # drops a frame that was waiting in the driver
+        moment = self._clock()
+        taken, pixels = self._camera.read()
+        if not taken:
+            return [], [Problem(self._name, f"camera '{self._name}' gave no picture; check it")]
+        encoded, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
+        if not encoded:
+            return [], [Problem(self._name, f"camera '{self._name}': picture cannot be encoded")]
+        self._count += 1
+        role: Role = 'baseline' if self._count == 1 else 'state'
+        return [Photo(data.tobytes(), moment, role, f'{self._name}-{self._count:06d}.jpg')], []
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self._camera.release()
