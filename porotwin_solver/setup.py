@@ -13,4 +13,5 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={'console_scripts': ['solver_node = porotwin_solver.solver_node:main']},
 )
