@@ -212,7 +212,7 @@ class Photographer:
             return None
         middle = (0.5 * self.camera.width_px, 0.5 * self.camera.height_px)
         move = cv2.getRotationMatrix2D(middle, math.degrees(turn), 1.0)
-        return np.asarray(move, float) + [[0.0, 0.0, shift[0]], [0.0, 0.0, shift[1]]]
+        return np.column_stack((move[:, :2], move[:, 2] + shift))
 
     def _lamp(self, time: float) -> NDArray[np.float32]:
         """Return the lamps at `time` [s]: factors of blue, green, red, slopes across and down."""
