@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 pytest.importorskip('porotwin_msgs.msg', reason='needs ROS 2 and the built interfaces')
 
+from rclpy.serialization import deserialize_message, serialize_message
+
+from porotwin_core import conversions
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import parse_rig, rig_from_maps
 from porotwin_core.wells import WellRate
-from rclpy.serialization import deserialize_message, serialize_message
-
-from porotwin_core import conversions
 from porotwin_msgs.msg import Outcome
 from porotwin_msgs.msg import WellRate as WellRateMessage
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid, conservative_resample
 

@@ -5,6 +5,7 @@ import itertools
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from porotwin_core.errors import InputError
 from porotwin_core.units import ML_H, from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate, net_rate

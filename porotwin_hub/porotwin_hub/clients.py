@@ -7,11 +7,11 @@ executor must spin in another one. A blocking call in a callback would deadlock.
 import threading
 from typing import Any
 
-from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.wells import WellRates
 from rclpy.node import Node
 
 from porotwin_core import conversions
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.wells import WellRates
 from porotwin_hub.twin import Correction, ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, net_rate
-from scipy.optimize import minimize
 
 PUMP_STEP_ML_H = 0.1
 """What a pump's display can be set to [ml/h]; setpoints are rounded down to it."""

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+
+from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import WellRate
-from rclpy.node import Node
-
-from porotwin_core import conversions, qos
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.control import Limits
 from porotwin_hub.objective import Objective

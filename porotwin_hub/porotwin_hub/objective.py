@@ -1,6 +1,7 @@
 """The cost of a tracer distribution: how much of it lies where it must not (paper, section 4)."""
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig

@@ -10,14 +10,14 @@ import subprocess
 import threading
 from typing import Any
 
-from porotwin_core.errors import InputError
-from porotwin_core.node import declare, run
-from porotwin_core.rig import load_rig
-from porotwin_core.wells import WellRate
 from rclpy.node import Node
 from std_msgs.msg import String
 
 from porotwin_core import __version__, conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_core.node import declare, run
+from porotwin_core.rig import load_rig
+from porotwin_core.wells import WellRate
 from porotwin_hub.announcement import announce
 from porotwin_hub.control import Limits
 from porotwin_msgs.msg import Setpoint, WellRates

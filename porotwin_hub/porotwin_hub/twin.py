@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRate, WellRates
-
 from porotwin_hub.control import Decision, Limits, optimise
 from porotwin_hub.objective import Objective
 

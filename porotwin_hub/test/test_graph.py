@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 import pytest
+
 from porotwin_core.rig import load_rig
 from porotwin_hub.control import Limits
 from porotwin_hub.graph import GraphSettings, NodeDescription, camera_node, live_graph, twin_nodes

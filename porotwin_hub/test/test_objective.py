@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from porotwin_core.grid import Grid
 from porotwin_core.rig import parse_rig
 from porotwin_hub.objective import Objective, distance_to_polygon, fuzzy_mask

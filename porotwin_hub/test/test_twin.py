@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
 from porotwin_core.units import to_ml_h

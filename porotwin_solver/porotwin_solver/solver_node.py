@@ -8,6 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from rclpy.node import Node
+
 from porotwin_core import __version__, conversions
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
@@ -23,10 +25,12 @@ from porotwin_msgs.srv import (
     QuantityOfInterest,
     Residual,
 )
-from rclpy.node import Node
-
 from porotwin_solver.model import Model
 from porotwin_solver.quantities import QUANTITIES
+
+
+AnswerFn = Callable[[Any, Any], None]
+"""Fills a response from a request; raises when it cannot."""
 
 
 class SolverNode(Node):

@@ -1,0 +1,38 @@
+"""./porotwin bench: the speed and accuracy figures of this machine."""
+
+import importlib
+from typing import Annotated, Any
+
+import typer
+
+from porotwin_cli.output import Json, print_json, print_table, say
+from porotwin_core.errors import InputError
+
+BENCHES = {
+    'imaging': 'porotwin_imaging.bench',
+    'solver': 'porotwin_solver.bench',
+}
+"""Parts that can be measured, and the module whose `run()` does it."""
+
+
+def command(
+    parts: Annotated[
+        list[str] | None, typer.Argument(help=f'Of {", ".join(BENCHES)}; all by default.')
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure; ratios to a rival that runs beside, in the same run.
+
+    Example: ./porotwin bench solver
+    """
+    results: dict[str, Any] = {}
+    for part in parts or list(BENCHES):
+        if part not in BENCHES:
+            raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(BENCHES)}")
+        say(f'bench {part} ...')
+        rows = importlib.import_module(BENCHES[part]).run()
+        results[part] = rows
+        if not as_json:
+            print_table(part, list(rows[0]), [list(row.values()) for row in rows])
+    if as_json:
+        print_json(results)

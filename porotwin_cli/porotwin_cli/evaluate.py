@@ -1,0 +1,49 @@
+"""./porotwin evaluate: what a COSTA model earns on recordings."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.output import Json, print_json, say
+
+
+def command(
+    model: Annotated[Path, typer.Argument(help='Folder of a COSTA model.')],
+    recordings: Annotated[list[Path], typer.Argument(help='Experiment folders or MCAP bags.')],
+    setting: Annotated[str, typer.Option(help='Scheme of the physics-based model.')] = 'fast',
+    output: Annotated[Path | None, typer.Option(help='Folder for a table and pictures.')] = None,
+    as_json: Json = False,
+) -> None:
+    """Print one-step and free-running errors with and without COSTA.
+
+    Example: ./porotwin evaluate models/monday run3 --output evaluation
+    """
+    from porotwin_cli.costa_data import frames_of
+    from porotwin_costa.evaluation import evaluate
+    from porotwin_costa.evaluation_pictures import write_pictures
+    from porotwin_costa.model import CorrectiveModel
+    from porotwin_recording.recording import open_recording
+    from porotwin_solver.model import Model
+
+    learned = CorrectiveModel.load(model)
+    experiments = [open_recording(path) for path in recordings]
+    rig = experiments[0].rig
+    physics = Model(rig, learned.grid, setting=setting)
+    result = evaluate(
+        [frames_of(recording, learned.grid) for recording in experiments],
+        time_step=learned.time_step,
+        predict=physics.predict,
+        correct=physics.correct,
+        assess=learned.for_wells(tuple(rig.wells), learned.grid).assess,
+    )
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+        result.write_csv(output / 'errors.csv')
+        write_pictures(result, output)
+        say(f'table and pictures in {output}')
+    if as_json:
+        names = ('predicted', 'corrected', 'free_predicted', 'free_corrected')
+        print_json({name: result.mean(name) for name in names})
+    else:
+        print(result.table())

@@ -1,0 +1,38 @@
+"""Runs one node in the foreground of a command, in a process of its own."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import yaml
+
+from porotwin_cli.output import WorkFailed
+from porotwin_hub.graph import NAMESPACE, Parameter
+
+
+def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
+    """Run a node until it ends or Ctrl-C reaches it.
+
+    Raises:
+        WorkFailed: it ended with an error; it said why itself.
+        SystemExit: with status 2, when its parameters are wrong.
+    """
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, f'{name}.yaml')
+        file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
+        command = [sys.executable, '-m', module, '--ros-args', '--params-file', str(file)]
+        command += ['-r', f'__ns:={NAMESPACE}', '-r', f'__node:={name}']
+        process = subprocess.Popen(command)
+        while True:
+            try:
+                status = process.wait()
+                break
+            except KeyboardInterrupt:
+                continue  # the terminal told the node as well; it closes its files and ends
+    if status == 2:
+        raise SystemExit(2)
+    if status != 0:
+        raise WorkFailed(f'{name} ended with status {status}')

@@ -1,0 +1,62 @@
+"""./porotwin image: photographs to concentration maps."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.output import Json, WorkFailed, print_json, progress, say
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+
+
+def command(
+    experiment: Annotated[Path, typer.Argument(help='Experiment folder or bag with photographs.')],
+    output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
+    grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
+    calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
+    as_json: Json = False,
+) -> None:
+    """Turn the photographs of an experiment into maps of tracer concentration.
+
+    A photograph that cannot be used is named and left out; the others go on.
+
+    Example: ./porotwin image experiment --output maps.nc --grid 280x150
+    """
+    from porotwin_imaging.calibration import load_calibration
+    from porotwin_imaging.chain import Imaging
+    from porotwin_recording.concentration import ConcentrationWriter
+    from porotwin_recording.recording import open_recording
+
+    recording = open_recording(experiment)
+    rig = recording.rig
+    on = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    baselines = [photo for photo in recording.photos if photo.role == 'baseline']
+    states = [photo for photo in recording.photos if photo.role != 'baseline']
+    if not baselines or not states:
+        raise InputError(
+            f'{experiment}: needs a baseline and at least one state photograph; '
+            'give their roles in imaging.csv'
+        )
+    imaging = Imaging(rig, on, calibration=load_calibration(calibration) if calibration else None)
+    for remark in imaging.set_baselines([photo.read() for photo in baselines]):
+        say(remark)
+    done, refused = [], []
+    with ConcentrationWriter(output, on) as writer, progress() as bar:
+        task = bar.add_task('photographs', total=len(states))
+        for photo in states:
+            try:
+                result = imaging.concentration(photo.read())
+            except InputError as error:
+                refused.append(f'{photo.name}: {error}')
+                say(refused[-1])
+            else:
+                writer.append(photo.time, result.values)
+                done.append({'time_s': photo.time, 'photo': photo.name, 'remarks': result.status})
+            bar.advance(task)
+    if not done:
+        raise WorkFailed('no photograph could be used')
+    if as_json:
+        print_json({'output': output, 'grid': str(on), 'maps': done, 'refused': refused})
+    else:
+        say(f'{len(done)} maps on {on} in {output}, {len(refused)} photographs refused')

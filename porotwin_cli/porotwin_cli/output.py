@@ -1,0 +1,76 @@
+"""What commands print: results on standard output, progress and complaints on standard error."""
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from porotwin_core.errors import InputError
+
+Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
+
+
+class WorkFailed(Exception):  # noqa: N818  it ends a command with status 1, it is no mistake of the user
+    """The work could not be done although the input was right; the message is one line."""
+
+
+def say(text: str) -> None:
+    """Tell a person something on standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def progress() -> AbstractContextManager[Progress]:
+    """Return a progress display with an estimate of the time left, on standard error."""
+    return Progress(
+        TextColumn('{task.description}'),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )
+
+
+def print_json(result: dict[str, Any]) -> None:
+    """Print one JSON object; paths as text, NaN as null, as JSON knows none."""
+    print(json.dumps(_plain(result), indent=2))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Print a table on standard output; every column but the first is aligned to the right."""
+    table = Table(title=title, title_justify='left')
+    for index, name in enumerate(header):
+        table.add_column(name, justify='right' if index else 'left')
+    for row in rows:
+        table.add_row(*(str(cell) for cell in row))
+    # a pipe has no width: do not let the table be cut
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+
+
+def refuse_existing(path: Path) -> None:
+    """Refuse to overwrite what somebody may still want.
+
+    Raises:
+        InputError: `path` exists.
+    """
+    if path.exists():
+        raise InputError(f'{path} exists already; name another output or remove it')

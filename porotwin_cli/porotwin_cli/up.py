@@ -1,0 +1,95 @@
+"""./porotwin up: the twin beside the rig, until stopped."""
+
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.output import WorkFailed, say
+from porotwin_cli.workspace import run_folder
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.rig import load_rig
+from porotwin_hub.graph import GraphSettings, live_graph
+from porotwin_hub.processes import GraphProcesses
+
+NEEDED = ('imaging', 'solver', 'hub', 'camera')
+"""Without one of these the twin does nothing."""
+
+
+def command(
+    rig: Annotated[Path, typer.Option(help='rig.yaml, or a folder with one.')],
+    photos: Annotated[Path | None, typer.Option(help='Folder to watch for photographs.')] = None,
+    camera: Annotated[str, typer.Option(help='Camera device, such as /dev/video0.')] = '',
+    page: Annotated[str, typer.Option(help='HOST:PORT of the page; empty: none.')] = (
+        '127.0.0.1:8765'
+    ),
+    grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
+    setting: Annotated[str, typer.Option(help='Scheme: fast, accurate or upwind.')] = 'fast',
+    calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
+    model: Annotated[Path | None, typer.Option(help='COSTA model to start with.')] = None,
+    retrain_every: Annotated[
+        int, typer.Option(help='Retrain COSTA after so many states; 0: never.', min=0)
+    ] = 0,
+    photo_interval_s: Annotated[
+        float, typer.Option(help='Time between photographs [s].', min=0.1)
+    ] = 30.0,
+    horizon_s: Annotated[
+        float, typer.Option(help='How far the optimiser looks ahead [s].', min=1.0)
+    ] = 600.0,
+    speak: Annotated[bool, typer.Option(help='Speak setpoints with espeak-ng.')] = False,
+    predict_only: Annotated[bool, typer.Option(help='Never choose setpoints.')] = False,
+    output: Annotated[Path | None, typer.Option(help='Folder for bag and logs.')] = None,
+) -> None:
+    """Start the twin: photographs in, maps, predictions and setpoints out, everything recorded.
+
+    Example: ./porotwin up --rig rig.yaml --photos /mnt/camera --page 0.0.0.0:8765
+    """
+    rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
+    description = load_rig(rig_file)
+    if (photos is None) == (not camera):
+        raise InputError('name either --photos FOLDER or --camera DEVICE')
+    if photos is not None and not photos.is_dir():
+        raise InputError(f'{photos}: no such folder of photographs; create it or name another')
+    if description.camera is None:
+        raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
+    if grid:
+        Grid.parse(grid, description.width_m, description.height_m)
+    folder = run_folder(output, 'up')
+    settings = GraphSettings(
+        rig=rig_file.resolve(),
+        photos=photos.resolve() if photos is not None else None,
+        device=camera,
+        calibration=calibration,
+        model=model,
+        grid=grid,
+        setting=setting,
+        photo_interval_s=photo_interval_s,
+        horizon_s=horizon_s,
+        control=not predict_only,
+        retrain_every=retrain_every,
+        record=folder / 'bag',
+        page=page,
+        speak=speak,
+    )
+    _run(settings, folder)
+
+
+def _run(settings: GraphSettings, folder: Path) -> None:
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    say(f'twin of {settings.rig}, photographs from {settings.photos or settings.device}')
+    if settings.page:
+        say(f'page: http://{settings.page}')
+    say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
+    with GraphProcesses(live_graph(settings), folder, say=say, show=('operator',)) as graph:
+        while not stop.wait(0.5):
+            lost = [name for name in NEEDED if name in graph.failed]
+            if lost:
+                raise WorkFailed(f'{lost[0]} cannot run: {graph.failed[lost[0]]}')
+    say('stopped')

@@ -1,0 +1,35 @@
+"""Where things are: the checkout, its sample rig, and a folder for each run."""
+
+import datetime
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+"""The checkout; meaningless for an installed package, which has no tests either."""
+
+
+def small_rig() -> Path:
+    """Return the path of the paper's small rig, from the checkout or an installed share folder."""
+    beside = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+    if beside.is_file():
+        return beside
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory('porotwin_hub'), 'config', 'small_rig.yaml')
+
+
+def run_folder(output: Path | None, command: str) -> Path:
+    """Return a new folder for a run: `output`, or runs/COMMAND-DATE-TIME.
+
+    Raises:
+        InputError: `output` exists and is not empty.
+    """
+    folder = output
+    if folder is None:
+        now = datetime.datetime.now().astimezone()
+        folder = Path('runs') / f'{command}-{now:%Y%m%d-%H%M%S}'
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f'{folder} exists already; name another --output or remove it')
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder.resolve()

@@ -1,0 +1,91 @@
+"""The rules of the architecture, checked on the source: who may import whom."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
+MODULES = sorted(path for package in PACKAGES for path in (ROOT / package / package).rglob('*.py'))
+
+ROS = {'rclpy', 'launch', 'launch_ros'}
+MESSAGES = {
+    'porotwin_msgs', 'sensor_msgs', 'std_msgs', 'diagnostic_msgs', 'rosgraph_msgs',
+    'builtin_interfaces', 'rcl_interfaces',
+}  # fmt: skip
+
+ROS_SHELLS = {
+    'porotwin_core/qos.py': 'names the qualities of service',
+    'porotwin_core/node.py': 'what all nodes share',
+    'porotwin_core/conversions.py': 'the one place that converts messages',
+    'porotwin_hub/clients.py': 'service clients as callables',
+    'porotwin_cli/watch.py': 'listens to a running graph',
+}
+"""Modules beside *_node.py that may know ROS, and why."""
+
+MAY_IMPORT = {
+    'porotwin_core': set(),
+    'porotwin_recording': {'porotwin_core'},
+    'porotwin_imaging': {'porotwin_core'},
+    'porotwin_solver': {'porotwin_core'},
+    'porotwin_costa': {'porotwin_core', 'porotwin_recording'},
+    'porotwin_hub': {'porotwin_core'},
+    'porotwin_rig': {'porotwin_core', 'porotwin_recording'},
+    'porotwin_page': {'porotwin_core', 'porotwin_hub'},
+    'porotwin_diagnosis': {
+        'porotwin_core', 'porotwin_recording', 'porotwin_solver', 'porotwin_rig',
+    },
+    'porotwin_cli': set(PACKAGES),
+}  # fmt: skip
+"""Imports point one way; the virtual rig and the solver, above all, share no numerics."""
+
+
+def imported(module: Path) -> set[str]:
+    """Return the top-level names that a module imports, wherever in it."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(module.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None and node.level == 0:
+            names.add(node.module.split('.')[0])
+    return names
+
+
+def short(module: Path) -> str:
+    """Return package/module.py."""
+    return f'{module.relative_to(ROOT).parts[0]}/{module.name}'
+
+
+@pytest.mark.parametrize('module', MODULES, ids=short)
+def test_algorithms_do_not_know_ros(module: Path) -> None:
+    if module.name.endswith('_node.py') or short(module) in ROS_SHELLS:
+        return
+    assert not imported(module) & (ROS | MESSAGES)
+
+
+@pytest.mark.parametrize('module', MODULES, ids=short)
+def test_imports_point_one_way(module: Path) -> None:
+    package = module.relative_to(ROOT).parts[0]
+    assert package in MAY_IMPORT, f'say in this test what {package} may import'
+    ours = {name for name in imported(module) if name.startswith('porotwin_')}
+    allowed = MAY_IMPORT[package] | {package, 'porotwin_msgs'}
+    assert ours <= allowed, f'{short(module)} imports {ours - allowed}'
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_a_package_declares_what_it_imports(package: str) -> None:
+    declared = (ROOT / package / 'package.xml').read_text(encoding='utf-8')
+    used = {
+        name
+        for module in (ROOT / package / package).rglob('*.py')
+        for name in imported(module)
+        if (name.startswith('porotwin_') or name in ROS | MESSAGES) and name != package
+    }
+    missing = sorted(name for name in used if f'>{name}<' not in declared)
+    assert not missing, f'{package}/package.xml lacks {missing}'
+
+
+def test_allowed_shells_exist() -> None:
+    known = {short(module) for module in MODULES}
+    assert set(ROS_SHELLS) <= known
