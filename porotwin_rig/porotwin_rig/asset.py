@@ -6,12 +6,12 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate, WellRates
-
 from porotwin_rig.characteristics import Carrier, arriving
 from porotwin_rig.effects import IMAGE, OUTSIDE_IMAGE, Effects
 from porotwin_rig.flow import (

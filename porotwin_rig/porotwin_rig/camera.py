@@ -12,8 +12,9 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from porotwin_core.rig import Camera, Rig
 from scipy.optimize import least_squares
+
+from porotwin_core.rig import Camera, Rig
 
 FloatArray = NDArray[np.floating]
 

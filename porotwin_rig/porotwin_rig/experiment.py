@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
@@ -14,7 +15,6 @@ from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import ConcentrationWriter
 from porotwin_recording.experiment import write_experiment
 from porotwin_recording.photos import Photo, write_photos
-
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.observation import MapCamera, MapNoise, signal_seen
@@ -98,7 +98,7 @@ def make_experiment(
         rig = photographer.rig
     write_experiment(folder, rig=rig, told=told)
     camera_of_maps = MapCamera(grid, noise or _PERFECT, seed=seed)
-    times = np.arange(int(duration / photo_interval + 1e-9) + 1) * photo_interval
+    times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
     photos: list[Photo] = []
     if photographer is not None:
         photos.append(_stored(folder, 'baseline', 0.0, photographer.baseline()))
@@ -123,7 +123,7 @@ def make_experiment(
             if time >= 0.7 * duration:
                 disturbed += float(np.nansum((seen - signal) ** 2))
                 signal_norm += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
-            kept.append(float(time))
+            kept.append(time)
     if photos:
         write_photos(folder, photos)
     return MadeExperiment(

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from porotwin_core.rig import Boundaries
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
+from porotwin_core.rig import Boundaries
 from porotwin_rig.mesh import Mesh
 
 FloatArray = NDArray[np.floating]

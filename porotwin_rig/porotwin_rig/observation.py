@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from porotwin_core.grid import Grid, conservative_resample
 
+from porotwin_core.grid import Grid, conservative_resample
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.effects import Effects
 
@@ -44,7 +44,10 @@ def _brightness(signal: FloatArray, grid: Grid, effects: Effects, time: float) -
 
 
 def _displaced(signal: FloatArray, grid: Grid, effects: Effects) -> FloatArray:
-    """Return the signal where a point p is seen at C + scale R (p - C) + (dx, dz)."""
+    """Return the signal where a point p is seen at C + scale R (p - C) + (dx, dz).
+
+    What lies beyond the rig's edge looks like the edge.
+    """
     number = effects.number
     turn, scale = number('registration', 'rotation'), number('registration', 'scale')
     middle_x, middle_z = 0.5 * grid.width, 0.5 * grid.height
@@ -59,8 +62,7 @@ def _displaced(signal: FloatArray, grid: Grid, effects: Effects) -> FloatArray:
             (from_x / grid.dx - 0.5).astype(np.float32),
             (from_z / grid.dz - 0.5).astype(np.float32),
             cv2.INTER_CUBIC,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=0.0,
+            borderMode=cv2.BORDER_REPLICATE,
         ),
         float,
     )

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from porotwin_core.wells import WellRate, WellRates
-
 from porotwin_rig.effects import Effects
 
 

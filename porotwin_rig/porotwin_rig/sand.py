@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from porotwin_core.rig import Rig
 from porotwin_core.units import GRAVITY
-
 from porotwin_rig.effects import Effects
 from porotwin_rig.mesh import Mesh
 

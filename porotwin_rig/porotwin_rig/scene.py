@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from porotwin_core.rig import Rig
 
+from porotwin_core.rig import Rig
 from porotwin_rig.camera import CHART_HEIGHT, CHART_WIDTH, VirtualCamera
 from porotwin_rig.chart import chart_colours
 
