@@ -13,5 +13,7 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
-    entry_points={'console_scripts': ['solver_node = porotwin_solver.solver_node:main']},
+    entry_points={
+        'console_scripts': ['solver_node = porotwin_solver.solver_node:main'],
+    },
 )

@@ -180,7 +180,8 @@ def _quantity_from_msg(message: Quantity) -> float | FloatArray:
     return _values('quantity', message.values, grid_from_msg(message.grid), np.float64).copy()
 
 
-def _effect_to_msg(effect: EffectDescription) -> Effect:
+def effect_to_msg(effect: EffectDescription) -> Effect:
+    """Return the message of an effect."""
     message = Effect(name=effect.name)
     for name, value in effect.parameters.items():
         text = isinstance(value, str)
@@ -283,7 +284,7 @@ def rig_to_msg(rig: Rig) -> RigDescription:
         ],
         camera=[_camera_to_msg(rig.camera)] if rig.camera else [],
         control=[_control_to_msg(rig.control)] if rig.control else [],
-        effects=[_effect_to_msg(effect) for effect in rig.effects],
+        effects=[effect_to_msg(effect) for effect in rig.effects],
     )
 
 

@@ -1,5 +1,7 @@
 """Compiled kernels: how they are compiled, and the clock of cells that step at their own pace."""
 
+# mypy: disable-error-code="no-untyped-def"
+
 import numpy as np
 from numba import njit
 

@@ -4,61 +4,68 @@ q = -k / mu(c) (grad p + density_difference c g e_z),    mu(c) = mu_water viscos
 """
 
 import numpy as np
-from porotwin_core.grid import FloatArray
-from porotwin_core.units import GRAVITY
 from scipy.sparse.linalg import LinearOperator, cg
 
+from porotwin_core.grid import FloatArray
+from porotwin_core.units import GRAVITY
+from porotwin_core.wells import WellRates
 from porotwin_solver.flow import FaceField, Flow, transmissibilities
+from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Physics
 
 TOLERANCE = 1e-8
-"""Relative residual of the pressure; what remains is closed exactly (see `coupled_flux`)."""
+"""Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
 
 
-def is_coupled(physics: Physics) -> bool:
-    """Return whether the flow depends on where the tracer is."""
-    return physics.density_difference != 0.0 or physics.viscosity_ratio != 1.0
+class Coupling:
+    """The part of the flow that the tracer drives, for the coefficients of one grid."""
 
+    def __init__(self, physics: Physics) -> None:
+        """Factorise the flow of pure water on the grid of `physics`."""
+        self.physics = physics
+        self.grid = physics.grid
+        self._openings = Openings(physics)
+        self._water = Flow(
+            self.grid, physics.depth * physics.permeability / physics.viscosity, physics.boundaries
+        )
 
-def coupled_flux(
-    flow: Flow, physics: Physics, source: FloatArray, concentration: FloatArray
-) -> FaceField:
-    """Return the flux [m^3/s] that `source` (nz, nx) [m^3/s] and the tracer drive together.
+    def flux(self, rates: WellRates, concentration: FloatArray) -> FaceField:
+        """Return the flux [m^3/s] with tracer less that of pure water under the same `rates`.
 
-    `flow` is that of pure water. Where the viscosity varies, its factor preconditions conjugate
-    gradients, and the flow of water carries the small residual, so that the divergence of the
-    result is `source` to round-off.
-    """
-    if physics.viscosity_ratio == 1.0:
-        return flow.flux(source, buoyant_flux(physics, flow.transmissibility, concentration))
-    conductance = (
-        physics.depth
-        * physics.permeability
-        / (physics.viscosity * physics.viscosity_ratio**concentration)
-    )
-    trans = transmissibilities(physics.grid, conductance, physics.boundaries)
-    driven = buoyant_flux(physics, trans, concentration)
-    wanted = source - driven.divergence()
-    shape = physics.grid.shape
+        Free of divergence to round-off. Where the viscosity varies, the factor of pure water
+        preconditions conjugate gradients, and the flow of pure water carries what they leave.
+        """
+        physics, water = self.physics, self._water
+        if physics.viscosity_ratio == 1.0:
+            driven = buoyant_flux(physics, water.transmissibility, concentration)
+            return water.flux(np.zeros(self.grid.shape), driven)
+        source = self._openings.sources(rates).net
+        mobility = (
+            physics.permeability / physics.viscosity * physics.viscosity_ratio**-concentration
+        )
+        trans = transmissibilities(self.grid, physics.depth * mobility, physics.boundaries)
+        driven = buoyant_flux(physics, trans, concentration)
+        flux = self._pressure_driven(trans, source - driven.divergence()) + driven
+        difference = flux + water.flux(source) * -1.0
+        return difference + water.flux(-difference.divergence())
 
-    def outflow(pressure: FloatArray) -> FloatArray:
-        return flow.pressure_flux(pressure.reshape(shape), trans).divergence().ravel()
+    def _pressure_driven(self, trans: FaceField, source: FloatArray) -> FaceField:
+        shape, water = self.grid.shape, self._water
 
-    def pinned(pressure: FloatArray) -> FloatArray:
-        result = outflow(pressure)
-        result[0] += flow.pin * pressure.ravel()[0]
-        return result
+        def outflow(pressure: FloatArray) -> FloatArray:
+            flux = water.pressure_flux(pressure.reshape(shape), trans)
+            result = flux.divergence().ravel()
+            result[0] += water.pin * pressure.ravel()[0]
+            return result
 
-    size = source.size
-    pressure, _ = cg(
-        LinearOperator((size, size), matvec=pinned, dtype=float),
-        wanted.ravel(),
-        rtol=TOLERANCE,
-        maxiter=200,
-        M=LinearOperator((size, size), matvec=flow.solve, dtype=float),
-    )
-    flux = flow.pressure_flux(pressure.reshape(shape), trans) + driven
-    return flux + flow.flux(source - flux.divergence())
+        pressure, _ = cg(
+            LinearOperator((source.size,) * 2, matvec=outflow, dtype=float),
+            source.ravel(),
+            rtol=TOLERANCE,
+            maxiter=200,
+            M=LinearOperator((source.size,) * 2, matvec=water.solve, dtype=float),
+        )
+        return water.pressure_flux(pressure.reshape(shape), trans)
 
 
 def buoyant_flux(physics: Physics, trans: FaceField, concentration: FloatArray) -> FaceField:
@@ -72,29 +79,3 @@ def buoyant_flux(physics: Physics, trans: FaceField, concentration: FloatArray) 
     flux.z[0] = trans.z[0] * weight * 0.5 * concentration[0]
     flux.z[-1] = trans.z[-1] * weight * 0.5 * concentration[-1]
     return flux
-
-
-def background_flux(physics: Physics, conductance: FloatArray) -> FaceField:
-    """Return the flux [m^3/s] that a Darcy flux imposed on all four sides drives through the rig.
-
-    Where the depth varies along a side, what leaves is scaled to what enters.
-    """
-    grid = physics.grid
-    flux = FaceField.zeros(grid)
-    velocity_x, velocity_z = physics.background_flux
-    if velocity_x == 0.0 and velocity_z == 0.0:
-        return flux
-    closed = physics.boundaries.model_copy(
-        update=dict.fromkeys(('top', 'bottom', 'left', 'right'), 'closed')
-    )
-    flux.x[:, 0] = velocity_x * grid.dz * physics.depth[:, 0]
-    flux.x[:, -1] = velocity_x * grid.dz * physics.depth[:, -1]
-    flux.z[0] = velocity_z * grid.dx * physics.depth[0]
-    flux.z[-1] = velocity_z * grid.dx * physics.depth[-1]
-    flux.x[:, -1] *= _ratio(flux.x[:, 0].sum(), flux.x[:, -1].sum())
-    flux.z[-1] *= _ratio(flux.z[0].sum(), flux.z[-1].sum())
-    return Flow(grid, conductance, closed).flux(np.zeros(grid.shape), flux)
-
-
-def _ratio(wanted: float, given: float) -> float:
-    return wanted / given if given else 1.0

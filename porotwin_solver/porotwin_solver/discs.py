@@ -1,6 +1,7 @@
 """How the disc of a well, at its true position, shares out over the cells of a grid."""
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import WellRates
-
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.physics import Physics, believed_physics
@@ -80,18 +80,25 @@ class Model:
         chosen = setting_of(setting)
         described = (*rig.effects, *effects)
         self.rig, self.grid, self.setting = rig, grid, setting
+        self.effects = described
         self.believed, self.view = apply_effects(believed_physics(rig, grid), View(), described)
         physics = self.believed
         if chosen.refinement > 1:
             fine = grid.refined(chosen.refinement)
             physics, _ = apply_effects(believed_physics(rig, fine), View(), described)
-        self.engine = Engine(physics, scheme=chosen.scheme)
+        self.engine = Engine(physics, scheme=chosen.scheme, coupled=self.believed)
         self._storage = self.believed.porosity * self.believed.retardation_factor
 
     @property
     def physics(self) -> Physics:
         """The coefficients on `grid`, effects included."""
         return self.believed
+
+    def prepare(self) -> None:
+        """Load the compiled kernels and solve the wells' flows ahead of the first question."""
+        for well in self.engine.physics.wells.values():
+            self.engine.unit_flux(well)
+        self.predict(self.initial_condition(), {}, 1.0)
 
     def initial_condition(self) -> FloatArray:
         """Return the map before any tracer is injected: zeros, (nz, nx)."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import DEFAULT_WELL_RADIUS, Boundaries, Rig
@@ -64,6 +65,11 @@ class Physics:
     def storage(self) -> FloatArray:
         """Volume that stores tracer at the concentration the camera sees [m^3], (nz, nx)."""
         return self.volume * self.porosity * self.retardation_factor
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether the flow depends on where the tracer is."""
+        return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
     def well(self, name: str) -> str:
         """Return `name` where it is a well.

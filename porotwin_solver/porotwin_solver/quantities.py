@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
-
 from porotwin_solver.physics import Physics
 
 PLUME_THRESHOLD = 0.05

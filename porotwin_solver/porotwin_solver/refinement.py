@@ -1,6 +1,7 @@
 """From a coarse map to a finer one, sharp and conservative."""
 
 import numpy as np
+
 from porotwin_core.grid import FloatArray
 
 

@@ -1,16 +1,23 @@
-"""The physics-based model as a device: answers ping, info, initial condition, predict and so on.
-
-Every request is answered: what cannot be done comes back as an outcome with one line, and is logged
-as one line.
-"""
+"""The physics-based model as services: `solver/predict` and its kin (paper sec. 2.3)."""
 
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 
-from porotwin_core import __version__, conversions
+from porotwin_core import __version__
+from porotwin_core.conversions import (
+    effect_to_msg,
+    grid_to_msg,
+    ok,
+    rates_from_msg,
+    refusal,
+    source_from_msg,
+    source_to_msg,
+    time_from_msg,
+    tracer_from_msg,
+    tracer_to_msg,
+)
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import declare, run
@@ -28,135 +35,121 @@ from porotwin_msgs.srv import (
 from porotwin_solver.model import Model
 from porotwin_solver.quantities import QUANTITIES
 
-
-AnswerFn = Callable[[Any, Any], None]
-"""Fills a response from a request; raises when it cannot."""
+Handler = Callable[[Any, Any], None]
 
 
 class SolverNode(Node):
-    """Offers a `Model` under `solver/...`."""
+    """Answers for the rig of the parameter `rig` on `grid` with the scheme of `setting`.
+
+    A request that cannot be answered gets its reason in `outcome` and one line in the log.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters and prepare the model, compiled and warm.
+        """Read parameters, factorise the flow, offer the services.
 
         Raises:
-            InputError: a parameter or the rig description is wrong.
+            InputError: a parameter or the rig is wrong.
         """
         super().__init__('solver', **kwargs)
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
-        self._setting = declare(self, 'setting', 'fast', 'scheme: fast, accurate or upwind')
-        self._grid = Grid.parse(text, rig.width_m, rig.height_m)
-        self._model = Model(rig, self._grid, setting=self._setting)
-        self._model.predict(self._model.initial_condition(), {}, 1.0)
-        for service_type, name, answer in (
-            (Ping, 'ping', self._ping),
-            (ModelInfo, 'info', self._info),
-            (InitialCondition, 'initial_condition', self._initial_condition),
-            (Predict, 'predict', self._predict),
-            (Residual, 'residual', self._residual),
-            (Correct, 'correct', self._correct),
-            (QuantityOfInterest, 'quantity_of_interest', self._quantity),
-        ):
-            self.create_service(service_type, f'solver/{name}', self._answering(name, answer))
-        self.get_logger().info(f'{self._setting} model of {rig.name} on {self._grid} is ready')
+        setting = declare(self, 'setting', 'fast', 'fast, accurate or upwind')
+        grid = Grid.parse(text, rig.width_m, rig.height_m)
+        self.model = Model(rig, grid, setting=setting)
+        self.model.prepare()
+        self.create_service(Ping, 'solver/ping', self._ping)
+        self.create_service(ModelInfo, 'solver/info', self._info)
+        self._serve(InitialCondition, 'solver/initial_condition', self._initial_condition)
+        self._serve(Predict, 'solver/predict', self._predict)
+        self._serve(Residual, 'solver/residual', self._residual)
+        self._serve(Correct, 'solver/correct', self._correct)
+        self._serve(QuantityOfInterest, 'solver/quantity_of_interest', self._quantity)
+        self.get_logger().info(f'{rig.name}: {grid} cells, setting {setting}, ready')
 
-    def _answering(
-        self, name: str, answer: Callable[[Any, Any], None]
-    ) -> Callable[[Any, Any], Any]:
-        """Return the callback that fills a response, whatever happens."""
-
-        def callback(request: Any, response: Any) -> Any:
+    def _serve(self, kind: Any, name: str, handler: Handler) -> None:
+        def answer(request: Any, response: Any) -> Any:
             try:
-                answer(request, response)
-                if hasattr(response, 'outcome'):
-                    response.outcome = conversions.ok()
+                handler(request, response)
+                response.outcome = ok()
             except Exception as error:
-                # a request must not take the model away from everybody else
-                response.outcome = conversions.refusal(error)
-                self.get_logger().error(f'{name} refused: {response.outcome.message}')
+                response.outcome = refusal(error)
+                self.get_logger().error(f'{name}: {response.outcome.message}')
             return response
 
-        return callback
+        self.create_service(kind, name, answer)
 
-    def _ping(self, request: Ping.Request, response: Ping.Response) -> None:
-        response.name = 'solver'
+    def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
+        response.name = self.get_name()
         response.version = __version__
-        response.status = f'{self._setting} on {self._grid}'
+        response.status = f'{self.model.grid} cells, setting {self.model.setting}'
         response.time = self.get_clock().now().to_msg()
+        return response
 
-    def _info(self, request: ModelInfo.Request, response: ModelInfo.Response) -> None:
-        rig = self._model.rig
-        response.degrees_of_freedom = self._grid.nx * self._grid.nz
-        response.grid = conversions.grid_to_msg(self._grid)
-        response.setting = self._setting
-        response.wells = list(rig.wells)
+    def _info(self, _: ModelInfo.Request, response: ModelInfo.Response) -> ModelInfo.Response:
+        model = self.model
+        response.degrees_of_freedom = model.grid.nx * model.grid.nz
+        response.grid = grid_to_msg(model.grid)
+        response.setting = model.setting
+        response.wells = list(model.rig.wells)
         response.quantities_of_interest = list(QUANTITIES)
-        response.effects = conversions.rig_to_msg(rig).effects
+        response.effects = [effect_to_msg(effect) for effect in model.effects]
         response.version = __version__
+        return response
 
-    def _initial_condition(
-        self, request: InitialCondition.Request, response: InitialCondition.Response
-    ) -> None:
-        response.state = self._map_message(self._model.initial_condition(), 0.0)
+    def _initial_condition(self, _: Any, response: Any) -> None:
+        now = self.get_clock().now().nanoseconds * 1e-9
+        response.state = tracer_to_msg(self.model.initial_condition(), self.model.grid, now)
 
-    def _predict(self, request: Predict.Request, response: Predict.Response) -> None:
-        predicted = self._model.predict(
-            self._map(request.previous, 'previous'),
-            conversions.rates_from_msg(request.wells),
+    def _predict(self, request: Any, response: Any) -> None:
+        predicted = self.model.predict(
+            self._map(request.previous), rates_from_msg(request.wells), request.time_step
+        )
+        response.predicted = tracer_to_msg(predicted, self.model.grid, _end(request))
+
+    def _residual(self, request: Any, response: Any) -> None:
+        residual = self.model.residual(
+            self._map(request.previous),
+            self._map(request.next),
+            rates_from_msg(request.wells),
             request.time_step,
         )
-        response.predicted = self._map_message(predicted, _end(request))
+        response.residual = source_to_msg(residual, self.model.grid, _end(request))
 
-    def _residual(self, request: Residual.Request, response: Residual.Response) -> None:
-        residual = self._model.residual(
-            self._map(request.previous, 'previous'),
-            self._map(request.next, 'next'),
-            conversions.rates_from_msg(request.wells),
-            request.time_step,
-        )
-        response.residual = conversions.source_to_msg(residual, self._grid, _end(request))
-
-    def _correct(self, request: Correct.Request, response: Correct.Response) -> None:
-        corrected = self._model.correct(
-            self._map(request.previous, 'previous'),
+    def _correct(self, request: Any, response: Any) -> None:
+        corrected = self.model.correct(
+            self._map(request.previous),
             self._source(request.source),
-            conversions.rates_from_msg(request.wells),
+            rates_from_msg(request.wells),
             request.time_step,
         )
-        response.corrected = self._map_message(corrected, _end(request))
+        response.corrected = tracer_to_msg(corrected, self.model.grid, _end(request))
 
-    def _quantity(
-        self, request: QuantityOfInterest.Request, response: QuantityOfInterest.Response
-    ) -> None:
-        state = self._map(request.state, 'state')
-        response.value = self._model.quantity_of_interest(request.name, state)
+    def _quantity(self, request: Any, response: Any) -> None:
+        state = self._map(request.state)
+        response.value = self.model.quantity_of_interest(request.name, state)
         response.unit = QUANTITIES[request.name][0]
 
-    def _map(self, message: TracerField, name: str) -> FloatArray:
-        return self._on_our_grid(*conversions.tracer_from_msg(message), name)
+    def _map(self, message: TracerField) -> FloatArray:
+        values, grid = tracer_from_msg(message)
+        return self._on_grid(values, grid, 'tracer field')
 
     def _source(self, message: SourceField) -> FloatArray:
-        return self._on_our_grid(*conversions.source_from_msg(message), 'source')
+        values, grid = source_from_msg(message)
+        return self._on_grid(values, grid, 'source field')
 
-    def _on_our_grid(self, values: FloatArray, grid: Grid, name: str) -> FloatArray:
-        if grid != self._grid:
-            raise InputError(f'{name} is on {grid}, the model on {self._grid}; start both alike')
+    def _on_grid(self, values: FloatArray, grid: Grid, kind: str) -> FloatArray:
+        if grid.shape != self.model.grid.shape:
+            raise InputError(
+                f'{kind} on {grid} cells: the solver runs on {self.model.grid}; '
+                'resample it or set the parameter grid'
+            )
         return values
-
-    def _map_message(self, concentration: FloatArray, seconds: float) -> TracerField:
-        return conversions.tracer_to_msg(np.asarray(concentration), self._grid, seconds)
 
 
 def _end(request: Any) -> float:
-    """Return the time that an answer is valid at [s]: the end of the request's time step."""
-    return conversions.time_from_msg(request.previous.header.stamp) + request.time_step
+    return time_from_msg(request.previous.header.stamp) + request.time_step
 
 
 def main() -> None:
-    """Run the node."""
+    """Run the node until it is told to stop."""
     run(SolverNode)
-
-
-if __name__ == '__main__':
-    main()

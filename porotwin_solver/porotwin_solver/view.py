@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from scipy.ndimage import map_coordinates
+
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class View:
         return seen
 
     def _moved(self, concentration: FloatArray, grid: Grid) -> FloatArray:
-        """Return the moved map, sampled at the middles of the given cells or finer."""
+        """Return the moved map; from beyond the rig comes what lies at its edge."""
         nz, nx = concentration.shape
         fine = Grid(nx, nz, grid.width, grid.height)
         centre_x, centre_z = grid.width / 2.0, grid.height / 2.0
@@ -57,6 +58,5 @@ class View:
             concentration,
             [from_z / fine.dz - 0.5, from_x / fine.dx - 0.5],
             order=1,
-            mode='constant',
-            cval=0.0,
+            mode='nearest',
         )

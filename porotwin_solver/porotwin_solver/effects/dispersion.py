@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from porotwin_core.units import MOLECULAR_DIFFUSION
-
 from porotwin_solver.effects.effect import Effect, Parameter, Values
 from porotwin_solver.physics import Physics
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.errors import InputError
-
 from porotwin_solver.physics import Physics
 from porotwin_solver.view import View
 

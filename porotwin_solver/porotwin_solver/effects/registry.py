@@ -7,7 +7,6 @@ from pathlib import Path
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
-
 from porotwin_solver.effects.effect import Effect
 from porotwin_solver.physics import Physics, check
 from porotwin_solver.view import View
