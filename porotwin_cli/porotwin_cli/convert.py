@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output import Json, print_json, refuse_existing, say
+from porotwin_cli.output import Json, print_json, progress, refuse_existing, say
 
 
 def import_command(
@@ -20,7 +20,12 @@ def import_command(
     from porotwin_recording.convert import import_experiment
 
     refuse_existing(bag)
-    _report(import_experiment(folder, bag), bag, as_json)
+    with progress() as bar:
+        task = bar.add_task('importing', total=None)
+        import_experiment(
+            folder, bag, progress=lambda n, of: bar.update(task, completed=n, total=of)
+        )
+    _report(bag, as_json)
 
 
 def export_command(
@@ -35,11 +40,18 @@ def export_command(
     from porotwin_recording.convert import export_bag
 
     refuse_existing(folder)
-    _report(export_bag(bag, folder), folder, as_json)
+    with progress() as bar:
+        task = bar.add_task('exporting', total=None)
+        export_bag(bag, folder, progress=lambda n, of: bar.update(task, completed=n, total=of))
+    _report(folder, as_json)
 
 
-def _report(counts: dict[str, int], output: Path, as_json: bool) -> None:
+def _report(output: Path, as_json: bool) -> None:
+    from porotwin_recording.recording import open_recording
+
+    made = open_recording(output)
+    maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
     if as_json:
-        print_json({'output': output, **counts})
+        print_json({'output': output, 'maps': maps, 'photographs': photographs})
     else:
-        say(f'{output}: ' + ', '.join(f'{count} {name}' for name, count in counts.items()))
+        say(f'{output}: {maps} maps, {photographs} photographs')

@@ -24,6 +24,9 @@ from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, tw
 from porotwin_hub.processes import GraphProcesses
 
 PHOTO_INTERVAL_S = 30.0
+PRODUCER_DELIVERY = 0.99
+"""What the producer's pump delivers of what it is told (paper, section 4)."""
+
 STALL_S = 120.0
 """No cycle for so long means that the graph stands still."""
 
@@ -96,7 +99,6 @@ def _run_loop(
         WorkFailed: a node cannot run, or the loop stands still.
     """
     from porotwin_cli.watch import GraphWatch
-    from porotwin_msgs.msg import CycleReport
 
     asset = NodeDescription(
         'virtual_rig',
@@ -120,7 +122,7 @@ def _run_loop(
     with progress() as bar:
         task = bar.add_task('closed loop', total=photographs)
 
-        def on_cycle(report: CycleReport) -> None:
+        def on_cycle(_: object) -> None:
             newest[0] = time.monotonic()
             bar.advance(task)
 
@@ -142,7 +144,7 @@ def _free_run(rig: Rig, times: FloatArray, grid: Grid) -> FloatArray:
     from porotwin_rig.asset import VirtualRig
     from porotwin_rig.pumps import Pumps
 
-    asset = VirtualRig(rig, pumps=Pumps.of_the_paper(rig))
+    asset = VirtualRig(rig, pumps=Pumps({'producer': PRODUCER_DELIVERY}))
     asset.set_rates(Limits.of(rig).safe())
     maps = []
     for moment in times:
@@ -156,10 +158,10 @@ def _account(rig: Rig, folder: Path) -> dict[str, Any]:
     """Return the figures of the run, after drawing its pictures."""
     from porotwin_cli.account import Truth, read_account, summary
     from porotwin_cli.pictures import course_picture, plume_picture
-    from porotwin_recording.concentration import read_concentration
+    from porotwin_recording.concentration import open_maps
 
     account = read_account(folder / 'bag')
-    maps = read_concentration(folder / 'truth.nc', rig)
+    maps = open_maps(folder / 'truth.nc', rig)
     controlled = Truth(maps.times, maps.grid, maps)
     say('the same experiment without control ...')
     free = Truth(maps.times, maps.grid, _free_run(rig, maps.times, maps.grid))

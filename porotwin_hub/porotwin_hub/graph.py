@@ -66,7 +66,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
             'imaging',
             'porotwin_imaging',
             'imaging_node',
-            {**mapped, **calibration, 'photo_interval_s': settings.photo_interval_s},
+            {**mapped, **calibration},
         ),
         NodeDescription(
             'solver', 'porotwin_solver', 'solver_node', {**mapped, 'setting': settings.setting}
@@ -112,7 +112,7 @@ def camera_node(settings: GraphSettings) -> NodeDescription:
     """Return the node that brings photographs in, from a folder or a device."""
     parameters: dict[str, Parameter] = {'use_sim_time': settings.use_sim_time}
     if settings.device:
-        parameters |= {'device': settings.device, 'photo_interval_s': settings.photo_interval_s}
+        parameters |= {'device': settings.device, 'period': settings.photo_interval_s}
     else:
         parameters['photos'] = str(settings.photos)
     return NodeDescription('camera', 'porotwin_imaging', 'camera_node', parameters)
