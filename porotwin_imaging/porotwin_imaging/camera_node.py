@@ -1,8 +1,7 @@
 """Publishes photographs from a watched folder or a camera, stamped with their exposure."""
 
-from rclpy.node import Node
-
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.conversions import CAMERA_FRAME, header_at

@@ -65,7 +65,7 @@ class ConcentrationMap:
     nothing; `noise` (nz, nx): standard deviation of `values`; `calibrated`: whether the scale is
     measured; `suspicious`: whether the map should be looked at before it is believed; `status`:
     what a reader should know, one line each; `timings`: seconds by stage; `alignment`: how the
-    camera had moved; `signal` (nz, nx): what the scaling was applied to.
+    camera had moved.
     """
 
     values: NDArray[np.float32]
@@ -75,13 +75,28 @@ class ConcentrationMap:
     status: list[str]
     timings: dict[str, float]
     alignment: Alignment
-    signal: Array
 
     @property
     def typical_noise(self) -> float:
         """Median standard deviation over the cells that are seen [-]; NaN when none is."""
         seen = self.noise[np.isfinite(self.noise)]
         return float(np.median(seen)) if seen.size else math.nan
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A photograph compared with the baseline, on the map's cells, before any scaling.
+
+    `log_ratio` (nz, nx, 3 = red, green, blue): log of the light relative to the baseline's, the
+    light's drift removed; `variance` (nz, nx, 3) of it; `seen` (nz, nx); `drift`: what was removed.
+    """
+
+    log_ratio: Array
+    variance: Array
+    seen: NDArray[np.bool_]
+    drift: light.Light
+    alignment: Alignment
+    remarks: list[str]
 
 
 @dataclass
@@ -152,10 +167,10 @@ class Imaging:
             raise InputError('no baseline photograph: give one taken before the injection')
         self._photo_size = photograph.size(photographs[0])
         self._refuse_outside(self._photo_size)
-        self._reduction = choose_reduction(self._geometry, self.grid, self._photo_size[0])
+        self.reduction = choose_reduction(self._geometry, self.grid, self._photo_size[0])
         first = self._decode(photographs[0])
         self._aligner = Aligner(first.pixels, self._region(first.pixels.shape))
-        self._sampling = Sampling.of(self._geometry, self.grid, self._reduction)
+        self.sampling = Sampling.of(self._geometry, self.grid, self.reduction)
         pictures = [first, *(self._decode(data) for data in photographs[1:])]
         remarks = self._combine([picture.pixels for picture in pictures])
         if len(photographs) == 1:
@@ -168,57 +183,95 @@ class Imaging:
         Raises:
             InputError: the photograph cannot be used; one line says why.
         """
+        watch = _Stopwatch()
+        measured = self._measure(data, watch)
+        response = self.calibration.response
+        with watch.stage('signal'):
+            signal = self.calibration.signal.of(measured.log_ratio) * self._factors
+            spread = self.calibration.signal.noise(measured.log_ratio, measured.variance)
+            raw = np.where(measured.seen, response.concentration_of(signal), np.nan)
+            noise = spread * self._factors * response.slope_at(signal)
+        with watch.stage('denoise'):
+            smooth = denoise(
+                raw,
+                _confidence(noise, measured.seen),
+                spacing=(self.grid.dz, self.grid.dx),
+                length=self.settings.smoothing_m,
+                tolerance=self.settings.tolerance,
+            )
+            values = np.where(measured.seen, np.clip(smooth.values, 0.0, 1.0), np.nan)
+        status = [] if self.calibrated else ['uncalibrated: default scaling']
+        return ConcentrationMap(
+            values.astype(np.float32),
+            np.where(measured.seen, noise, np.nan).astype(np.float32),
+            self.calibrated,
+            measured.alignment.residual > self.settings.suspicious_residual_px,
+            status + measured.remarks,
+            watch.timings,
+            measured.alignment,
+        )
+
+    def measure(self, data: bytes) -> Measurement:
+        """Return what the photograph shows before any scaling; calibration starts from this.
+
+        Raises:
+            InputError: the photograph cannot be used; one line says why.
+        """
+        return self._measure(data, _Stopwatch())
+
+    def _measure(self, data: bytes, watch: _Stopwatch) -> Measurement:
         if self._baseline is None:
             raise InputError('no baseline yet: give a photograph taken before the injection')
-        watch = _Stopwatch()
-        status = [] if self.calibrated else ['uncalibrated: default scaling']
         with watch.stage('decode'):
             picture = self._decode(data)
         with watch.stage('align'):
             alignment = self._aligner.align(picture.pixels)
-        status += self._remarks(alignment)
         with watch.stage('remap'):
-            sampled = self._sampling.sample(picture.pixels, alignment.homography)
+            sampled = self.sampling.sample(picture.pixels, alignment.homography)
             colours = _linear(sampled)
         with watch.stage('average'):
             log_ratio, variance, share = self._compare(colours, self._baseline)
         with watch.stage('light'):
             gain, remarks = self._checker_gain(picture.pixels, alignment, self._baseline)
-            status += remarks
             seen = share > self.settings.least_valid_share
             drift = light.drift(log_ratio, np.where(seen, share, 0.0), gain)
-            log_ratio = log_ratio - drift.log_gain
-        with watch.stage('signal'):
-            signal = self.calibration.signal.of(log_ratio) * self._factors
-            spread = self.calibration.signal.noise(log_ratio, variance) * self._factors
-            raw = self.calibration.response.concentration_of(signal)
-            noise = spread * self.calibration.response.slope_at(signal)
-        with watch.stage('denoise'):
-            smooth = denoise(
-                np.where(seen, raw, np.nan),
-                _confidence(noise, seen),
-                spacing=(self.grid.dz, self.grid.dx),
-                length=self.settings.smoothing_m,
-                tolerance=self.settings.tolerance,
-            )
-            values = np.where(seen, np.clip(smooth.values, 0.0, 1.0), np.nan)
-        return ConcentrationMap(
-            values.astype(np.float32),
-            np.where(seen, noise, np.nan).astype(np.float32),
-            self.calibrated,
-            alignment.residual > self.settings.suspicious_residual_px,
-            status,
-            watch.timings,
+        return Measurement(
+            log_ratio - drift.log_gain,
+            variance,
+            seen,
+            drift,
             alignment,
-            np.where(seen, signal, np.nan),
+            self._remarks(alignment) + remarks,
         )
+
+    @property
+    def matched_patches(self) -> Array | None:
+        """The chart's patches (24, 3) in the baseline, matched to the reference; None unseen."""
+        if self._baseline is None or self._baseline.patches is None:
+            return None
+        return self._baseline.patches @ self._baseline.matrix.T
+
+    @property
+    def baseline_cells(self) -> tuple[Array, Array]:
+        """The baseline's linear colours (nz, nx, 3) and texture (nz, nx), for telling sands apart.
+
+        Raises:
+            InputError: there is no baseline yet.
+        """
+        if self._baseline is None:
+            raise InputError('no baseline yet: give a photograph taken before the injection')
+        share = np.maximum(self._baseline.share, 1e-3)[..., None]
+        rough = self.sampling.cell_means(
+            validity.texture(self._baseline.colours).astype(np.float32)
+        )
+        return self._baseline.mean / share, rough
 
     def _combine(self, pictures: list[NDArray[np.uint8]]) -> list[str]:
         """Make the baseline from decoded pictures, the first of which all are aligned to."""
-        sampled = [_linear(self._sampling.sample(pictures[0]))]
+        sampled = [_linear(self.sampling.sample(pictures[0]))]
         for pixels in pictures[1:]:
             alignment = self._aligner.align(pixels)
-            sampled.append(_linear(self._sampling.sample(pixels, alignment.homography)))
+            sampled.append(_linear(self.sampling.sample(pixels, alignment.homography)))
         self.validity = validity.judge(
             sampled[0], width=self.grid.width, checker=self._checker_on_sampling()
         )
@@ -229,13 +282,13 @@ class Imaging:
             )
             usable &= hidden < 128
         mask = usable.astype(np.float32)
-        share = self._sampling.cell_means(mask)
+        share = self.sampling.cell_means(mask)
         if not (share > self.settings.least_valid_share).any():
             raise InputError('baseline shows nothing of the sand: check light and corners_px')
         remarks, patches, matrix = self._match_colours(pictures[0])
         colours = sampled[0]
         if len(sampled) > 1:
-            means = [self._sampling.cell_means(one * mask[..., None]) for one in sampled]
+            means = [self.sampling.cell_means(one * mask[..., None]) for one in sampled]
             gains = [
                 light.drift(_log_ratio(mean, means[0]), share, None).log_gain.mean(axis=(0, 1))
                 for mean in means
@@ -248,13 +301,13 @@ class Imaging:
             )
             fluctuation = ratios.var(axis=0, ddof=1)
         colours = (colours * mask[..., None]).astype(np.float32)
-        mean = self._sampling.cell_means(colours)
+        mean = self.sampling.cell_means(colours)
         if len(sampled) == 1:
             fluctuation = np.zeros_like(mean)
         self._baseline = _Baseline(
             colours,
             mean,
-            self._sampling.cell_means(colours * colours),
+            self.sampling.cell_means(colours * colours),
             mask,
             share,
             patches,
@@ -274,17 +327,17 @@ class Imaging:
         if glare.any():
             usable = usable * ~glare
             masked = baseline.colours * ~glare[..., None]
-            mean, square = (self._sampling.cell_means(m) for m in (masked, masked * masked))
-            share = self._sampling.cell_means(usable)
+            mean, square = (self.sampling.cell_means(m) for m in (masked, masked * masked))
+            share = self.sampling.cell_means(usable)
         else:
             mean, square, share = baseline.mean, baseline.square, baseline.share
         colours = colours * usable[..., None]
-        state = self._sampling.cell_means(colours)
-        product = self._sampling.cell_means(colours * baseline.colours)
-        own = self._sampling.cell_means(colours * colours)
+        state = self.sampling.cell_means(colours)
+        product = self.sampling.cell_means(colours * baseline.colours)
+        own = self.sampling.cell_means(colours * colours)
         ratio = state / np.maximum(mean, 1e-6)
         left = np.maximum(own - 2 * ratio * product + ratio**2 * square, 0.0)
-        samples = np.maximum(share * self._sampling.factor**2, 1.0)
+        samples = np.maximum(share * self.sampling.factor**2, 1.0)
         scatter = left / (samples / self.settings.correlated_samples)[..., None]
         variance = scatter / np.maximum(state, 1e-4) ** 2 + baseline.fluctuation
         return _log_ratio(state, mean), variance, share
@@ -299,7 +352,7 @@ class Imaging:
             return ['colour checker not found: light is judged by the sand alone'], None, np.eye(3)
         matrix, kept = colour_checker.fit_matrix(found.patches, colour_checker.REFERENCE)
         remarks = [
-            f'colour checker found {found.moved_px * self._reduction:.0f} px from its given place, '
+            f'colour checker found {found.moved_px * self.reduction:.0f} px from its given place, '
             f'{kept.sum()} of 24 patches used'
         ]
         return remarks, found.patches, matrix
@@ -321,7 +374,7 @@ class Imaging:
         camera = self.rig.camera
         if camera is None or camera.colour_checker_px is None:
             return None
-        return (np.array(camera.colour_checker_px) + 0.5) / self._reduction - 0.5
+        return (np.array(camera.colour_checker_px) + 0.5) / self.reduction - 0.5
 
     def _checker_on_sampling(self) -> Array | None:
         """Return the checker's corners as (column, row) on the sampling grid."""
@@ -329,18 +382,18 @@ class Imaging:
         if camera is None or camera.colour_checker_px is None:
             return None
         x, z = self._geometry.to_metres(*np.array(camera.colour_checker_px).T)
-        rows, columns = self._sampling.shape
+        rows, columns = self.sampling.shape
         return np.stack([x / self.grid.width * columns, (1 - z / self.grid.height) * rows], axis=1)
 
     def _remarks(self, alignment: Alignment) -> list[str]:
         remarks = []
-        if alignment.shift * self._reduction > self.settings.reported_shift_px:
+        if alignment.shift * self.reduction > self.settings.reported_shift_px:
             remarks.append(
-                f'camera has moved by {alignment.shift * self._reduction:.1f} px: corrected'
+                f'camera has moved by {alignment.shift * self.reduction:.1f} px: corrected'
             )
         if alignment.residual > self.settings.suspicious_residual_px:
             remarks.append(
-                f'alignment leaves {alignment.residual * self._reduction:.1f} px: the picture is '
+                f'alignment leaves {alignment.residual * self.reduction:.1f} px: the picture is '
                 'deformed against the baseline'
             )
         return remarks
@@ -352,7 +405,7 @@ class Imaging:
                 f'photograph is {size[0]} x {size[1]} px, the baseline {self._photo_size[0]} x '
                 f'{self._photo_size[1]} px; keep the camera as it is or take a new baseline'
             )
-        return photograph.decode(data, self._reduction)
+        return photograph.decode(data, self.reduction)
 
     def _refuse_outside(self, size: tuple[int, int]) -> None:
         assert self.rig.camera is not None
@@ -366,7 +419,7 @@ class Imaging:
 
     def _region(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         assert self.rig.camera is not None
-        corners = np.array(self.rig.camera.corners_px) / self._reduction
+        corners = np.array(self.rig.camera.corners_px) / self.reduction
         region = np.zeros(shape[:2], np.uint8)
         cv2.fillPoly(region, [np.rint(corners).astype(np.int32)], 1)
         return region.astype(bool)

@@ -2,8 +2,8 @@
 
 With r the light that a cell sends in a photograph relative to the baseline, channel by channel,
 
-    absorbance  s = - sum_i w_i ln r_i        proportional to concentration after Beer and Lambert
-    difference  s =   sum_i w_i (1 - r_i)     the difference of the pictures, relative to the baseline
+    difference  s =   sum_i w_i (1 - r_i)   the pictures' difference, relative to the baseline
+    absorbance  s = - sum_i w_i ln r_i      proportional to concentration after Beer and Lambert
 
 with weights w of red, green and blue: all alike (grey), red alone, or a direction learned from
 calibration photographs. Both are ratios to the baseline: the grains' own brightness drops out.
@@ -29,7 +29,7 @@ CHANNELS = {'grey': (1 / 3, 1 / 3, 1 / 3), 'red': (1.0, 0.0, 0.0)}
 class Signal:
     """How tracer is read off; `weights` of red, green and blue."""
 
-    contrast: Contrast = 'absorbance'
+    contrast: Contrast = 'difference'
     weights: tuple[float, float, float] = CHANNELS['red']
 
     def of(self, log_ratio: Array) -> Array:

@@ -101,7 +101,7 @@ def _water(colours: Array) -> Mask:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth)
     band = np.zeros_like(smooth)
     for label in range(1, count):
-        left, upper, wide, _, area = stats[label]
+        _, upper, wide, _, area = stats[label]
         if upper < top and wide > columns // 8 and area > wide * 5:
             band[labels == label] = 1
     if band.any(axis=0).mean() < 0.5:
@@ -137,15 +137,7 @@ def _objects(colours: Array, hidden: Mask, width: float) -> Mask:
     """Return tubes and the like: connected places whose colour is not that of the sand around."""
     logs = np.log(cv2.blur(colours, (3, 3)) + 1e-3)
     hue = np.stack([logs[..., 2] - logs[..., 1], logs[..., 0] - logs[..., 1]], axis=-1)
-    deviation = np.zeros(hue.shape[:2], np.float32)
-    size = 41
-    for channel in range(2):
-        plane = hue[..., channel].astype(np.float32)
-        around = _local_median(plane, size)
-        spread = 1.4826 * _local_median(np.abs(plane - around), size)
-        floor = 0.5 * np.median(spread)
-        deviation += ((plane - around) / np.maximum(spread, floor)) ** 2
-    deviation = np.sqrt(deviation)
+    deviation = _deviation(hue)
     deviation[hidden] = 0.0
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         (deviation > OBJECT_EDGE).astype(np.uint8), connectivity=8
@@ -156,6 +148,37 @@ def _objects(colours: Array, hidden: Mask, width: float) -> Mask:
     chosen = (length >= max(least, 6.0)) & (seeds >= 0.2 * stats[:, 4]) & (seeds >= 6)
     chosen[0] = False
     return cv2.dilate(chosen[labels].astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+
+
+def _deviation(hue: Array) -> Array:
+    """Return how far the hue (rows, columns, 2) lies from that of the sand around, in its spreads.
+
+    The sand around is what fills most of a window: the one in the middle or one beside it, since
+    close to an interface the middle one may hold mostly the other sand.
+    """
+    size = 41
+    planes = [np.ascontiguousarray(hue[..., i], np.float32) for i in range(2)]
+    around = [_local_median(plane, size) for plane in planes]
+    spread = [
+        1.4826 * _local_median(np.abs(plane - middle), size)
+        for plane, middle in zip(planes, around, strict=True)
+    ]
+    spread = [np.maximum(one, 0.5 * np.median(one)) for one in spread]
+    nearest = np.full(hue.shape[:2], np.inf, np.float32)
+    for down, right in ((0, 0), (size // 2, 0), (-size // 2, 0), (0, size // 2), (0, -size // 2)):
+        squares = [
+            ((plane - _beside(middle, down, right)) / _beside(one, down, right)) ** 2
+            for plane, middle, one in zip(planes, around, spread, strict=True)
+        ]
+        nearest = np.minimum(nearest, sum(squares))
+    return np.sqrt(nearest)
+
+
+def _beside(plane: Array, down: int, right: int) -> Array:
+    """Return `plane` moved by so many rows and columns, its edges repeated."""
+    rows = np.clip(np.arange(plane.shape[0]) + down, 0, plane.shape[0] - 1)
+    columns = np.clip(np.arange(plane.shape[1]) + right, 0, plane.shape[1] - 1)
+    return plane[np.ix_(rows, columns)]
 
 
 def _local_median(plane: Array, size: int) -> Array:
