@@ -13,4 +13,10 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            f'recorder_node = {PACKAGE}.recorder_node:main',
+            f'player_node = {PACKAGE}.player_node:main',
+        ],
+    },
 )

@@ -18,9 +18,9 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
 from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.summary import Summary
-from porotwin_core.errors import InputError
 from rosbags.typesys.store import Typestore
 
+from porotwin_core.errors import InputError
 from porotwin_recording.bag_writer import METADATA
 from porotwin_recording.definitions import new_typestore, register_definition
 from porotwin_recording.mcap_writer import MAGIC

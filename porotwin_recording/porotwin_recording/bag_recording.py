@@ -1,29 +1,26 @@
 """An experiment out of a bag: rig, rates, tracer maps and photographs from recorded messages."""
 
 import logging
-import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from porotwin_core.conversions import rates_from_msg, rig_from_msg
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates
-
 from porotwin_recording import topics
 from porotwin_recording.bag_reader import BagMessage, BagReader
 from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.experiment import Experiment
 from porotwin_recording.photos import Photo, Role
+from porotwin_recording.serialization import SECOND, stamp_of
 
 logger = logging.getLogger(__name__)
-
-SECOND = 1_000_000_000
-"""One second in the nanoseconds of stamps."""
 
 _START = 0
 """CleanState.START, as the bag's own definition has it."""
@@ -138,13 +135,6 @@ def _names(bag: BagReader) -> dict[str, str]:
     return names
 
 
-def _stamp(message: BagMessage) -> int:
-    """Return the stamp [ns] of a message that begins with a header, without decoding the rest."""
-    order = '<' if message.data[1] & 1 else '>'
-    seconds, nanoseconds = struct.unpack_from(f'{order}iI', message.data, 4)
-    return seconds * SECOND + nanoseconds
-
-
 def _nanoseconds(time: Any) -> int:
     return int(time.sec) * SECOND + int(time.nanosec)
 
@@ -156,7 +146,7 @@ def _gather(bag: BagReader, names: dict[str, str]) -> _Found:
         if relative != topics.CLEAN_STATE:
             _TAKERS[relative](found, bag, message, place)
         elif bag.decode(message).cause == _START:
-            stamp = _stamp(message)
+            stamp = stamp_of(message.data)
             if found.frames and stamp < max(found.frames):
                 remark = f'{bag.path}: a second experiment begins in it; only the first is read'
                 bag.remarks.append(remark)
@@ -171,7 +161,7 @@ def _take_rig(found: _Found, bag: BagReader, message: BagMessage, _: _Place) -> 
 
 
 def _take_setpoint(found: _Found, bag: BagReader, message: BagMessage, _: _Place) -> None:
-    found.told[_stamp(message)] = rates_from_msg(bag.decode(message).wells)
+    found.told[stamp_of(message.data)] = rates_from_msg(bag.decode(message).wells)
 
 
 def _take_measured(found: _Found, bag: BagReader, message: BagMessage, _: _Place) -> None:
@@ -183,7 +173,7 @@ def _take_state(found: _Found, bag: BagReader, message: BagMessage, place: _Plac
     if found.grid is None:
         grid = bag.decode(message).tracer.grid
         found.grid = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
-    found.frames[_stamp(message)] = place
+    found.frames[stamp_of(message.data)] = place
 
 
 def _take_photo(found: _Found, bag: BagReader, message: BagMessage, place: _Place) -> None:
@@ -200,7 +190,7 @@ def _add_photo(
     begin = bytes(bag.decode(message).data[:2])
     number = sum(known.role == role for known in found.photos) + 1
     name = f'photos/{role}_{number:04d}{_SUFFIXES.get(begin, ".img")}'
-    found.photos.append(_FoundPhoto(role, _stamp(message), place, name))
+    found.photos.append(_FoundPhoto(role, stamp_of(message.data), place, name))
 
 
 _TAKERS: dict[str, Callable[[_Found, BagReader, BagMessage, _Place], None]] = {

@@ -5,8 +5,8 @@ from types import TracebackType
 from typing import Any, Self
 
 import yaml
-from porotwin_core.errors import InputError
 
+from porotwin_core.errors import InputError
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.mcap_writer import McapWriter
 from porotwin_recording.topic import Topic, TopicQos, qos_profiles

@@ -9,6 +9,7 @@ from typing import Self, overload
 import netCDF4
 import numpy as np
 from numpy.typing import NDArray
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig

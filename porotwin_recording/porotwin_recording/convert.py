@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from porotwin_core.conversions import CAMERA_FRAME, RIG_FRAME, grid_to_msg, rates_to_msg, rig_to_msg
-from porotwin_core.wells import Schedule, WellRate
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
+from porotwin_core.conversions import CAMERA_FRAME, RIG_FRAME, grid_to_msg, rates_to_msg, rig_to_msg
+from porotwin_core.wells import Schedule, WellRate
 from porotwin_msgs.msg import (
     CleanState,
     NewState,
@@ -29,12 +29,11 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_recording import topics
-from porotwin_recording.bag_recording import SECOND
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.experiment import write_experiment
 from porotwin_recording.photos import Photo
 from porotwin_recording.recording import Recording, open_recording
-from porotwin_recording.serialization import Serializer, message_type
+from porotwin_recording.serialization import SECOND, Serializer, message_type
 from porotwin_recording.topic import TopicQos
 
 IMPORT_START = 1_000_000_000 * SECOND

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from porotwin_core.errors import InputError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
+
+from porotwin_core.errors import InputError
 
 _PRIMITIVES = frozenset(
     ['bool', 'byte', 'char', 'string', 'wstring', 'float32', 'float64']

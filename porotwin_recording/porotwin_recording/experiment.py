@@ -7,7 +7,6 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, load_rig, write_rig
 from porotwin_core.wells import Schedule
-
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
 from porotwin_recording.photos import Photo, read_photos, write_photos
 from porotwin_recording.rates import read_rates, write_rates

@@ -6,7 +6,6 @@ from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
 from porotwin_core.errors import InputError
-
 from porotwin_recording.table import number, number_text, read_table, write_table
 
 HEADER = ('time_s', 'path', 'role')

@@ -7,7 +7,6 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-
 from porotwin_recording.table import number, number_text, read_table, write_table
 
 HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')

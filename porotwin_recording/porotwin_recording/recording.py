@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
-
 from porotwin_recording.bag_reader import is_bag
 from porotwin_recording.bag_recording import read_bag
 from porotwin_recording.concentration import ConcentrationMaps, Maps

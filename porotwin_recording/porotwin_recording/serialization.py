@@ -1,14 +1,18 @@
 """Messages to CDR bytes and back without rclpy, by their definitions."""
 
+import struct
 from typing import Any
 
 import numpy as np
-from porotwin_core.errors import InputError
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
+from porotwin_core.errors import InputError
 from porotwin_recording.definitions import message_definition, new_typestore, register_definition
+
+SECOND = 1_000_000_000
+"""One second in the nanoseconds of stamps and log times."""
 
 _NUMBERS = frozenset(
     ['float32', 'float64', *(f'{sign}int{bits}' for sign in ('', 'u') for bits in (8, 16, 32, 64))]
@@ -64,3 +68,16 @@ def from_cdr(store: Typestore, data: bytes, type_name: str) -> Any:
         return store.deserialize_cdr(data, type_name)
     except (SerdeError, KeyError) as error:
         raise InputError(f"message is not a '{type_name}': {error}") from None
+
+
+def stamp_of(data: bytes) -> int:
+    """Return the stamp [ns] of a message (CDR) that begins with a header, without decoding it all.
+
+    Raises:
+        InputError: the message is shorter than a stamp.
+    """
+    if len(data) < 12:
+        raise InputError(f'message of {len(data)} bytes has no stamp')
+    order = '<' if data[1] & 1 else '>'
+    seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, 4)
+    return int(seconds) * SECOND + int(nanoseconds)

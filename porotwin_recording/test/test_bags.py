@@ -14,18 +14,18 @@ import yaml
 from geometry_msgs.msg import PointStamped
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import String
+
 from porotwin_core.errors import InputError
+from porotwin_msgs.msg import RigDescription, Setpoint, WellRate
 from porotwin_recording.bag_reader import BagMessage, BagReader
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.mcap_writer import CHUNK_SIZE
 from porotwin_recording.serialization import Serializer
 from porotwin_recording.topic import TopicQos
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import Reader
-from std_msgs.msg import String
-
-from porotwin_msgs.msg import RigDescription, Setpoint, WellRate
 
 SECOND = 1_000_000_000
 STRING = 'std_msgs/msg/String'

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from porotwin_core.conversions import rates_to_msg, rig_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Control, FixedWell, Rig, Well, write_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter
@@ -19,8 +21,6 @@ from porotwin_recording.experiment import write_experiment
 from porotwin_recording.photos import Photo
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_recording.serialization import Serializer, message_type
-
-from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 
 SHARED = Path(__file__).resolve().parents[2].parent / 'shared'
 SECOND = 1_000_000_000

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, Camera, Rig, Well, load_rig
 from porotwin_core.units import from_ml_h

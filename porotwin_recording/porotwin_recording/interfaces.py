@@ -1,0 +1,22 @@
+"""Generated ROS 2 message classes by their names."""
+
+import importlib
+from typing import Any
+
+from porotwin_core.errors import InputError
+
+
+def message_class(type_name: str) -> type[Any]:
+    """Return the class of `type_name` (pkg/msg/Name).
+
+    Raises:
+        InputError: it is not installed.
+    """
+    package, _, name = type_name.partition('/msg/')
+    try:
+        found: type[Any] = getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError):
+        raise InputError(
+            f"message type '{type_name}' is not installed here; source the workspace that has it"
+        ) from None
+    return found
