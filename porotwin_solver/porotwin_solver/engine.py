@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, conservative_resample
+from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
 from porotwin_solver.background import background_flux
@@ -13,6 +13,7 @@ from porotwin_solver.diffusion import Exchanges, diffuse, exchanges
 from porotwin_solver.flow import FaceField, Flow
 from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Opening, Physics
+from porotwin_solver.refinement import coarsen
 from porotwin_solver.transport import Carried, Pace, Sources, advect, pace
 
 LONGEST_STEP = 60.0
@@ -147,7 +148,7 @@ class Engine:
 
     def _tracer_driven(self, mobile: FloatArray, rates: WellRates) -> FaceField:
         assert self.coupling is not None
-        coarse = conservative_resample(mobile, self.coupling.grid.shape)
+        coarse = coarsen(mobile, self.coupling.grid.shape)
         return self.coupling.flux(rates, coarse).refined(self.grid.nx // self.coupling.grid.nx)
 
     def _advect(self, mobile: FloatArray, flux: FaceField, sources: Sources, steps: Pace) -> None:

@@ -8,14 +8,14 @@ from typing import Literal
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import WellRates
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.physics import Physics, believed_physics
 from porotwin_solver.quantities import quantity_of_interest
-from porotwin_solver.refinement import refine
+from porotwin_solver.refinement import coarsen, refine
 from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND
 from porotwin_solver.view import View
 
@@ -118,7 +118,7 @@ class Model:
         step = _checked_step(time_step)
         state = State.at_rest(refine(start, self.engine.grid.shape))
         self.engine.advance(state, rates, step)
-        return conservative_resample(self.engine.seen(state), self.grid.shape)
+        return coarsen(self.engine.seen(state), self.grid.shape)
 
     def residual(
         self,

@@ -1,4 +1,4 @@
-"""From a coarse map to a finer one, sharp and conservative."""
+"""From a coarse map to a finer one and back: conservative both ways, and sharp."""
 
 import numpy as np
 
@@ -14,6 +14,14 @@ def refine(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
     """
     rows = _refine_rows(field, shape[0] // field.shape[0])
     return _refine_rows(rows.T, shape[1] // field.shape[1]).T.copy()
+
+
+def coarsen(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Return the means of `field` (nz, nx) over the cells of a grid that it refines."""
+    (nz, nx), (rows, columns) = field.shape, shape
+    if (nz, nx) == (rows, columns):
+        return field.copy()
+    return field.reshape(rows, nz // rows, columns, nx // columns).mean(axis=(1, 3))
 
 
 def _refine_rows(field: FloatArray, factor: int) -> FloatArray:

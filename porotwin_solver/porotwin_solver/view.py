@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_solver.refinement import coarsen
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class View:
         """Return the map on `grid` that the camera makes at `time` [s] of a finer or equal map."""
         if self.moves:
             concentration = self._moved(concentration, grid)
-        seen = conservative_resample(concentration, grid.shape)
+        seen = coarsen(concentration, grid.shape)
         if self.exponent != 1.0:
             seen = np.maximum(seen, 0.0) ** self.exponent
         if self.drift or self.gradient:
