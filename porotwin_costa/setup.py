@@ -13,4 +13,10 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'costa_node = porotwin_costa.costa_node:main',
+            'trainer_node = porotwin_costa.trainer_node:main',
+        ],
+    },
 )

@@ -13,11 +13,11 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 from numpy.typing import NDArray
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
-
 from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.flow_shape import FlowShape, flow_shape_of
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
-
 from porotwin_costa.dataset import TIME_STEP_TOLERANCE, Frames, PredictFn, mean_rates
 from porotwin_costa.model import Correction
 

@@ -10,6 +10,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 from numpy.typing import NDArray
+
 from porotwin_core.errors import InputError
 
 _PICKLES = (b'\x80', b'PK\x03\x04')
@@ -28,7 +29,8 @@ def write_tensors(
         safetensors.numpy.save_file(contiguous, part, metadata)
         part.replace(path)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        if part.parent.is_dir():
+            part.unlink(missing_ok=True)
         raise InputError(f'{path}: cannot be written ({error.strerror})') from None
 
 

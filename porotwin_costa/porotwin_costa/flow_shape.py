@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
+
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries, Rig
 

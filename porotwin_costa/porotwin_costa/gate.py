@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+
 from porotwin_core.grid import FloatArray
 
 Range = tuple[float, float]

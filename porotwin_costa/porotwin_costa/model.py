@@ -12,11 +12,11 @@ import safetensors
 import safetensors.torch
 import torch
 from numpy.typing import NDArray
+from torch import nn
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
-from torch import nn
-
 from porotwin_costa.dataset import TIME_STEP_TOLERANCE, rate_vector
 from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.flow_shape import FlowShape
@@ -87,6 +87,15 @@ class CorrectiveModel:
         if objection:
             return Correction(np.zeros(self.grid.shape), f'withheld: {objection}')
         return Correction(sigma, APPLIED)
+
+    @property
+    def summary(self) -> str:
+        """One line for a person: which network, what made it, how far it is trusted."""
+        made = self.provenance
+        return (
+            f'{self.settings.architecture} network on {self.grid}, {made["samples"]} pairs, seed '
+            f'{made["seed"]}, validation loss {made["validation_loss"]:.3f}, trust {self.trust:.2f}'
+        )
 
     def _futility(self) -> str:
         """Return why the training was in vain, or an empty string."""

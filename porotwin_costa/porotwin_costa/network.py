@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 import torch
-from porotwin_core.errors import InputError
 from torch import Tensor, nn
 
+from porotwin_core.errors import InputError
 from porotwin_costa.flow_shape import FlowShape
 
 Architecture = Literal['paper', 'local']

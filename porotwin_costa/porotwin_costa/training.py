@@ -2,16 +2,16 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from typing import Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from porotwin_core.errors import InputError
 from torch import Tensor, nn
 
+from porotwin_core.errors import InputError
 from porotwin_costa.batches import Batches
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.gate import TrainingRange
@@ -76,6 +76,11 @@ def training_named(name: str) -> TrainingSettings:
     if name not in TRAININGS:
         raise InputError(f"architecture '{name}': unknown; choose from {', '.join(TRAININGS)}")
     return TRAININGS[name]
+
+
+def with_epochs(settings: TrainingSettings, epochs: int) -> TrainingSettings:
+    """Return the settings with another number of epochs; 0 leaves them as they are."""
+    return replace(settings, epochs=epochs) if epochs else settings
 
 
 @dataclass(frozen=True)

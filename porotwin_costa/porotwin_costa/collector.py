@@ -1,0 +1,139 @@
+"""Turns a stream of states and measured rates into training pairs, one experiment at a time."""
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule, WellRate, WellRates
+from porotwin_costa.dataset import (
+    TIME_STEP_TOLERANCE,
+    Dataset,
+    empty_dataset,
+    mean_rates,
+    rate_vector,
+)
+
+_RATES_KEPT = 64
+"""Measured rates that are remembered: far more than two photographs need."""
+
+
+_LATE = 0.1
+"""Share of a time step by which the first measured rates may begin after a pair's first state."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two consecutive states (nz, nx), the rates between them, and when they end [s]."""
+
+    previous: FloatArray
+    following: FloatArray
+    rates: dict[str, WellRate]
+    end: float
+    experiment: int
+
+
+_SampleValue = Callable[[Pair, FloatArray, FloatArray], object]
+
+
+class Collector:
+    """Pairs consecutive states and gathers what the physics-based model says of each pair.
+
+    A pair is given out when the next event arrives: by then the rates measured between its states
+    are known, in whatever order the messages came.
+    """
+
+    def __init__(
+        self, rig: Rig, grid: Grid, time_step: float, *, first_experiment: int = 0
+    ) -> None:
+        """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number."""
+        self._empty = empty_dataset(rig, grid, time_step)
+        self._experiment = first_experiment
+        self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
+        self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_RATES_KEPT)
+        self._samples: list[tuple[Pair, FloatArray, FloatArray]] = []
+        self.dropped: Counter[str] = Counter()
+        self.completed = 0
+
+    def measured(self, start: float, rates: WellRates) -> None:
+        """Remember that the wells pumped `rates` from `start` [s] on.
+
+        Raises:
+            InputError: an unknown well pumps.
+        """
+        rate_vector(rates, self._empty.wells)
+        self._told.append((start, dict(rates)))
+
+    def observed(self, time: float, concentration: FloatArray, grid: Grid) -> list[Pair]:
+        """Take the state at `time` [s]; return the pair that the two states before it make.
+
+        Raises:
+            InputError: the state is on another grid.
+        """
+        if grid != self._empty.grid:
+            raise InputError(f'state on {grid}: training data are on {self._empty.grid}')
+        ready = self._ready()
+        self._states.append((time, concentration))
+        return ready
+
+    def interrupted(self) -> list[Pair]:
+        """Begin another experiment: the next state does not follow; return what was pending."""
+        ready = self._ready()
+        self._states.clear()
+        self._experiment += 1
+        return ready
+
+    def complete(self, pair: Pair, predicted: FloatArray, residual: FloatArray) -> None:
+        """Keep a pair with its prediction c~ (nz, nx) and exact residual r (nz, nx) [1/s]."""
+        if not (np.isfinite(predicted).all() and np.isfinite(residual).all()):
+            self.dropped['pairs without finite residual'] += 1
+            return
+        self._samples.append((pair, predicted, residual))
+        self.completed += 1
+
+    @property
+    def untaken(self) -> int:
+        """Number of complete samples that `take` would return."""
+        return len(self._samples)
+
+    def take(self) -> Dataset:
+        """Return the complete samples since the last call, which are then forgotten."""
+        samples, self._samples = self._samples, []
+
+        def stack(value: _SampleValue, like: np.ndarray) -> np.ndarray:
+            values = [value(*sample) for sample in samples]
+            return np.array(values, like.dtype).reshape(len(samples), *like.shape[1:])
+
+        empty = self._empty
+        return replace(
+            empty,
+            predicted=stack(lambda _, predicted, __: predicted, empty.predicted),
+            rates=stack(lambda pair, *_: rate_vector(pair.rates, empty.wells), empty.rates),
+            residual=stack(lambda _, __, residual: residual, empty.residual),
+            time=stack(lambda pair, *_: pair.end, empty.time),
+            experiment=stack(lambda pair, *_: pair.experiment, empty.experiment),
+        )
+
+    def _ready(self) -> list[Pair]:
+        if len(self._states) < 2:
+            return []
+        (start, previous), (end, following) = self._states
+        self._states.popleft()
+        if not math.isclose(end - start, self._empty.time_step, rel_tol=TIME_STEP_TOLERANCE):
+            self.dropped[f'pairs not {self._empty.time_step:g} s apart'] += 1
+            self._experiment += 1
+            return []
+        if not (np.isfinite(previous).all() and np.isfinite(following).all()):
+            self.dropped['pairs with unknown cells'] += 1
+            return []
+        known_from = min((time for time, _ in self._told), default=math.inf)
+        if known_from > start + _LATE * self._empty.time_step:
+            self.dropped['pairs without measured rates'] += 1
+            return []
+        rates = mean_rates(Schedule.from_rates(self._told), max(start, known_from), end)
+        return [Pair(previous, following, rates, end, self._experiment)]

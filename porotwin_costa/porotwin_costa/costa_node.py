@@ -1,0 +1,237 @@
+"""The data-driven model as a node: corrective source terms on request, training as an action.
+
+Training runs in the thread of its action while other threads go on answering; a request sees
+either the model before or the one after it.
+"""
+
+import time
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import torch
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+
+from porotwin_core import conversions
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.rig import load_rig
+from porotwin_costa.dataset import load_dataset
+from porotwin_costa.model import CorrectiveModel, correction
+from porotwin_costa.training import (
+    TrainingCancelledError,
+    TrainingProgress,
+    train,
+    training_named,
+    with_epochs,
+)
+from porotwin_msgs.action import Train
+from porotwin_msgs.msg import Outcome
+from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
+
+
+def _version() -> str:
+    try:
+        return version('porotwin_costa')
+    except PackageNotFoundError:
+        return 'source tree'
+
+
+class CostaNode(Node):
+    """Device that answers with sigma; zero until a model is loaded or trained."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read parameters, load a model if one is named, offer the services.
+
+        Raises:
+            InputError: a parameter, the rig or the named model is wrong.
+        """
+        super().__init__('costa', **kwargs)
+        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
+        grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
+        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        self._wells = tuple(rig.wells)
+        self._architecture = declare(
+            self, 'architecture', 'paper', 'what to train when a goal does not say'
+        )
+        training_named(self._architecture)
+        torch.set_num_threads(declare(self, 'threads', 1, 'threads that the network may use'))
+        self._model: CorrectiveModel | None = None
+        self._path = ''
+        self._training = False
+        model = declare(self, 'model', '', 'model to load; empty: none')
+        if model:
+            self._use(CorrectiveModel.load(Path(model)), model)
+        self._diagnostics = Diagnostics(self)
+        self._offer()
+        self.get_logger().info(self._status())
+
+    def _offer(self) -> None:
+        group = ReentrantCallbackGroup()
+        for service, name, answer in (
+            (Ping, 'ping', self._ping),
+            (DataModelInfo, 'info', self._info),
+            (CorrectiveSource, 'corrective_source', self._corrective_source),
+            (LoadModel, 'load', self._load),
+            (SaveModel, 'save', self._save),
+        ):
+            self.create_service(service, f'costa/{name}', answer, callback_group=group)
+        self._action = ActionServer(
+            self,
+            Train,
+            'costa/train',
+            self._train,
+            goal_callback=self._on_goal,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            callback_group=group,
+        )
+
+    def _use(self, model: CorrectiveModel, path: str) -> None:
+        self._model, self._path = model.for_wells(self._wells, self._grid), path
+
+    def _status(self) -> str:
+        return self._model.summary if self._model else 'no model loaded'
+
+    def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
+        response.name, response.version, response.status = 'costa', _version(), self._status()
+        response.time = self.get_clock().now().to_msg()
+        return response
+
+    def _info(
+        self, _: DataModelInfo.Request, response: DataModelInfo.Response
+    ) -> DataModelInfo.Response:
+        model = self._model
+        response.loaded = model is not None
+        response.version = _version()
+        response.grid = conversions.grid_to_msg(self._grid)
+        response.wells = list(self._wells)
+        if model is not None:
+            response.path = self._path
+            response.architecture = model.settings.architecture
+            response.time_step = model.time_step
+            response.provenance = model.summary
+        return response
+
+    def _corrective_source(
+        self, request: CorrectiveSource.Request, response: CorrectiveSource.Response
+    ) -> CorrectiveSource.Response:
+        try:
+            predicted, grid = conversions.tracer_from_msg(request.predicted)
+            rates = conversions.rates_from_msg(request.wells)
+            answer = correction(self._model, predicted, rates, request.time_step)
+        except InputError as error:
+            response.outcome = conversions.refusal(error)
+            response.status = str(error)
+            return response
+        response.outcome = conversions.ok()
+        response.source = conversions.source_to_msg(answer.sigma, grid, 0.0)
+        response.source.header = request.predicted.header
+        response.active = answer.applied
+        response.status = answer.status
+        return response
+
+    def _load(self, request: LoadModel.Request, response: LoadModel.Response) -> LoadModel.Response:
+        try:
+            self._use(CorrectiveModel.load(Path(request.path)), request.path)
+        except InputError as error:
+            response.outcome = conversions.refusal(error)
+            self.get_logger().error(f'model not loaded: {error}')
+            return response
+        response.outcome = conversions.ok()
+        self.get_logger().info(f'loaded {request.path}: {self._status()}')
+        return response
+
+    def _save(self, request: SaveModel.Request, response: SaveModel.Response) -> SaveModel.Response:
+        if self._model is None:
+            response.outcome = Outcome(
+                code=Outcome.NOT_READY, message='no model loaded; train or load one first'
+            )
+            return response
+        try:
+            self._model.save(Path(request.path))
+        except InputError as error:
+            response.outcome = conversions.refusal(error)
+            return response
+        self._path = request.path
+        response.outcome = conversions.ok()
+        return response
+
+    def _on_goal(self, _: Train.Goal) -> GoalResponse:
+        if self._training:
+            self.get_logger().warning('training refused: one is running; wait for it or cancel it')
+            return GoalResponse.REJECT
+        self._training = True
+        return GoalResponse.ACCEPT
+
+    def _train(self, handle: ServerGoalHandle) -> Train.Result:
+        result = Train.Result()
+        try:
+            model = self._trained(handle)
+        except TrainingCancelledError as error:
+            handle.canceled()
+            result.outcome = Outcome(code=Outcome.FAILED, message=f'cancelled: {error}')
+        except Exception as error:
+            # whatever happens to one training, the node goes on correcting with what it has
+            handle.abort()
+            result.outcome = conversions.refusal(error)
+            self.get_logger().error(f'training failed: {result.outcome.message}')
+            self._diagnostics.report(DiagnosticStatus.ERROR, result.outcome.message)
+        else:
+            handle.succeed()
+            result.outcome = conversions.ok()
+            result.path = handle.request.output
+            result.samples = model.provenance['samples']
+            result.epochs = model.provenance['epochs']
+            result.training_loss = model.provenance['training_loss']
+            result.validation_loss = model.provenance['validation_loss']
+            self._diagnostics.report(DiagnosticStatus.OK, self._status())
+        finally:
+            self._training = False
+        return result
+
+    def _trained(self, handle: ServerGoalHandle) -> CorrectiveModel:
+        goal = handle.request
+        begun = time.perf_counter()
+        dataset = load_dataset(Path(goal.dataset))
+        settings = with_epochs(training_named(goal.architecture or self._architecture), goal.epochs)
+        self.get_logger().info(f'training on {dataset.summary}')
+
+        def report(progress: TrainingProgress) -> None:
+            handle.publish_feedback(
+                Train.Feedback(
+                    epoch=progress.epoch,
+                    epochs=progress.epochs,
+                    training_loss=progress.training_loss,
+                    validation_loss=progress.validation_loss,
+                    remaining=progress.remaining_seconds,
+                )
+            )
+
+        model = train(
+            dataset,
+            settings,
+            seed=goal.seed,
+            progress=report,
+            cancelled=lambda: handle.is_cancel_requested,
+        )
+        model.for_wells(self._wells, self._grid)
+        if goal.output:
+            model.save(Path(goal.output))
+        self._use(model, goal.output)
+        self.get_logger().info(f'trained in {time.perf_counter() - begun:.1f} s: {self._status()}')
+        return model
+
+
+def main() -> None:
+    """Run the node; one thread trains while others answer."""
+    run(CostaNode, MultiThreadedExecutor(num_threads=4))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,219 @@
+"""The trainer: listens to the asset's states and has COSTA trained again every so many of them.
+
+For each pair of consecutive states it asks the solver for the prediction and the exact residual;
+everything is asynchronous, one pair at a time. After `retrain_every` new pairs it sends the goal
+`costa/train`, whose success puts the new model to work.
+"""
+
+import tempfile
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from rclpy.action import ActionClient
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.node import declare, run
+from porotwin_core.rig import load_rig
+from porotwin_costa.collector import Collector, Pair
+from porotwin_costa.dataset import load_dataset
+from porotwin_msgs.action import Train
+from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
+from porotwin_msgs.srv import Predict, Residual
+
+_PART = 10
+"""Pairs that are written together; a crash costs at most one fewer."""
+
+
+class TrainerNode(Node):
+    """Client of the asset, the solver and COSTA."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read parameters and listen.
+
+        Raises:
+            InputError: a parameter, the rig description or an existing data set is wrong.
+        """
+        super().__init__('trainer', **kwargs)
+        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
+        grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
+        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        self._time_step = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
+        self._every = declare(self, 'retrain_every', 40, 'new pairs between two trainings')
+        self._architecture = declare(self, 'architecture', '', 'network; empty: that of costa')
+        self._output = declare(self, 'output', '', 'path for the weights; empty: in memory only')
+        self._seed = declare(self, 'seed', 1, 'seed of the training')
+        self._patience = declare(self, 'model_timeout_s', 20.0, 'longest wait for the solver [s]')
+        self._dataset = self._folder(declare(self, 'dataset', '', 'folder; empty: a temporary one'))
+        self._collector = Collector(
+            rig, self._grid, self._time_step, first_experiment=self._known_experiments()
+        )
+        self._pending: deque[Pair] = deque(maxlen=1000)
+        self._pair: Pair | None = None
+        self._asked: Future | None = None
+        self._asked_at = 0.0
+        self._predict = self.create_client(Predict, 'solver/predict')
+        self._residual = self.create_client(Residual, 'solver/residual')
+        self._train = ActionClient(self, Train, 'costa/train')
+        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+        # not the node's clock: a solver may fall silent while simulated time stands still
+        self.create_timer(0.5, self._next, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.get_logger().info(f'collecting training pairs in {self._dataset}')
+
+    def _folder(self, text: str) -> Path:
+        if text:
+            return Path(text)
+        self._temporary = tempfile.TemporaryDirectory(prefix='porotwin_costa_')
+        return Path(self._temporary.name)
+
+    def _known_experiments(self) -> int:
+        if not any(self._dataset.glob('part_*.safetensors')):
+            return 0
+        known = load_dataset(self._dataset)
+        if known.grid != self._grid or known.time_step != self._time_step:
+            raise InputError(
+                f'{self._dataset}: holds pairs on {known.grid} every {known.time_step:g} s, the '
+                f'twin runs on {self._grid} every {self._time_step:g} s; name another folder'
+            )
+        return int(known.experiment.max()) + 1
+
+    def _on_state(self, message: NewState) -> None:
+        try:
+            concentration, grid = conversions.tracer_from_msg(message.tracer)
+            stamp = conversions.time_from_msg(message.header.stamp)
+            self._pending.extend(self._collector.observed(stamp, concentration, grid))
+        except InputError as error:
+            self.get_logger().error(f'state {message.sequence} ignored: {error}')
+        self._next()
+
+    def _on_clean(self, message: CleanState) -> None:
+        self._pending.extend(self._collector.interrupted())
+        self.get_logger().info(f'time sequence interrupted: {message.reason}')
+        self._next()
+
+    def _on_measured(self, message: WellRates) -> None:
+        try:
+            rates = conversions.rates_from_msg(message.wells)
+            self._collector.measured(conversions.time_from_msg(message.start), rates)
+        except InputError as error:
+            self.get_logger().error(f'measured rates ignored: {error}')
+
+    def _next(self) -> None:
+        """Ask for the next pair's prediction, unless the solver is absent or still thinking."""
+        if self._asked is not None:
+            if time.monotonic() - self._asked_at < self._patience:
+                return
+            self.get_logger().warning(f'the solver did not answer in {self._patience:g} s')
+            self._asked = None
+        ready = self._predict.service_is_ready() and self._residual.service_is_ready()
+        if not ready or not (self._pair or self._pending):
+            return
+        self._pair = pair = self._pair or self._pending.popleft()
+        request = Predict.Request(
+            previous=self._tracer(pair.previous, pair.end - self._time_step),
+            wells=conversions.rates_to_msg(pair.rates),
+            time_step=self._time_step,
+        )
+        self._ask(self._predict, request, lambda answer: self._on_predicted(pair, answer))
+
+    def _tracer(self, concentration: FloatArray, time: float) -> Any:
+        return conversions.tracer_to_msg(concentration, self._grid, time)
+
+    def _ask(self, client: Any, request: Any, use: Any) -> None:
+        future = client.call_async(request)
+        self._asked, self._asked_at = future, time.monotonic()
+
+        def done(answered: Future) -> None:
+            if answered is not self._asked:
+                return
+            self._asked = None
+            answer = answered.result()
+            if answer.outcome.code == Outcome.OK:
+                use(answer)
+            else:
+                self._pair = None
+                self.get_logger().error(f'pair left out, solver: {answer.outcome.message}')
+            self._next()
+
+        future.add_done_callback(done)
+
+    def _on_predicted(self, pair: Pair, answer: Predict.Response) -> None:
+        predicted, _ = conversions.tracer_from_msg(answer.predicted)
+        request = Residual.Request(
+            previous=self._tracer(pair.previous, pair.end - self._time_step),
+            next=self._tracer(pair.following, pair.end),
+            wells=conversions.rates_to_msg(pair.rates),
+            time_step=self._time_step,
+        )
+        self._ask(
+            self._residual, request, lambda answer: self._on_residual(pair, predicted, answer)
+        )
+
+    def _on_residual(self, pair: Pair, predicted: FloatArray, answer: Residual.Response) -> None:
+        residual, _ = conversions.source_from_msg(answer.residual)
+        self._pair = None
+        self._collector.complete(pair, predicted, residual)
+        retrain = self._collector.completed % self._every == 0
+        if retrain or self._collector.untaken >= _PART:
+            self._write()
+        if retrain:
+            self._retrain()
+
+    def _write(self) -> None:
+        try:
+            self._collector.take().append_to(self._dataset)
+        except InputError as error:
+            self.get_logger().error(f'training pairs lost: {error}')
+
+    def _retrain(self) -> None:
+        if not self._train.server_is_ready():
+            self.get_logger().warning('not retrained: costa/train is absent; start costa_node')
+            return
+        goal = Train.Goal(
+            dataset=str(self._dataset),
+            output=self._output,
+            architecture=self._architecture,
+            seed=self._seed,
+        )
+        self._train.send_goal_async(goal).add_done_callback(self._on_goal_answer)
+
+    def _on_goal_answer(self, future: Future) -> None:
+        handle = future.result()
+        if not handle.accepted:
+            self.get_logger().warning('not retrained: COSTA is training already')
+            return
+        handle.get_result_async().add_done_callback(self._on_trained)
+
+    def _on_trained(self, future: Future) -> None:
+        result = future.result().result
+        if result.outcome.code != Outcome.OK:
+            self.get_logger().error(f'training failed: {result.outcome.message}')
+            return
+        self.get_logger().info(
+            f'trained on {result.samples} pairs, {result.epochs} epochs, '
+            f'validation loss {result.validation_loss:.3f}'
+        )
+
+    def destroy_node(self) -> None:
+        """Write what is complete, then go."""
+        if self._collector.untaken:
+            self._write()
+        super().destroy_node()
+
+
+def main() -> None:
+    """Run the node in one thread: answers and messages never meet."""
+    run(TrainerNode, SingleThreadedExecutor())
+
+
+if __name__ == '__main__':
+    main()

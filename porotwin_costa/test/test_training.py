@@ -1,0 +1,175 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from porotwin_core.errors import InputError
+from porotwin_costa.dataset import build_dataset
+from porotwin_costa.evaluation import evaluate
+from porotwin_costa.network import NetworkSettings
+from porotwin_costa.training import (
+    TrainingCancelledError,
+    TrainingSettings,
+    split_samples,
+    train,
+    training_named,
+)
+
+LOCAL = TrainingSettings(
+    network=NetworkSettings(architecture='local'),
+    epochs=40,
+    batch_size=4,
+    learning_rate=5e-3,
+    patience=40,
+)
+PAPER = TrainingSettings(
+    network=NetworkSettings(convolution_pool_layers=3, dense_layers=2, filters=8),
+    epochs=250,
+    batch_size=8,
+    patience=250,
+)
+
+
+@pytest.fixture(scope='module')
+def dataset(rig, grid, model, training_frames):
+    return build_dataset(
+        training_frames,
+        rig,
+        grid=grid,
+        time_step=30.0,
+        predict=model.predict,
+        residual=model.residual,
+    )
+
+
+def _same_weights(first, second):
+    ours, theirs = (model.network.state_dict() for model in (first, second))
+    return all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+@pytest.mark.parametrize('settings', [LOCAL, dataclasses.replace(LOCAL, window=16), PAPER])
+def test_same_seed_gives_the_same_weights_bit_for_bit(dataset, settings):
+    short = dataclasses.replace(settings, epochs=3)
+    first = train(dataset, short, seed=13)
+    assert _same_weights(first, train(dataset, short, seed=13))
+    assert not _same_weights(first, train(dataset, short, seed=14))
+
+
+def test_training_does_not_touch_the_global_random_state(dataset):
+    torch.manual_seed(99)
+    before = torch.get_rng_state()
+    train(dataset, dataclasses.replace(LOCAL, epochs=1), seed=13)
+    assert torch.equal(before, torch.get_rng_state())
+
+
+def test_local_network_reduces_the_error_of_an_unseen_schedule(dataset, model, unseen_frames):
+    corrective = train(dataset, LOCAL, seed=13)
+    result = evaluate(
+        [unseen_frames],
+        time_step=30.0,
+        predict=model.predict,
+        correct=model.correct,
+        assess=corrective.assess,
+    )
+    assert all(frame.status == 'applied' for frame in result.frames)
+    assert result.mean('corrected') < 0.7 * result.mean('predicted')
+    assert result.mean('free_corrected') < 0.6 * result.mean('free_predicted')
+    defects = [abs(f.corrected_mass - f.predicted_mass) for f in result.frames]
+    assert max(defects) < 1e-6
+
+
+def test_paper_network_learns_the_frames_it_is_shown(dataset):
+    shown = dataset.select(dataset.experiment == 0)
+    corrective = train(shown, PAPER, seed=13)
+    assert corrective.provenance['training_loss'] < 0.5
+
+
+def test_a_network_that_learned_nothing_of_use_says_nothing(dataset, rig):
+    noise = np.random.default_rng(17).normal(0, 1e-3, dataset.residual.shape).astype(np.float32)
+    # what is kept aside is the negative of what is learned from: trusting it would do harm
+    aside = split_samples(dataset, PAPER)
+    noise[:] = noise[0]
+    noise[aside] *= -1
+    corrective = train(
+        dataclasses.replace(dataset, residual=noise),
+        dataclasses.replace(PAPER, epochs=20),
+        seed=13,
+    )
+    assert corrective.trust == 0.0
+    answer = corrective.assess(dataset.predicted[3].astype(float), {})
+    assert not answer.applied
+    assert not answer.sigma.any()
+
+
+def test_progress_reports_every_epoch_and_an_estimate(dataset):
+    seen = []
+    train(dataset, dataclasses.replace(LOCAL, epochs=4), seed=13, progress=seen.append)
+    assert [p.epoch for p in seen] == [1, 2, 3, 4]
+    assert all(p.epochs == 4 for p in seen)
+    assert seen[-1].remaining_seconds == 0.0
+    assert all(p.remaining_seconds > 0 for p in seen[:-1])
+
+
+def test_training_stops_when_it_no_longer_gets_better(dataset):
+    seen = []
+    settings = dataclasses.replace(LOCAL, learning_rate=1e-12, epochs=50, patience=3)
+    train(dataset, settings, seed=13, progress=seen.append)
+    assert len(seen) < 50
+
+
+def test_training_can_be_cancelled_between_batches(dataset):
+    answers = iter([False, False, True])
+    with pytest.raises(TrainingCancelledError, match='epoch 1'):
+        train(dataset, LOCAL, seed=13, cancelled=lambda: next(answers))
+
+
+def test_diverging_training_is_an_error_not_a_model(dataset):
+    with pytest.raises(InputError, match='diverged'):
+        train(dataset, dataclasses.replace(PAPER, learning_rate=1e30, epochs=2), seed=13)
+
+
+def test_samples_kept_aside_are_the_last_of_each_experiment(dataset):
+    aside = split_samples(dataset, LOCAL)
+    for number in np.unique(dataset.experiment):
+        own = dataset.experiment == number
+        assert dataset.time[own & aside].min() > dataset.time[own & ~aside].max()
+
+
+def test_samples_kept_aside_can_be_whole_experiments(dataset):
+    aside = split_samples(dataset, dataclasses.replace(LOCAL, split='experiment'))
+    assert set(dataset.experiment[aside]) == {1}
+    assert set(dataset.experiment[~aside]) == {0}
+
+
+def test_too_little_to_learn_from_is_refused(dataset):
+    with pytest.raises(InputError, match='at least 4'):
+        train(dataset.select(np.arange(len(dataset)) < 3), LOCAL, seed=13)
+    one = dataset.select(dataset.experiment == 0)
+    with pytest.raises(InputError, match='only one experiment'):
+        train(one, dataclasses.replace(LOCAL, split='experiment'), seed=13)
+
+
+def test_names_of_trainings():
+    assert training_named('paper').network.architecture == 'paper'
+    assert training_named('local').network.architecture == 'local'
+    with pytest.raises(InputError, match='paper, paper-complex, local'):
+        training_named('unknown')
+
+
+@pytest.mark.parametrize(
+    'wrong',
+    [{'epochs': 0}, {'learning_rate': 0.0}, {'validation_share': 1.0}, {'split': 'pixels'}],
+)
+def test_settings_that_cannot_work_are_refused(wrong):
+    with pytest.raises(InputError):
+        TrainingSettings(**wrong)
+
+
+def test_model_tells_what_made_it(dataset):
+    made = train(dataset, dataclasses.replace(LOCAL, epochs=2), seed=13).provenance
+    assert made['data'] == dataset.fingerprint
+    assert made['seed'] == 13
+    assert made['samples'] == len(dataset)
+    assert made['sources'] == ['left', 'right']
+    assert made['versions']['torch']
