@@ -7,7 +7,7 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 
 from porotwin_core.errors import InputError
@@ -47,10 +47,11 @@ class Diagnostics:
         self._publisher.publish(array)
 
 
-def run(make_node: Callable[[], Node], executor: Executor | None = None) -> None:
+def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     """Spin the node until it is told to stop: the `main` of every node.
 
-    A mistake in its parameters ends the process with status 2 and one line.
+    Callbacks run on `threads` threads. A mistake in the parameters ends the process with status 2
+    and one line.
     """
     rclpy.init()
     try:
@@ -58,7 +59,7 @@ def run(make_node: Callable[[], Node], executor: Executor | None = None) -> None
     except InputError as error:
         print(f'error: {error}', file=sys.stderr)
         sys.exit(2)
-    executor = executor or MultiThreadedExecutor(num_threads=2)
+    executor = MultiThreadedExecutor(num_threads=threads)
     executor.add_node(node)
     try:
         executor.spin()

@@ -14,7 +14,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 from porotwin_core import conversions
@@ -230,7 +229,7 @@ class CostaNode(Node):
 
 def main() -> None:
     """Run the node; one thread trains while others answer."""
-    run(CostaNode, MultiThreadedExecutor(num_threads=4))
+    run(CostaNode, threads=4)
 
 
 if __name__ == '__main__':
