@@ -13,7 +13,6 @@ from typing import Any
 
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -212,7 +211,7 @@ class TrainerNode(Node):
 
 def main() -> None:
     """Run the node in one thread: answers and messages never meet."""
-    run(TrainerNode, SingleThreadedExecutor())
+    run(TrainerNode, threads=1)
 
 
 if __name__ == '__main__':
