@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRate
+from porotwin_costa.collector import Collector
+from porotwin_costa.dataset import build_dataset, load_dataset, mean_rates
+
+
+@pytest.fixture
+def collector(rig, grid):
+    return Collector(rig, grid, 30.0)
+
+
+def _feed(collector, model, frames, count=25):
+    """Let an asset emit `frames` and a solver answer to every pair."""
+    pairs = []
+    for n in range(count):
+        if n + 1 < count:
+            rates = mean_rates(frames.schedule, frames.times[n], frames.times[n + 1])
+            collector.measured(float(frames.times[n]), rates)
+        pairs += collector.observed(float(frames.times[n]), frames.concentration[n], model.grid)
+    pairs += collector.interrupted()
+    for pair in pairs:
+        predicted = model.predict(pair.previous, pair.rates, 30.0)
+        residual = model.residual(pair.previous, pair.following, pair.rates, 30.0)
+        collector.complete(pair, predicted, residual)
+    return pairs
+
+
+def test_a_live_run_gives_the_data_set_that_its_recording_gives(
+    collector, model, unseen_frames, rig, grid
+):
+    _feed(collector, model, unseen_frames)
+    live = collector.take()
+    recorded = build_dataset(
+        [unseen_frames],
+        rig,
+        grid=grid,
+        time_step=30.0,
+        predict=model.predict,
+        residual=model.residual,
+    )
+    assert live.fingerprint == recorded.fingerprint
+
+
+def test_a_clean_state_begins_another_experiment(collector, model, unseen_frames):
+    _feed(collector, model, unseen_frames, 5)
+    _feed(collector, model, unseen_frames, 5)
+    dataset = collector.take()
+    assert len(dataset) == 8
+    assert dataset.experiment.tolist() == [0] * 4 + [1] * 4
+
+
+def test_pairs_are_given_out_only_when_their_rates_have_arrived(collector, model, grid):
+    blank = np.zeros(grid.shape)
+    assert collector.observed(0.0, blank, grid) == []
+    assert collector.observed(30.0, blank, grid) == []
+    collector.measured(0.0, {'left': WellRate(1e-7, 1.0)})
+    (pair,) = collector.observed(60.0, blank, grid)
+    assert pair.rates['left'] == WellRate(1e-7, 1.0)
+    assert pair.end == 30.0
+
+
+def test_what_cannot_be_used_is_counted(collector, model, grid):
+    blank, unknown = np.zeros(grid.shape), np.full(grid.shape, np.nan)
+    for time, state in ((0.0, blank), (30.0, blank), (60.0, unknown), (120.0, blank)):
+        collector.observed(time, state, grid)
+        if time == 30.0:
+            collector.interrupted()
+            collector.measured(30.0, {'left': WellRate(1e-7)})
+            collector.observed(30.0, blank, grid)
+    assert collector.interrupted() == []
+    assert collector.dropped == {
+        'pairs without measured rates': 1,
+        'pairs with unknown cells': 1,
+        'pairs not 30 s apart': 1,
+    }
+
+
+def test_samples_are_taken_once_and_written_as_parts(collector, model, unseen_frames, tmp_path):
+    _feed(collector, model, unseen_frames, 6)
+    collector.take().append_to(tmp_path)
+    assert collector.untaken == 0
+    assert len(collector.take()) == 0
+    _feed(collector, model, unseen_frames, 6)
+    collector.take().append_to(tmp_path)
+    assert len(load_dataset(tmp_path)) == 10
+    assert collector.completed == 10
+
+
+def test_state_on_another_grid_and_unknown_well_are_refused(collector, rig):
+    with pytest.raises(InputError, match='7x5'):
+        collector.observed(0.0, np.zeros((5, 7)), rig.grid(7, 5))
+    with pytest.raises(InputError, match="'other'"):
+        collector.measured(0.0, {'other': WellRate(1e-7)})
