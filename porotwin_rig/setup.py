@@ -13,4 +13,10 @@ setup(
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'virtual_rig_node = porotwin_rig.virtual_rig_node:main',
+            'mock_camera_node = porotwin_rig.mock_camera_node:main',
+        ],
+    },
 )

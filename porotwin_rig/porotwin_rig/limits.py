@@ -1,0 +1,61 @@
+"""What the virtual rig's pumps take: the limits that rig.yaml sets, checked by the asset itself.
+
+The twin keeps these limits too; an asset that trusted it would be no independent witness.
+"""
+
+import math
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates, net_rate
+
+_ROUND_OFF_ML_H = 1e-3
+
+
+def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
+    """Return quietly when `rates` keep the limits of `rig`.
+
+    Raises:
+        InputError: one line naming the well, the rate and the limit.
+    """
+    for name in rates:
+        if name not in rig.wells:
+            raise InputError(f"well '{name}' is not in the rig; known: {', '.join(rig.wells)}")
+    control = rig.control
+    if control is None:
+        return
+    asked = {name: to_ml_h(rates.get(name, WellRate()).rate) for name in rig.wells}
+    for name in control.wells:
+        if not -_ROUND_OFF_ML_H <= asked[name] <= control.max_rate_ml_h + _ROUND_OFF_ML_H:
+            raise InputError(
+                f"well '{name}': rate {asked[name]:.1f} ml/h lies outside 0 to "
+                f'{control.max_rate_ml_h:.1f} ml/h; see rig.yaml'
+            )
+    total = math.fsum(asked[name] for name in control.wells)
+    if total > control.max_total_rate_ml_h + _ROUND_OFF_ML_H:
+        raise InputError(
+            f'control wells inject {total:.1f} ml/h together, more than '
+            f'{control.max_total_rate_ml_h:.1f} ml/h; see rig.yaml'
+        )
+    for name, fixed in control.fixed.items():
+        if abs(asked[name] - fixed.rate_ml_h) > _ROUND_OFF_ML_H:
+            raise InputError(
+                f"well '{name}': rate {asked[name]:.1f} ml/h; it must stay at "
+                f'{fixed.rate_ml_h:.1f} ml/h'
+            )
+    net = to_ml_h(net_rate(rates))
+    if control.producer is not None and abs(net) > _ROUND_OFF_ML_H:
+        raise InputError(f'{net:.1f} ml/h more is injected than produced; it must balance')
+
+
+def safe_rates(rig: Rig) -> dict[str, WellRate]:
+    """Return what is pumped when nobody commands: the fixed wells, balanced by the producer."""
+    rates = {name: WellRate() for name in rig.wells}
+    if rig.control is None:
+        return rates
+    for name, fixed in rig.control.fixed.items():
+        rates[name] = WellRate(from_ml_h(fixed.rate_ml_h), fixed.concentration)
+    if rig.control.producer is not None:
+        rates[rig.control.producer] = WellRate(-net_rate(rates))
+    return rates

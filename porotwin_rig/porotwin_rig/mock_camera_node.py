@@ -1,0 +1,111 @@
+"""A camera for tests: publishes the photographs of a folder, some of them broken on purpose."""
+
+import array
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage
+
+from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_core.node import declare, run
+from porotwin_recording.photos import read_photos
+from porotwin_rig.faults import FAULTS, parse_faults
+
+SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
+
+
+class MockCameraNode(Node):
+    """Publishes a baseline, waits for a listener, then one photograph per period, and ends.
+
+    An experiment folder gives times and roles in imaging.csv; of a plain folder the first
+    photograph is the baseline, and the others follow by name, `interval_s` apart.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read parameters and find the photographs.
+
+        Raises:
+            InputError: a parameter is wrong, or there are no photographs.
+        """
+        super().__init__('mock_camera', **kwargs)
+        folder = Path(declare(self, 'photos', '', 'experiment folder, or folder of photographs'))
+        interval = float(declare(self, 'interval_s', 30.0, 'between exposures of a plain folder'))
+        self._period = float(declare(self, 'period_s', 1.0, 'wall time between photographs [s]'))
+        faults = declare(self, 'faults', '', 'NUMBER:FAULT,... with states counted from 0')
+        self._patience = float(declare(self, 'startup_timeout_s', 60.0, 'wait for a listener [s]'))
+        self._faults = parse_faults(faults)
+        self._baselines, self._states = _photographs(folder, interval)
+        self._clock_topic = self.create_publisher(Clock, '/clock', 10)
+        self._baseline = self.create_publisher(
+            CompressedImage, 'camera/baseline/compressed', qos.BASELINE
+        )
+        self._photo = self.create_publisher(CompressedImage, 'camera/image/compressed', qos.PHOTO)
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def _work(self) -> None:
+        for stamp, path in self._baselines:
+            self._publish(self._baseline, stamp, path.read_bytes())
+        deadline = time.monotonic() + self._patience
+        while not self._photo.get_subscription_count() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        for number, (stamp, path) in enumerate(self._states):
+            time.sleep(self._period)
+            if not self.context.ok():
+                return
+            self._publish_state(number, stamp, path.read_bytes())
+        time.sleep(self._period)
+        self.get_logger().info(f'all {len(self._states)} photographs were published')
+        self.context.try_shutdown()
+
+    def _publish_state(self, number: int, stamp: float, data: bytes) -> None:
+        fault = self._faults.get(number)
+        if fault is not None:
+            self.get_logger().info(f'photograph {number} at {stamp:.0f} s is {fault}')
+        if fault == 'missing':
+            return
+        if fault is not None and fault in FAULTS:
+            data = FAULTS[fault](data)
+        if fault == 'late':
+            stamp = self._states[max(number - 1, 0)][0] - 0.5
+        for _ in range(2 if fault == 'duplicate' else 1):
+            self._publish(self._photo, stamp, data)
+
+    def _publish(self, publisher: Any, stamp: float, data: bytes) -> None:
+        self._clock_topic.publish(Clock(clock=conversions.time_to_msg(max(stamp, 0.0))))
+        header = conversions.header_at(max(stamp, 0.0), conversions.CAMERA_FRAME)
+        publisher.publish(
+            CompressedImage(header=header, format='jpeg', data=array.array('B', data))
+        )
+
+
+def _photographs(
+    folder: Path, interval: float
+) -> tuple[list[tuple[float, Path]], list[tuple[float, Path]]]:
+    """Return (time, path) of the baselines and of the states."""
+    if (folder / 'imaging.csv').is_file():
+        photos = read_photos(folder)
+        roles = [
+            [(photo.time, folder / photo.name) for photo in photos if photo.role == role]
+            for role in ('baseline', 'state')
+        ]
+        return roles[0], roles[1]
+    if not folder.is_dir():
+        raise InputError(f"photos '{folder}': no such folder")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    if len(paths) < 2:
+        raise InputError(f"photos '{folder}': needs a baseline and at least one state")
+    return [(0.0, paths[0])], [(n * interval, path) for n, path in enumerate(paths[1:], 1)]
+
+
+def main() -> None:
+    """Run the node."""
+    run(MockCameraNode)
+
+
+if __name__ == '__main__':
+    main()

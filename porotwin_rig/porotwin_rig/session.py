@@ -1,0 +1,89 @@
+"""An experiment on the virtual rig as it happens: photograph, command, wait, photograph."""
+
+from dataclasses import dataclass
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.limits import refuse_broken_limits, safe_rates
+from porotwin_rig.observation import signal_seen
+from porotwin_rig.render import Photographer
+
+
+@dataclass(frozen=True)
+class Command:
+    """Rates that the asset pumps until `valid_until` [s]; afterwards its safe ones."""
+
+    rates: dict[str, WellRate]
+    valid_until: float
+
+
+class AssetSession:
+    """The virtual rig between its photographs; `time` is that of the next one [s].
+
+    It begins with the safe rates. Commands are checked against the rig's limits, and hold until
+    they expire.
+    """
+
+    def __init__(
+        self, asset: VirtualRig, photographer: Photographer, *, photo_interval: float
+    ) -> None:
+        self.asset = asset
+        self._photographer = photographer
+        self._interval = photo_interval
+        self._safe = safe_rates(asset.rig)
+        self._command = Command(self._safe, 0.0)
+
+    @property
+    def time(self) -> float:
+        """Time since the start of the experiment [s]."""
+        return self.asset.time
+
+    def baseline(self) -> bytes:
+        """Return a photograph without tracer."""
+        return self._photographer.baseline()
+
+    def photograph(self) -> bytes:
+        """Return a photograph of this moment."""
+        fine = self.asset.rig.default_grid().refined(2)
+        signal = signal_seen(self.asset, fine, time=self.time)
+        return self._photographer.photograph(signal, time=self.time)
+
+    def command(self, rates: WellRates, *, valid_until: float) -> None:
+        """Tell the pumps `rates` from this moment on, until `valid_until` [s].
+
+        Raises:
+            InputError: the rates break a limit of the rig, or have expired already.
+        """
+        refuse_broken_limits(self.asset.rig, rates)
+        if valid_until < self.time:
+            raise InputError(
+                f'setpoint was valid until {valid_until:.3f} s, now it is {self.time:.3f} s; '
+                'decide again'
+            )
+        self._command = Command(dict(rates), valid_until)
+
+    def advance(self) -> dict[str, WellRate]:
+        """Let one photo interval pass; return what the wells' meters showed in the mean."""
+        end = self.time + self._interval
+        switch = min(max(self._command.valid_until, self.time), end)
+        shares: list[tuple[float, dict[str, WellRate]]] = []
+        for rates, until in ((self._command.rates, switch), (self._safe, end)):
+            span = until - self.time
+            if span > 1e-9:
+                self.asset.set_rates(rates)
+                self.asset.advance(span)
+                shares.append((span / self._interval, self.asset.measured_rates()))
+        return _mean(shares)
+
+
+def _mean(shares: list[tuple[float, dict[str, WellRate]]]) -> dict[str, WellRate]:
+    """Return the mean rates of stretches with their shares of the time, their tracer likewise."""
+    wells = dict.fromkeys(name for _, rates in shares for name in rates)
+    mean = {}
+    for name in wells:
+        parts = [(share, rates.get(name, WellRate())) for share, rates in shares]
+        rate = sum(share * well.rate for share, well in parts)
+        tracer = sum(share * well.rate * well.concentration for share, well in parts)
+        mean[name] = WellRate(rate, min(max(tracer / rate, 0.0), 1.0) if rate > 0.0 else 0.0)
+    return mean

@@ -1,0 +1,262 @@
+"""The virtual rig as a node: the physical asset of the graph, in lock-step with the twin.
+
+It publishes a photograph, waits for the setpoint that carries the photograph's stamp, pumps it for
+one photo interval, and publishes the next: the result does not depend on how fast the machine is.
+"""
+
+import array
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock as RclpyClock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage
+
+from porotwin_core import __version__, conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.rig import Rig, load_rig
+from porotwin_core.wells import WellRate
+from porotwin_msgs.msg import CleanState, WellRates
+from porotwin_msgs.srv import Control, Ping
+from porotwin_recording.concentration import ConcentrationWriter
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.camera import camera_before
+from porotwin_rig.effects import parse_effects
+from porotwin_rig.pumps import Pumps
+from porotwin_rig.render import Photographer
+from porotwin_rig.session import AssetSession
+
+ASPECT = 0.625
+"""Height of a photograph relative to its width."""
+
+CLOCK_PERIOD_S = 0.2
+"""Wall time between repetitions of /clock, for nodes that start late."""
+
+SETTLE_S = 1.0
+"""Wait after everyone is there, for those that nobody can count, such as a recorder."""
+
+
+class VirtualRigNode(Node):
+    """The asset's devices: camera, pumps with flow meters, and the clock of the experiment."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read parameters and fill the tank.
+
+        Raises:
+            InputError: a parameter, the rig or an effect is wrong.
+        """
+        super().__init__('virtual_rig', **kwargs)
+        self.set_parameters([Parameter('use_sim_time', value=True)])
+        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
+        self._interval = _positive(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
+        self._duration = _positive(self, 'duration_s', 4800.0, 'length of the experiment [s]')
+        self._pace = _pace(declare(self, 'speed', 'max', 'max, or times faster than real time'))
+        self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
+        self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
+        needed = 'solver/predict,costa/corrective_source'
+        needed = declare(self, 'wait_for_services', needed, 'services to wait for at the start')
+        self._needed = [self.resolve_service_name(name) for name in filter(None, needed.split(','))]
+        self._session = self._make_session(rig)
+        self._truth = self._make_truth(rig)
+        self._diagnostics = Diagnostics(self)
+        self._answered = threading.Condition()
+        self._answered_stamp: int | None = None
+        self._make_topics()
+        self._worker = threading.Thread(target=self._work, daemon=True)
+        self._worker.start()
+
+    def _make_session(self, rig: Rig) -> AssetSession:
+        seed = declare(self, 'seed', 7, 'of the sand, the camera and its noise')
+        effects = parse_effects(
+            declare(self, 'effects', '', 'NAME:PARAMETER=VALUE,...;... that rig.yaml does not know')
+        )
+        if any(effect.name == 'clock' for effect in effects):
+            raise InputError("effect 'clock': a live rig has one clock; make a recording instead")
+        width = declare(self, 'photo_width_px', 1600, 'width of the photographs [px]')
+        delivery = declare(self, 'producer_delivery', 0.99, 'what the producer delivers (paper)')
+        producer = rig.control.producer if rig.control is not None else None
+        pumps = Pumps({producer: delivery}) if producer is not None else Pumps()
+        camera = camera_before(rig, width, round(width * ASPECT))
+        photographer = Photographer(rig, camera=camera, seed=seed)
+        if rig.camera is not None and rig.camera != photographer.rig.camera:
+            self.get_logger().warning('rig.yaml has the rig elsewhere in the photographs')
+        asset = VirtualRig(rig, effects=effects, pumps=pumps)
+        return AssetSession(asset, photographer, photo_interval=self._interval)
+
+    def _make_truth(self, rig: Rig) -> ConcentrationWriter | None:
+        path = declare(self, 'truth', '', 'file for the true maps, for scoring; empty: none')
+        grid = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the true maps')
+        if not path:
+            return None
+        return ConcentrationWriter(Path(path), Grid.parse(grid, rig.width_m, rig.height_m))
+
+    def _make_topics(self) -> None:
+        self._clock_topic = self.create_publisher(Clock, '/clock', 10)
+        self._baseline = self.create_publisher(
+            CompressedImage, 'camera/baseline/compressed', qos.BASELINE
+        )
+        self._photo = self.create_publisher(CompressedImage, 'camera/image/compressed', qos.PHOTO)
+        self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
+        self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
+        self.create_service(Control, 'asset/control', self._on_control)
+        self.create_service(Ping, 'asset/ping', self._on_ping)
+        steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(CLOCK_PERIOD_S, self._publish_clock, clock=steady)
+
+    # --- services -----------------------------------------------------------------------------
+
+    def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
+        setpoint = request.setpoint
+        with self._answered:
+            try:
+                rates = conversions.rates_from_msg(setpoint.wells)
+                until = conversions.time_from_msg(setpoint.valid_until)
+                self._session.command(rates, valid_until=until)
+            except InputError as error:
+                response.outcome = conversions.refusal(error)
+                self.get_logger().error(f'setpoint {setpoint.sequence} refused: {error}')
+                return response
+            stamp = setpoint.header.stamp
+            self._answered_stamp = stamp.sec * 1_000_000_000 + stamp.nanosec
+            self._answered.notify_all()
+        response.outcome = conversions.ok()
+        return response
+
+    def _on_ping(self, request: Ping.Request, response: Ping.Response) -> Ping.Response:
+        now = self._session.time
+        response.name = 'virtual rig'
+        response.version = __version__
+        response.status = f'{now:.0f} of {self._duration:.0f} s'
+        response.time = conversions.time_to_msg(now)
+        return response
+
+    # --- the experiment -----------------------------------------------------------------------
+
+    def _work(self) -> None:
+        try:
+            self._publish_clock()
+            self._publish_photo(self._baseline, self._session.baseline())
+            self._wait_for_graph()
+            self._run_experiment()
+        except Exception as error:  # a thread must not die in silence
+            self.get_logger().fatal(f'experiment failed at {self._session.time:.0f} s: {error!r}')
+            self._diagnostics.report(DiagnosticStatus.ERROR, f'experiment failed: {error!r}')
+        finally:
+            if self._truth is not None:
+                self._truth.close()
+        time.sleep(SETTLE_S)
+        self.context.try_shutdown()
+
+    def _run_experiment(self) -> None:
+        due = time.monotonic()
+        self._show()
+        while self._session.time < self._duration - 1e-6 and self.context.ok():
+            self._wait_for_setpoint()
+            due += self._interval / self._pace if self._pace else 0.0
+            measured = self._session.advance()
+            time.sleep(max(0.0, due - time.monotonic()) if self._pace else 0.0)
+            self._publish_clock()
+            self._publish_measured(measured)
+            self._show()
+        self._wait_for_setpoint()
+        self._clean.publish(
+            CleanState(
+                header=conversions.header_at(self._session.time),
+                cause=CleanState.FINISHED,
+                reason=f'the experiment of {self._duration:.0f} s is over',
+            )
+        )
+        self.get_logger().info(f'finished after {self._session.time:.0f} s')
+
+    def _show(self) -> None:
+        """Take and publish the photograph of this moment, and keep the truth beside it."""
+        now = self._session.time
+        with self._answered:
+            self._answered_stamp = None
+        if self._truth is not None:
+            self._truth.append(now, self._session.asset.concentration(self._truth.grid))
+        self._publish_photo(self._photo, self._session.photograph())
+        self._diagnostics.report(DiagnosticStatus.OK, f'photograph at {now:.0f} s')
+
+    def _wait_for_setpoint(self) -> None:
+        """Return when the setpoint that follows from the last photograph is there, or too late."""
+        if self._patience <= 0.0:
+            return
+        wanted = round(self._session.time * 1e9)
+        with self._answered:
+            if self._answered.wait_for(lambda: self._answered_stamp == wanted, self._patience):
+                return
+        text = f'no setpoint for the photograph at {self._session.time:.0f} s: going on without'
+        self.get_logger().warning(text)
+        self._diagnostics.report(DiagnosticStatus.WARN, text)
+
+    def _wait_for_graph(self) -> None:
+        """Return when someone takes the photographs and the twin's services are there."""
+        deadline = time.monotonic() + self._start_patience
+        missing = ['a subscriber of the photographs']
+        while missing and time.monotonic() < deadline and self.context.ok():
+            time.sleep(0.1)
+            offered = {name for name, _ in self.get_service_names_and_types()}
+            missing = [] if self._photo.get_subscription_count() else missing[:1]
+            missing += [name for name in self._needed if name not in offered]
+        if missing:
+            self.get_logger().warning(f'starting without {", ".join(missing)}')
+        time.sleep(SETTLE_S)
+
+    # --- messages -----------------------------------------------------------------------------
+
+    def _publish_clock(self) -> None:
+        self._clock_topic.publish(Clock(clock=conversions.time_to_msg(self._session.time)))
+
+    def _publish_photo(self, publisher: Any, jpeg: bytes) -> None:
+        header = conversions.header_at(self._session.time, conversions.CAMERA_FRAME)
+        publisher.publish(
+            CompressedImage(header=header, format='jpeg', data=array.array('B', jpeg))
+        )
+
+    def _publish_measured(self, rates: dict[str, WellRate]) -> None:
+        now = self._session.time
+        self._measured.publish(
+            WellRates(
+                header=conversions.header_at(now),
+                start=conversions.time_to_msg(now - self._interval),
+                wells=conversions.rates_to_msg(rates),
+            )
+        )
+
+
+def _positive(node: Node, name: str, default: float, description: str) -> float:
+    value = float(declare(node, name, default, description))
+    if not value > 0.0:
+        raise InputError(f"parameter '{name}' of {node.get_name()}: {value:g}; give a positive one")
+    return value
+
+
+def _pace(speed: str) -> float | None:
+    """Return how many times faster than real time; None: as fast as it goes."""
+    if speed == 'max':
+        return None
+    try:
+        pace = float(speed)
+    except ValueError:
+        pace = 0.0
+    if not pace > 0.0:
+        raise InputError(f"speed '{speed}': write max, or a positive number")
+    return pace
+
+
+def main() -> None:
+    """Run the node."""
+    run(VirtualRigNode)
+
+
+if __name__ == '__main__':
+    main()
