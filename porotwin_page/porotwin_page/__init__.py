@@ -1,0 +1,1 @@
+"""The page that a person watches and operates beside the rig."""

@@ -1,0 +1,93 @@
+"""What arrives at the page in a short experiment on the paper's small rig."""
+
+import math
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_page import snapshot
+from porotwin_page.snapshot import CyclePoint, Map, Observation, Setpoint, Snapshot
+
+RIG_FILE = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+RIG = load_rig(RIG_FILE)
+GRID = RIG.grid(12, 7)
+START = 1_700_000_000.0
+
+
+def rates(control1: float, control2: float = 0.0) -> dict[str, WellRate]:
+    """Return the rates of every well for control rates in ml/h."""
+    values = {
+        'injector': 500.0,
+        'producer': -(500.0 + control1 + control2),
+        'control1': control1,
+        'control2': control2,
+        'control3': 0.0,
+    }
+    tracer = {'injector': 1.0}
+    return {well: WellRate(from_ml_h(rate), tracer.get(well, 0.0)) for well, rate in values.items()}
+
+
+def map_at(time: float, value: float = 0.25) -> Map:
+    """Return a uniform map."""
+    return Map(time, np.full(GRID.shape, value), GRID)
+
+
+def observation(sequence: int, *, value: float = 0.25, arrival: float | None = None) -> Observation:
+    """Return the state of photograph `sequence`, one every 30 s, arriving when it is taken."""
+    after = 30.0 * (sequence - 1)
+    return Observation(
+        sequence=sequence,
+        map=map_at(START + after, value),
+        arrival=after if arrival is None else arrival,
+        time_step=30.0 if sequence > 1 else 0.0,
+    )
+
+
+def setpoint(sequence: int, control1: float) -> Setpoint:
+    """Return the setpoint that follows from photograph `sequence`."""
+    time = START + 30.0 * (sequence - 1)
+    return Setpoint(sequence, time, time + 90.0, rates(control1), 'least tracer')
+
+
+def point(sequence: int, error: float = 0.1) -> CyclePoint:
+    """Return the report of the cycle of photograph `sequence`."""
+    return CyclePoint(
+        time=START + 30.0 * (sequence - 1),
+        prediction_error=error,
+        corrected_error=error / 2,
+        disallowed_tracer=2e-6,
+        cycle_duration=1.5,
+        corrected=True,
+    )
+
+
+def after(*steps: tuple) -> Snapshot:
+    """Return the empty snapshot after `steps`: (function, arguments..., optional dict)."""
+
+    def apply(now: Snapshot, step: tuple) -> Snapshot:
+        function, *arguments = step
+        named = arguments.pop() if arguments and isinstance(arguments[-1], dict) else {}
+        return function(now, *arguments, **named)
+
+    return reduce(apply, steps, Snapshot())
+
+
+def two_cycles() -> Snapshot:
+    """Return the snapshot after two photographs, the second 0.2 above its forecast."""
+    return after(
+        (snapshot.with_rig, RIG),
+        (snapshot.with_observation, observation(1)),
+        (snapshot.with_predicted, map_at(START + 30.0, 0.30)),
+        (snapshot.with_corrected, map_at(START + 30.0, 0.25)),
+        (snapshot.with_setpoint, setpoint(1, 100.0)),
+        (snapshot.with_cycle, point(1, math.nan)),
+        (snapshot.with_observation, observation(2, value=0.45)),
+        (snapshot.with_predicted, map_at(START + 60.0, 0.5)),
+        (snapshot.with_corrected, map_at(START + 60.0, 0.4)),
+        (snapshot.with_setpoint, setpoint(2, 120.0)),
+        (snapshot.with_cycle, point(2)),
+    )

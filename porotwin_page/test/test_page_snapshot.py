@@ -1,0 +1,181 @@
+"""How each thing that arrives changes what the page knows, and that what is kept is bounded."""
+
+import math
+
+import numpy as np
+import pytest
+from page_examples import (
+    GRID,
+    START,
+    after,
+    map_at,
+    observation,
+    point,
+    rates,
+    setpoint,
+    two_cycles,
+)
+
+from porotwin_page import snapshot
+from porotwin_page.board import Board
+from porotwin_page.snapshot import Health, Level, Map, Snapshot
+
+
+def test_an_observation_is_set_against_the_corrected_forecast_made_for_its_time() -> None:
+    difference = two_cycles().difference
+    assert difference is not None
+    np.testing.assert_allclose(difference, 0.45 - 0.25)
+
+
+def test_without_a_forecast_for_its_time_there_is_no_difference() -> None:
+    late = after(
+        (snapshot.with_predicted, map_at(START + 30.0)),
+        (snapshot.with_observation, observation(3)),
+    )
+    assert late.difference is None
+
+
+def test_a_forecast_on_a_finer_grid_is_averaged_to_the_observation() -> None:
+    fine = GRID.refined(2)
+    values = np.zeros(fine.shape)
+    values[::2] = 0.5
+    now = after(
+        (snapshot.with_predicted, Map(START, values, fine)),
+        (snapshot.with_observation, observation(1, value=0.25)),
+    )
+    np.testing.assert_allclose(now.difference, 0.0, atol=1e-12)
+
+
+def test_cells_that_were_not_seen_have_no_difference() -> None:
+    seen = observation(1)
+    seen.map.concentration[2, 3] = np.nan
+    now = after((snapshot.with_predicted, map_at(START)), (snapshot.with_observation, seen))
+    assert now.difference is not None
+    assert np.isnan(now.difference).sum() == 1
+
+
+def test_an_interruption_forgets_the_forecasts_and_leaves_a_mark() -> None:
+    now = snapshot.with_interruption(two_cycles(), snapshot.Mark(START + 60, 'missed'))
+    now = snapshot.with_observation(now, observation(3))
+    assert now.difference is None
+    assert now.marks[-1].reason == 'missed'
+    assert len(now.history) == 2
+
+
+def test_a_new_experiment_drops_maps_and_curves_but_not_what_is_set_at_the_pumps() -> None:
+    now = snapshot.with_measured(two_cycles(), rates(100.0), by_person=True)
+    now = snapshot.with_new_experiment(now)
+    assert now.observation is None
+    assert now.history == ()
+    assert now.start is None
+    assert now.set_rates == rates(100.0)
+    assert now.rig is not None
+
+
+def test_a_photograph_from_before_the_start_begins_a_new_experiment() -> None:
+    replayed = snapshot.with_observation(
+        snapshot.with_observation(Snapshot(), observation(5)), observation(1)
+    )
+    assert replayed.start == START
+    assert len(replayed.arrivals) == 1
+
+
+def test_history_keeps_the_newest_cycles_and_counts_them_all() -> None:
+    now = Snapshot()
+    for sequence in range(1, snapshot.HISTORY_LENGTH + 11):
+        now = snapshot.with_cycle(now, point(sequence))
+    assert len(now.history) == snapshot.HISTORY_LENGTH
+    assert now.history_end == snapshot.HISTORY_LENGTH + 10
+    assert now.history[0].time == point(11).time
+
+
+def test_a_cycle_takes_the_rates_of_the_setpoint_from_the_same_photograph() -> None:
+    history = two_cycles().history
+    assert [cycle.rates['control1'] for cycle in history] == [
+        rates(100.0)['control1'],
+        rates(120.0)['control1'],
+    ]
+
+
+def test_a_hub_that_counts_from_one_again_ends_what_was_confirmed() -> None:
+    now = snapshot.with_confirmation(two_cycles(), 1)
+    now = snapshot.with_setpoint(now, setpoint(1, 50.0))
+    assert now.confirmed is None
+    assert [kept.sequence for kept in now.setpoints] == [1]
+
+
+def test_the_photo_interval_is_the_longer_of_told_and_seen() -> None:
+    fast = after(
+        *((snapshot.with_observation, observation(k, arrival=float(k))) for k in (1, 2, 3))
+    )
+    slow = after(
+        *((snapshot.with_observation, observation(k, arrival=60.0 * k)) for k in (1, 2, 3))
+    )
+    assert snapshot.photo_interval(fast) == 30.0
+    assert snapshot.photo_interval(slow) == 60.0
+    assert snapshot.photo_interval(after((snapshot.with_observation, observation(1)))) is None
+
+
+def test_a_node_that_leaves_the_graph_is_known_as_absent_and_comes_back() -> None:
+    said = Health(Level.OK, 'fast, 187x112', 1.0)
+    now = snapshot.with_health(Snapshot(), 'solver', said)
+    assert now.health['solver'].present is None
+    now = snapshot.with_nodes(now, ['solver', 'hub'], 2.0)
+    assert now.health['solver'].present is True
+    assert now.health['hub'].level is Level.QUIET
+    now = snapshot.with_nodes(now, ['hub'], 4.0)
+    assert now.health['solver'].present is False
+    now = snapshot.with_nodes(now, ['solver', 'hub'], 6.0)
+    assert now.health['solver'].present is True
+    assert now.health['solver'].message == 'fast, 187x112'
+
+
+@pytest.mark.parametrize(
+    ('kept', 'most', 'step'),
+    [
+        (
+            'health',
+            snapshot.NODES_KEPT,
+            lambda now, k: snapshot.with_health(now, f'node{k}', Health(Level.OK, '', k)),
+        ),
+        (
+            'setpoints',
+            snapshot.SETPOINTS_KEPT,
+            lambda now, k: snapshot.with_setpoint(now, setpoint(k, 1.0)),
+        ),
+        (
+            'marks',
+            snapshot.MARKS_KEPT,
+            lambda now, k: snapshot.with_interruption(now, snapshot.Mark(k, '')),
+        ),
+        (
+            'predicted',
+            snapshot.FORECASTS_KEPT,
+            lambda now, k: snapshot.with_predicted(now, map_at(k)),
+        ),
+        (
+            'corrected',
+            snapshot.FORECASTS_KEPT,
+            lambda now, k: snapshot.with_corrected(now, map_at(k)),
+        ),
+        (
+            'arrivals',
+            snapshot.ARRIVALS_KEPT,
+            lambda now, k: snapshot.with_observation(now, observation(k)),
+        ),
+    ],
+)
+def test_whatever_comes_for_long_what_is_kept_is_bounded(kept, most, step) -> None:
+    now = Snapshot()
+    for k in range(1, 3 * most):
+        now = step(now, k)
+    assert len(getattr(now, kept)) == most
+
+
+def test_the_board_counts_every_change_and_never_alters_an_old_snapshot() -> None:
+    board = Board()
+    before = board.snapshot
+    board.apply(snapshot.with_cycle, point(1, math.nan))
+    assert board.revision == 1
+    assert before == Snapshot()
+    assert len(board.snapshot.history) == 1
