@@ -4,9 +4,20 @@
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 compiled = njit(cache=True, nogil=True, error_model='numpy')
 """Compile once per machine; run without the interpreter's lock; divide as NumPy does."""
+
+
+NO_TAPE = np.empty(0)
+"""The tape of a run that no adjoint follows."""
+
+
+def tape_length(reach: NDArray[np.int64]) -> int:
+    """Return how many single steps all cells take together; `reach` as `sort_by_pace` returns."""
+    with_level = reach - np.append(reach[1:], 0)
+    return int((with_level << np.arange(len(reach))).sum())
 
 
 @compiled

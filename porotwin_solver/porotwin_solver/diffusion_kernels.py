@@ -83,9 +83,11 @@ def list_exchanges(xx, xz, zz, water, storage, time_step, largest):
 
 
 @compiled
-def exchange(c, storage, time_step, start, other, weight, level, order, reach):
+def exchange(c, storage, time_step, start, other, weight, level, order, reach, tape):
+    """Advance `c` in place; what every cell held before each of its steps goes onto `tape`."""
     gain = np.zeros(len(c))
     top = len(reach) - 1
+    taped = 0
     for step in range(1 << top):
         for place in range(reach[starting_level(step, top)]):
             k = order[place]
@@ -98,6 +100,9 @@ def exchange(c, storage, time_step, start, other, weight, level, order, reach):
                     gain[other[pair]] -= moved
         for place in range(reach[starting_level(step + 1, top)]):
             k = order[place]
+            if len(tape) > 0:
+                tape[taped] = c[k]
+                taped += 1
             if gain[k] != 0.0:
                 c[k] += gain[k] / storage[k]
                 gain[k] = 0.0

@@ -115,11 +115,25 @@ class Engine:
                 moving = flux + self._tracer_driven(state.mobile, rates)
                 paces = pace(moving, sources, self.storage, step)
                 pairs = self.exchanges(moving, 0.5 * step)
-            self.react(state, 0.5 * step)
-            diffuse(state.mobile, self.storage, pairs)
-            self._advect(state.mobile, moving, sources, paces)
-            diffuse(state.mobile, self.storage, pairs)
-            self.react(state, 0.5 * step)
+            self.step(state, moving, sources, steps=paces, pairs=pairs)
+
+    def step(
+        self, state: State, flux: FaceField, sources: Sources, *, steps: Pace, pairs: Exchanges
+    ) -> None:
+        """Advance `state` in place by one step; `pairs` are those for half of it."""
+        self.react(state, pairs.time_step)
+        diffuse(state.mobile, self.storage, pairs)
+        advect(
+            state.mobile,
+            flux,
+            sources=sources,
+            pore_volume=self.storage,
+            steps=steps,
+            scheme=self.scheme,
+            scratch=self._scratch,
+        )
+        diffuse(state.mobile, self.storage, pairs)
+        self.react(state, pairs.time_step)
 
     def exchanges(self, flux: FaceField, step: float) -> Exchanges:
         """Return the diffusion for `step` [s]; that without dispersion is kept."""
@@ -132,32 +146,37 @@ class Engine:
 
     def react(self, state: State, duration: float) -> None:
         """Exchange with the immobile water and decay, both exactly, by `duration` [s]."""
-        physics = self.physics
-        share = physics.immobile_fraction
+        left, kept = self._reaction(duration)
+        share = self.physics.immobile_fraction
         if share > 0.0:
             mean = self.seen(state)
-            gap = (state.mobile - state.immobile) * math.exp(
-                -physics.exchange_rate * duration / (1.0 - share)
-            )
-            state.mobile[:] = mean + share * gap
-            state.immobile[:] = mean - (1.0 - share) * gap
-        if physics.decay_rate > 0.0:
-            left = math.exp(-physics.decay_rate * duration)
+            gap = (state.mobile - state.immobile) * kept
+            state.mobile[:] = left * (mean + share * gap)
+            state.immobile[:] = left * (mean - (1.0 - share) * gap)
+        elif left < 1.0:
             state.mobile *= left
             state.immobile *= left
+
+    def react_adjoint(self, bar: State, duration: float) -> None:
+        """Turn `bar`, the derivative by the state after `react`, into that by the one before."""
+        left, kept = self._reaction(duration)
+        share = self.physics.immobile_fraction
+        if share > 0.0:
+            mean = bar.mobile + bar.immobile
+            gap = kept * (share * bar.mobile - (1.0 - share) * bar.immobile)
+            bar.mobile[:] = left * ((1.0 - share) * mean + gap)
+            bar.immobile[:] = left * (share * mean - gap)
+        elif left < 1.0:
+            bar.mobile *= left
+            bar.immobile *= left
+
+    def _reaction(self, duration: float) -> tuple[float, float]:
+        """Return what decay leaves, and what exchange leaves of the gap to the immobile water."""
+        physics = self.physics
+        exchanged = physics.exchange_rate * duration / (1.0 - physics.immobile_fraction)
+        return math.exp(-physics.decay_rate * duration), math.exp(-exchanged)
 
     def _tracer_driven(self, mobile: FloatArray, rates: WellRates) -> FaceField:
         assert self.coupling is not None
         coarse = coarsen(mobile, self.coupling.grid.shape)
         return self.coupling.flux(rates, coarse).refined(self.grid.nx // self.coupling.grid.nx)
-
-    def _advect(self, mobile: FloatArray, flux: FaceField, sources: Sources, steps: Pace) -> None:
-        advect(
-            mobile,
-            flux,
-            sources=sources,
-            pore_volume=self.storage,
-            steps=steps,
-            scheme=self.scheme,
-            scratch=self._scratch,
-        )

@@ -67,6 +67,11 @@ class Physics:
         return self.volume * self.porosity * self.retardation_factor
 
     @property
+    def mobile_water(self) -> FloatArray:
+        """Volume of the water that moves [m^3], (nz, nx)."""
+        return self.volume * self.porosity * (1.0 - self.immobile_fraction)
+
+    @property
     def is_coupled(self) -> bool:
         """Whether the flow depends on where the tracer is."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0

@@ -24,6 +24,12 @@ def coarsen(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
     return field.reshape(rows, nz // rows, columns, nx // columns).mean(axis=(1, 3))
 
 
+def coarsen_adjoint(bar: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Return the derivative by the fine map, (nz, nx) = `shape`, from `bar`, that by its means."""
+    rows, columns = shape[0] // bar.shape[0], shape[1] // bar.shape[1]
+    return np.repeat(np.repeat(bar, rows, axis=0), columns, axis=1) / (rows * columns)
+
+
 def _refine_rows(field: FloatArray, factor: int) -> FloatArray:
     if factor == 1:
         return field

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import FloatArray
+from porotwin_solver.compiled import NO_TAPE
 from porotwin_solver.flow import FaceField
 from porotwin_solver.transport_kernels import advection, paces
 
@@ -103,12 +104,13 @@ def advect(
     steps: Pace,
     scheme: int,
     scratch: Carried | None = None,
+    tape: FloatArray | None = None,
 ) -> None:
     """Advance `concentration` (nz, nx) in place by `steps.time_step`.
 
     The divergence of `flux` must equal `sources.net`; then a constant state stays constant and all
     states stay within the range of the initial and the injected ones. Through open sides comes
-    water without tracer.
+    water without tracer. `tape` of `tape_length(steps.reach)` records what the adjoint needs.
     """
     carried = Carried.zeros(flux) if scratch is None else scratch
     advection(
@@ -128,4 +130,5 @@ def advect(
         carried.rate.z,
         carried.amount.x,
         carried.amount.z,
+        NO_TAPE if tape is None else tape,
     )

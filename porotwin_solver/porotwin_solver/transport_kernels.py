@@ -137,8 +137,11 @@ def advection(
     rate_z,
     amount_x,
     amount_z,
+    tape,
 ):
+    """Advance `c` in place; what every cell held before each of its steps goes onto `tape`."""
     top = len(reach) - 1
+    taped = 0
     rate_x[:] = 0.0
     rate_z[:] = 0.0
     for step in range(1 << top):
@@ -159,6 +162,12 @@ def advection(
             amount_x,
             amount_z,
         )
+        ending = reach[starting_level(step + 1, top)]
+        if len(tape) > 0:
+            for place in range(ending):
+                i, j = divmod(order[place], c.shape[1])
+                tape[taped] = c[i, j]
+                taped += 1
         arrive(
             c,
             flux_x,
@@ -169,7 +178,7 @@ def advection(
             time_step,
             level,
             order,
-            reach[starting_level(step + 1, top)],
+            ending,
             rate_x,
             rate_z,
             amount_x,

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_solver.refinement import coarsen
+from porotwin_solver.refinement import coarsen, coarsen_adjoint
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,24 @@ class View:
             light = 1.0 + self.drift * time + self.gradient * (grid.x - grid.width / 2.0)
             seen = np.clip(seen * light, 0.0, 1.0)
         return seen
+
+    def shown_adjoint(
+        self, concentration: FloatArray, grid: Grid, time: float, bar: FloatArray
+    ) -> FloatArray:
+        """Return the derivative by `concentration` of a cost with the derivative `bar` by `shown`.
+
+        For views that move nothing.
+        """
+        seen = coarsen(concentration, grid.shape)
+        if self.drift or self.gradient:
+            light = 1.0 + self.drift * time + self.gradient * (grid.x - grid.width / 2.0)
+            lit = np.maximum(seen, 0.0) ** self.exponent * light
+            bar = np.where((lit > 0.0) & (lit < 1.0), bar * light, 0.0)
+        if self.exponent != 1.0:
+            bar = bar * np.where(
+                seen > 0.0, self.exponent * np.maximum(seen, 1e-12) ** (self.exponent - 1.0), 0.0
+            )
+        return coarsen_adjoint(bar, concentration.shape)
 
     def _moved(self, concentration: FloatArray, grid: Grid) -> FloatArray:
         """Return the moved map; from beyond the rig comes what lies at its edge."""
