@@ -28,8 +28,12 @@ from porotwin_recording.player import (
 from porotwin_recording.serialization import SECOND, Serializer, stamp_of
 from porotwin_recording.topic import Topic
 
-QUEUE_DEPTH = 64
-"""Messages of one topic that wait for subscribers slower than the replay."""
+QUEUE_DEPTH = 1000
+QUEUE_SIZE = 64 << 20
+"""Messages of one topic, and their bytes, after which the player waits for its subscribers."""
+
+ACKNOWLEDGE_TIMEOUT = 10.0
+"""Longest wait for a subscriber [s]; Fast DDS asks every 3 s what has arrived."""
 
 CLOCK_PERIOD = 0.05
 """How often /clock goes on between two messages [s of wall time]."""
@@ -38,10 +42,14 @@ _DRIVING = (f'/{topics.IMAGE}', f'/{topics.NEW_STATE}')
 """Topics whose messages the graph answers with a cycle each."""
 
 
+def _depth(topic: Topic) -> int:
+    return LATCHED_LIMIT if topic.qos.latched else QUEUE_DEPTH
+
+
 def _publisher_qos(topic: Topic) -> QoSProfile:
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=max(QUEUE_DEPTH, LATCHED_LIMIT, topic.qos.depth),
+        depth=_depth(topic),
         reliability=ReliabilityPolicy[topic.qos.reliability.upper()],
         durability=DurabilityPolicy[topic.qos.durability.upper()],
     )
@@ -65,7 +73,7 @@ class PlayerNode(Node):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__('player', **kwargs)
+        super().__init__('player', enable_rosout=False, **kwargs)
         self._bag = BagReader(declare(self, 'bag', '', 'bag to play: folder or .mcap file'))
         wanted = declare(self, 'topics', 'inputs', "names, or 'inputs' of the twin, or 'all'")
         rate = declare(self, 'rate', 1.0, 'times as fast as recorded; 0: as fast as possible')
@@ -80,7 +88,7 @@ class PlayerNode(Node):
             length = (self._bag.end_time - self._bag.start_time) / SECOND
             raise InputError(f'{self._bag.path}: lasts {length:g} s; start before its end')
         self._serializer = Serializer()
-        self._clock_publisher = self.create_publisher(Clock, CLOCK, 10)
+        self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
         self._targets: dict[str, Publisher] = {}
         for name in played_topics(self._bag, wanted):
             self._add(name, told_as_measured=wanted == 'inputs')
@@ -88,7 +96,7 @@ class PlayerNode(Node):
         self._answers = threading.Condition()
         self._lockstep = self.resolve_topic_name(lockstep) if lockstep else ''
         self._stopping = threading.Event()
-        self._unacknowledged = 0
+        self._unacknowledged: dict[str, tuple[int, int]] = {}
         self._thread = threading.Thread(target=self._run, name='player')
         self._thread.start()
 
@@ -185,15 +193,16 @@ class PlayerNode(Node):
         told = target.topic_name != message.topic
         data = as_measured(self._bag, message, self._serializer) if told else message.data
         target.publish(data)
-        self._unacknowledged += 1
-        if self._unacknowledged >= QUEUE_DEPTH // 2:
+        count, size = self._unacknowledged.get(message.topic, (0, 0))
+        self._unacknowledged[message.topic] = (count + 1, size + len(data))
+        if count + 1 >= _depth(self._bag.topics[message.topic]) or size + len(data) > QUEUE_SIZE:
             self._acknowledge()
 
     def _acknowledge(self) -> None:
         """Wait until all subscribers have what was sent, so that none is overwritten unseen."""
         for target in self._targets.values():
-            target.wait_for_all_acked(Duration(seconds=5))
-        self._unacknowledged = 0
+            target.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
+        self._unacknowledged.clear()
 
     def _await_answer(self, message: BagMessage) -> None:
         """Wait until the graph has answered for the time of a photograph or state."""

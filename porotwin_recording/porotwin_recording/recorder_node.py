@@ -22,8 +22,8 @@ DISCOVERY_PERIOD = 0.2
 
 DIAGNOSTICS_PERIOD = 10.0
 
-QUEUE_DEPTH = 256
-"""Messages of one topic that wait for this process."""
+QUEUE_DEPTH = 5000
+"""Messages of one topic that wait for this process, the most that Fast DDS keeps."""
 
 
 def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> TopicQos:
@@ -61,7 +61,7 @@ class RecorderNode(Node):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__('recorder', **kwargs)
+        super().__init__('recorder', enable_rosout=False, **kwargs)
         output = declare(self, 'output', '', 'bag to write: a new folder, or a file .mcap')
         if not output:
             raise InputError("parameter 'output' of recorder: name the bag to write")
@@ -117,21 +117,31 @@ class RecorderNode(Node):
 
     def _taker(self, name: str) -> Callable[..., None]:
         def take(data: bytes, info: dict[str, Any]) -> None:
-            self._record(
-                name, data, info['source_timestamp'], info['publication_sequence_number'] or 0
-            )
+            self._record(name, data, info)
+            # What else has arrived is taken at once: a turn of the executor costs more than all
+            # the rest, and a queue that overflows meanwhile loses messages.
+            subscription, _ = self._taken[name]
+            handle = subscription.handle
+            with handle:
+                while (more := handle.take_message(subscription.msg_type, True)) is not None:
+                    self._record(name, *more)
 
         return take
 
-    def _record(self, name: str, data: bytes, publish_time: int, sequence: int) -> None:
+    def _record(self, name: str, data: bytes, info: dict[str, Any]) -> None:
+        message = (
+            name,
+            data,
+            info['source_timestamp'],
+            info['publication_sequence_number'] or 0,
+        )
         now = self.get_clock().now().nanoseconds
         if now == 0:
             # simulated time has not begun: what arrives belongs to its first moment
-            self._early.append((name, data, publish_time, sequence))
+            self._early.append(message)
             return
         early, self._early = self._early, []
-        for message in (*early, (name, data, publish_time, sequence)):
-            topic, content, published, number = message
+        for topic, content, published, number in (*early, message):
             self._recorder.record(
                 topic,
                 content,
@@ -155,7 +165,7 @@ class RecorderNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(RecorderNode)
+    run(RecorderNode, threads=1)
 
 
 if __name__ == '__main__':

@@ -26,11 +26,15 @@ class Serializer:
         self._store = new_typestore()
 
     def to_cdr(self, message: Any) -> bytes:
-        """Return `message`, an instance of a generated ROS 2 class, as little-endian CDR."""
+        """Return `message`, an instance of a generated ROS 2 class, as little-endian CDR.
+
+        Filled up to a multiple of four bytes, as it arrives over DDS.
+        """
         type_name = message_type(message)
         if type_name not in self._store.types:
             register_definition(self._store, type_name, message_definition(type_name))
-        return bytes(self._store.serialize_cdr(self._own(message, type_name), type_name))
+        data = bytes(self._store.serialize_cdr(self._own(message, type_name), type_name))
+        return data + bytes(-len(data) % 4)
 
     def _own(self, message: Any, type_name: str) -> Any:
         """Return the message as an object of the store, which wants arrays where ROS has lists."""
