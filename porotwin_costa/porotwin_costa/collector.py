@@ -19,8 +19,8 @@ from porotwin_costa.dataset import (
     rate_vector,
 )
 
-_RATES_KEPT = 64
-"""Measured rates that are remembered: far more than two photographs need."""
+_KEPT = 64
+"""Measured rates and interruptions that are remembered: far more than two photographs need."""
 
 
 _LATE = 0.1
@@ -44,8 +44,9 @@ _SampleValue = Callable[[Pair, FloatArray, FloatArray], object]
 class Collector:
     """Pairs consecutive states and gathers what the physics-based model says of each pair.
 
-    A pair is given out when the next event arrives: by then the rates measured between its states
-    are known, in whatever order the messages came.
+    A pair is given out when the next state arrives: by then the rates measured between its states
+    and any interruption are known. Messages of different topics may overtake each other, so that
+    only their times count.
     """
 
     def __init__(
@@ -55,7 +56,8 @@ class Collector:
         self._empty = empty_dataset(rig, grid, time_step)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
-        self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_RATES_KEPT)
+        self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_KEPT)
+        self._clean: deque[float] = deque(maxlen=_KEPT)
         self._samples: list[tuple[Pair, FloatArray, FloatArray]] = []
         self.dropped: Counter[str] = Counter()
         self.completed = 0
@@ -77,16 +79,19 @@ class Collector:
         """
         if grid != self._empty.grid:
             raise InputError(f'state on {grid}: training data are on {self._empty.grid}')
+        if self._states and time <= self._states[-1][0]:
+            self._forget_after(time)
         ready = self._ready()
         self._states.append((time, concentration))
         return ready
 
-    def interrupted(self) -> list[Pair]:
-        """Begin another experiment: the next state does not follow; return what was pending."""
-        ready = self._ready()
-        self._states.clear()
-        self._experiment += 1
-        return ready
+    def interrupted(self, time: float) -> None:
+        """Remember that what is seen from `time` [s] on does not follow from what was before."""
+        self._clean.append(time)
+
+    def finished(self) -> list[Pair]:
+        """Return the pair that would else wait for the next state."""
+        return self._ready()
 
     def complete(self, pair: Pair, predicted: FloatArray, residual: FloatArray) -> None:
         """Keep a pair with its prediction c~ (nz, nx) and exact residual r (nz, nx) [1/s]."""
@@ -119,11 +124,22 @@ class Collector:
             experiment=stack(lambda pair, *_: pair.experiment, empty.experiment),
         )
 
+    def _forget_after(self, time: float) -> None:
+        """Begin anew, because the clock has jumped back to `time`."""
+        self._states.clear()
+        self._experiment += 1
+        self._told = deque((item for item in self._told if item[0] <= time), maxlen=_KEPT)
+        self._clean = deque((moment for moment in self._clean if moment <= time), maxlen=_KEPT)
+
     def _ready(self) -> list[Pair]:
         if len(self._states) < 2:
             return []
         (start, previous), (end, following) = self._states
         self._states.popleft()
+        if any(start < clean <= end for clean in self._clean):
+            self.dropped['pairs across an interruption'] += 1
+            self._experiment += 1
+            return []
         if not math.isclose(end - start, self._empty.time_step, rel_tol=TIME_STEP_TOLERANCE):
             self.dropped[f'pairs not {self._empty.time_step:g} s apart'] += 1
             self._experiment += 1

@@ -56,6 +56,8 @@ class TrainerNode(Node):
         )
         self._pending: deque[Pair] = deque(maxlen=1000)
         self._pair: Pair | None = None
+        self._training_due = False
+        self._training = False
         self._asked: Future | None = None
         self._asked_at = 0.0
         self._predict = self.create_client(Predict, 'solver/predict')
@@ -65,7 +67,7 @@ class TrainerNode(Node):
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         # not the node's clock: a solver may fall silent while simulated time stands still
-        self.create_timer(0.5, self._next, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(0.5, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(f'collecting training pairs in {self._dataset}')
 
     def _folder(self, text: str) -> Path:
@@ -95,7 +97,10 @@ class TrainerNode(Node):
         self._next()
 
     def _on_clean(self, message: CleanState) -> None:
-        self._pending.extend(self._collector.interrupted())
+        if message.cause == CleanState.FINISHED:
+            self._pending.extend(self._collector.finished())
+        else:
+            self._collector.interrupted(conversions.time_from_msg(message.header.stamp))
         self.get_logger().info(f'time sequence interrupted: {message.reason}')
         self._next()
 
@@ -105,6 +110,11 @@ class TrainerNode(Node):
             self._collector.measured(conversions.time_from_msg(message.start), rates)
         except InputError as error:
             self.get_logger().error(f'measured rates ignored: {error}')
+
+    def _on_timer(self) -> None:
+        self._next()
+        if self._training_due and not self._training and self._train.server_is_ready():
+            self._retrain()
 
     def _next(self) -> None:
         """Ask for the next pair's prediction, unless the solver is absent or still thinking."""
@@ -164,8 +174,7 @@ class TrainerNode(Node):
         retrain = self._collector.completed % self._every == 0
         if retrain or self._collector.untaken >= _PART:
             self._write()
-        if retrain:
-            self._retrain()
+        self._training_due = self._training_due or retrain
 
     def _write(self) -> None:
         try:
@@ -174,9 +183,7 @@ class TrainerNode(Node):
             self.get_logger().error(f'training pairs lost: {error}')
 
     def _retrain(self) -> None:
-        if not self._train.server_is_ready():
-            self.get_logger().warning('not retrained: costa/train is absent; start costa_node')
-            return
+        self._training_due, self._training = False, True
         goal = Train.Goal(
             dataset=str(self._dataset),
             output=self._output,
@@ -188,11 +195,13 @@ class TrainerNode(Node):
     def _on_goal_answer(self, future: Future) -> None:
         handle = future.result()
         if not handle.accepted:
-            self.get_logger().warning('not retrained: COSTA is training already')
+            # somebody else has COSTA trained just now: ask again
+            self._training_due, self._training = True, False
             return
         handle.get_result_async().add_done_callback(self._on_trained)
 
     def _on_trained(self, future: Future) -> None:
+        self._training = False
         result = future.result().result
         if result.outcome.code != Outcome.OK:
             self.get_logger().error(f'training failed: {result.outcome.message}')

@@ -62,7 +62,9 @@ class TrainingSettings:
 TRAININGS: dict[str, TrainingSettings] = {
     'paper': TrainingSettings(),
     'paper-complex': TrainingSettings(network=COMPLEX_RIG),
-    'local': TrainingSettings(network=LOCAL, epochs=20, learning_rate=3e-3, patience=10, window=48),
+    'local': TrainingSettings(
+        network=LOCAL, epochs=30, batch_size=4, learning_rate=3e-3, patience=15, window=32
+    ),
 }
 """Named ways to train: the paper's networks of sections 3.1 and 3.2, and the local one."""
 

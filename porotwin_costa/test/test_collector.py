@@ -12,15 +12,16 @@ def collector(rig, grid):
     return Collector(rig, grid, 30.0)
 
 
-def _feed(collector, model, frames, count=25):
-    """Let an asset emit `frames` and a solver answer to every pair."""
+def _feed(collector, model, frames, count=25, start=0.0):
+    """Let an asset emit `frames` from `start` [s] on, and a solver answer to every pair."""
     pairs = []
     for n in range(count):
+        time = start + float(frames.times[n])
         if n + 1 < count:
             rates = mean_rates(frames.schedule, frames.times[n], frames.times[n + 1])
-            collector.measured(float(frames.times[n]), rates)
-        pairs += collector.observed(float(frames.times[n]), frames.concentration[n], model.grid)
-    pairs += collector.interrupted()
+            collector.measured(time, rates)
+        pairs += collector.observed(time, frames.concentration[n], model.grid)
+    pairs += collector.finished()
     for pair in pairs:
         predicted = model.predict(pair.previous, pair.rates, 30.0)
         residual = model.residual(pair.previous, pair.following, pair.rates, 30.0)
@@ -44,11 +45,31 @@ def test_a_live_run_gives_the_data_set_that_its_recording_gives(
     assert live.fingerprint == recorded.fingerprint
 
 
-def test_a_clean_state_begins_another_experiment(collector, model, unseen_frames):
+@pytest.mark.parametrize('late', [True, False])
+def test_no_pair_reaches_across_a_clean_state_even_if_it_comes_late(
+    collector, model, unseen_frames, late
+):
     _feed(collector, model, unseen_frames, 5)
+    if not late:
+        collector.interrupted(150.0)
+    collector.observed(150.0, unseen_frames.concentration[0], model.grid)
+    if late:
+        collector.interrupted(150.0)
+    for n in (1, 2):
+        collector.measured(120.0 + 30 * n, {'left': WellRate(1e-7)})
+        for pair in collector.observed(150.0 + 30 * n, unseen_frames.concentration[n], model.grid):
+            collector.complete(pair, pair.previous, pair.previous)
+    dataset = collector.take()
+    assert dataset.time.tolist() == [30, 60, 90, 120, 180]
+    assert dataset.experiment.tolist() == [0, 0, 0, 0, 1]
+    assert collector.dropped == {'pairs across an interruption': 1}
+
+
+def test_a_clock_that_jumps_back_begins_another_experiment(collector, model, unseen_frames):
+    _feed(collector, model, unseen_frames, 5, start=1000.0)
     _feed(collector, model, unseen_frames, 5)
     dataset = collector.take()
-    assert len(dataset) == 8
+    assert dataset.time.tolist() == [1030, 1060, 1090, 1120, 30, 60, 90, 120]
     assert dataset.experiment.tolist() == [0] * 4 + [1] * 4
 
 
@@ -64,13 +85,13 @@ def test_pairs_are_given_out_only_when_their_rates_have_arrived(collector, model
 
 def test_what_cannot_be_used_is_counted(collector, model, grid):
     blank, unknown = np.zeros(grid.shape), np.full(grid.shape, np.nan)
-    for time, state in ((0.0, blank), (30.0, blank), (60.0, unknown), (120.0, blank)):
+    collector.observed(0.0, blank, grid)
+    collector.observed(30.0, blank, grid)
+    assert collector.finished() == []
+    collector.measured(30.0, {'left': WellRate(1e-7)})
+    for time, state in ((60.0, unknown), (120.0, blank)):
         collector.observed(time, state, grid)
-        if time == 30.0:
-            collector.interrupted()
-            collector.measured(30.0, {'left': WellRate(1e-7)})
-            collector.observed(30.0, blank, grid)
-    assert collector.interrupted() == []
+    assert collector.finished() == []
     assert collector.dropped == {
         'pairs without measured rates': 1,
         'pairs with unknown cells': 1,
