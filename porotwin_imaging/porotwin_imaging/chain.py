@@ -38,6 +38,10 @@ LINEAR_LIGHT = np.where(
 """Linear light of the 256 grey levels of sRGB."""
 
 
+FEWEST_SAMPLES_ACROSS = 5
+"""Samples each way from which a cell's own scatter says how noisy it is."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """How the chain works.
@@ -53,7 +57,7 @@ class Settings:
     tolerance: float = 2e-3
     least_valid_share: float = 0.3
     reported_shift_px: float = 2.0
-    correlated_samples: float = 4.0
+    correlated_samples: float = 1.6
     suspicious_residual_px: float = 0.35
 
 
@@ -335,12 +339,26 @@ class Imaging:
         state = self.sampling.cell_means(colours)
         product = self.sampling.cell_means(colours * baseline.colours)
         own = self.sampling.cell_means(colours * colours)
-        ratio = state / np.maximum(mean, 1e-6)
-        left = np.maximum(own - 2 * ratio * product + ratio**2 * square, 0.0)
-        samples = np.maximum(share * self.sampling.factor**2, 1.0)
-        scatter = left / (samples / self.settings.correlated_samples)[..., None]
-        variance = scatter / np.maximum(state, 1e-4) ** 2 + baseline.fluctuation
+        scatter = self._scatter(own, product, square, state, mean)
+        samples = np.maximum(share * self.sampling.factor**2, 1.0)[..., None]
+        error = scatter * self.settings.correlated_samples / samples
+        variance = error / np.maximum(state, 1e-4) ** 2 + baseline.fluctuation
         return _log_ratio(state, mean), variance, share
+
+    def _scatter(
+        self, own: Array, product: Array, square: Array, state: Array, mean: Array
+    ) -> Array:
+        """Return the mean square of what the ratio to the baseline leaves in a cell's samples.
+
+        Cells of few samples are judged together with their neighbours.
+        """
+        if self.sampling.factor < FEWEST_SAMPLES_ACROSS:
+            side = 2 * math.ceil(FEWEST_SAMPLES_ACROSS / self.sampling.factor / 2) + 1
+            own, product, square, state, mean = (
+                cv2.blur(one, (side, side)) for one in (own, product, square, state, mean)
+            )
+        ratio = state / np.maximum(mean, 1e-6)
+        return np.maximum(own - 2 * ratio * product + ratio**2 * square, 0.0)
 
     def _match_colours(self, pixels: NDArray[np.uint8]) -> tuple[list[str], Array | None, Array]:
         """Return remarks, the baseline's patches (24, 3), and its matrix to the chart's colours."""

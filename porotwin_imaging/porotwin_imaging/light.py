@@ -9,6 +9,7 @@ Tracer is told from light by robust weights: it only darkens, and by more than l
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,10 @@ TOLERANCE = 0.06
 """Log ratio from the drift at which a cell no longer counts as background (Tukey's biweight)."""
 REACH = 0.25
 """Largest difference of log ratio between the checker and the sand that is taken for light."""
+ROUNDS = 6
+"""Reweightings before the surroundings of tracer are left out, and after."""
+MOST_CELLS = 20_000
+"""The drift varies slowly: of a finer map a regular subset of cells is enough."""
 _BIN = 0.01
 
 
@@ -39,24 +44,39 @@ def drift(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Light:
 
     `weight` (nz, nx): 0 where a cell is not seen; `checker_gain` (3,): log gain at the checker.
     """
+    all_terms = _terms(log_ratio.shape[:2])
+    stride = max(1, round(np.sqrt(weight.size / MOST_CELLS)))
+    subset = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
+    log_ratio, weight, terms = log_ratio[subset], weight[subset], all_terms[subset]
     start = _level(log_ratio, weight, checker_gain)
-    terms = _terms(log_ratio.shape[:2])
     constants, shape = start, np.zeros(terms.shape[-1])
     share = 0.0
     seen = weight > 0
     background = np.zeros_like(weight)
-    for _ in range(8):
+    for step in range(2 * ROUNDS):
         left = log_ratio - constants - (terms @ shape)[..., None]
         distance = np.sqrt((left**2).mean(axis=2)) / TOLERANCE
         background = weight * np.clip(1.0 - distance**2, 0.0, None) ** 2
+        if step >= ROUNDS:
+            background = background * _away_from_tracer(left.mean(axis=2))
         share = float((background > 0).sum() / max(1, seen.sum()))
         if share < LEAST_BACKGROUND:
             break
         constants, shape = _fit(log_ratio, terms, background)
     if share < LEAST_BACKGROUND:
         gain = np.zeros(3) if checker_gain is None else checker_gain
-        return Light(np.broadcast_to(gain, log_ratio.shape), 0.0)
-    return Light(constants + (terms @ shape)[..., None], share)
+        return Light(np.broadcast_to(gain, (*all_terms.shape[:2], 3)), 0.0)
+    return Light((constants + (all_terms @ shape)[..., None]).astype(np.float32), share)
+
+
+def _away_from_tracer(left: Array) -> Array:
+    """Return 1 where no tracer is near, else 0: its faint rim would pass for dimmer light."""
+    smooth = cv2.blur(left, (3, 3))
+    spread = 1.4826 * np.median(np.abs(smooth - np.median(smooth)))
+    dark = (smooth < -5.0 * spread - 0.01).astype(np.uint8)
+    dark = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    reach = 2 * max(2, left.shape[1] // 40) + 1
+    return 1.0 - cv2.dilate(dark, np.ones((reach, reach), np.uint8))
 
 
 def _level(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Array:
@@ -82,11 +102,11 @@ def _terms(shape: tuple[int, int]) -> Array:
 def _fit(log_ratio: Array, terms: Array, weight: Array) -> tuple[Array, Array]:
     """Return the channels' constants (3,) and the common quadratic (5,), by least squares."""
     total = weight.sum()
-    mean_terms = np.einsum('ij,ijk->k', weight, terms) / total
-    grey = log_ratio.mean(axis=2)
-    centred = terms - mean_terms
-    matrix = np.einsum('ij,ijk,ijl->kl', weight, centred, centred) / total
-    right = np.einsum('ij,ijk,ij->k', weight, centred, grey) / total
+    mean_terms = np.tensordot(weight, terms, 2) / total
+    centred = (terms - mean_terms).reshape(-1, terms.shape[-1])
+    weighted = centred * weight.reshape(-1, 1)
+    matrix = weighted.T @ centred / total
+    right = weighted.T @ log_ratio.mean(axis=2).ravel() / total
     shape = np.linalg.solve(matrix + 1e-3 * np.eye(matrix.shape[0]) * np.trace(matrix), right)
     flat = log_ratio - (terms @ shape)[..., None]
-    return np.einsum('ij,ijk->k', weight, flat) / total, shape
+    return np.tensordot(weight, flat, 2) / total, shape
