@@ -1,7 +1,9 @@
 """Flow and transport put together: a state, advanced under constant rates, on one grid."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
@@ -23,10 +25,14 @@ where the tracer moves the water."""
 
 @dataclass
 class State:
-    """Concentrations (nz, nx), 0 water, 1 stock: of the water that moves, and of what does not."""
+    """Concentrations (nz, nx), 0 water, 1 stock: of the water that moves, and of what does not.
+
+    `left`: volume of tracer stock [m^3] that left the rig through openings and through open sides.
+    """
 
     mobile: FloatArray
     immobile: FloatArray
+    left: FloatArray = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def at_rest(cls, concentration: FloatArray) -> 'State':
@@ -35,7 +41,7 @@ class State:
 
     def copy(self) -> 'State':
         """Return a state of its own."""
-        return State(self.mobile.copy(), self.immobile.copy())
+        return State(self.mobile.copy(), self.immobile.copy(), self.left.copy())
 
 
 class Engine:
@@ -131,6 +137,7 @@ class Engine:
             steps=steps,
             scheme=self.scheme,
             scratch=self._scratch,
+            left=state.left,
         )
         diffuse(state.mobile, self.storage, pairs)
         self.react(state, pairs.time_step)

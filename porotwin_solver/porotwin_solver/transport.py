@@ -104,6 +104,7 @@ def advect(
     steps: Pace,
     scheme: int,
     scratch: Carried | None = None,
+    left: FloatArray | None = None,
     tape: FloatArray | None = None,
 ) -> None:
     """Advance `concentration` (nz, nx) in place by `steps.time_step`.
@@ -111,6 +112,7 @@ def advect(
     The divergence of `flux` must equal `sources.net`; then a constant state stays constant and all
     states stay within the range of the initial and the injected ones. Through open sides comes
     water without tracer. `tape` of `tape_length(steps.reach)` records what the adjoint needs.
+    To `left` is added the tracer [m^3] that left through openings and through open sides.
     """
     carried = Carried.zeros(flux) if scratch is None else scratch
     advection(
@@ -130,5 +132,6 @@ def advect(
         carried.rate.z,
         carried.amount.x,
         carried.amount.z,
+        np.zeros(2) if left is None else left,
         NO_TAPE if tape is None else tape,
     )

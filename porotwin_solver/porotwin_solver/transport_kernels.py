@@ -137,6 +137,7 @@ def advection(
     rate_z,
     amount_x,
     amount_z,
+    left,
     tape,
 ):
     """Advance `c` in place; what every cell held before each of its steps goes onto `tape`."""
@@ -183,6 +184,7 @@ def advection(
             rate_z,
             amount_x,
             amount_z,
+            left,
         )
 
 
@@ -305,14 +307,27 @@ def arrive(
     rate_z,
     amount_x,
     amount_z,
+    left,
 ):
-    """End one step of the first `active` cells: book what came and went."""
+    """End one step of the first `active` cells: book what came and went.
+
+    `left`: tracer that left the rig, through openings and through open sides.
+    """
     nz, nx = c.shape
     for place in range(active):
         i, j = divmod(order[place], nx)
         own = level[i, j]
         length = time_step / (1 << own)
         gain = length * (tracer[i, j] - outflow[i, j] * c[i, j])
+        left[0] += length * outflow[i, j] * c[i, j]
+        if j == 0:
+            left[1] -= length * rate_x[i, j]
+        if j == nx - 1:
+            left[1] += length * rate_x[i, j + 1]
+        if i == 0:
+            left[1] -= length * rate_z[i, j]
+        if i == nz - 1:
+            left[1] += length * rate_z[i + 1, j]
         if flux_x[i, j] > 0.0 and j > 0 and level[i, j - 1] > own:
             gain += amount_x[i, j]
             amount_x[i, j] = 0.0
