@@ -5,6 +5,7 @@ moments and holds up nobody. Nothing is queued.
 """
 
 import asyncio
+import contextlib
 import json
 import socket
 import threading
@@ -168,27 +169,31 @@ class ServerThread:
     """Serves an application on a socket from a thread and event loop of its own."""
 
     def __init__(self, application: web.Application, listening: socket.socket) -> None:
-        self._application = application
-        self._socket = listening
         self._loop = asyncio.new_event_loop()
-        self._stop = asyncio.Event()
+        self._serving = self._loop.create_task(self._serve(application, listening))
         self._thread = threading.Thread(target=self._run, name='page', daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        self._loop.run_until_complete(self._serve())
-        self._loop.close()
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            # leaving the runner ends the streams that are still open
+            runner.run(self._until_told())
 
-    async def _serve(self) -> None:
-        runner = web.AppRunner(self._application, access_log=None, shutdown_timeout=0.5)
+    async def _until_told(self) -> None:
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._serving
+
+    async def _serve(self, application: web.Application, listening: socket.socket) -> None:
+        runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.1)
         await runner.setup()
-        await web.SockSite(runner, self._socket).start()
-        await self._stop.wait()
-        await runner.cleanup()
+        try:
+            await web.SockSite(runner, listening).start()
+            await asyncio.Event().wait()
+        finally:
+            await runner.cleanup()
 
     def close(self) -> None:
         """End serving, streams included, and wait for it."""
         if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._stop.set)
+            self._loop.call_soon_threadsafe(self._serving.cancel)
             self._thread.join(5.0)

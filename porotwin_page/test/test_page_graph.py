@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -151,19 +152,20 @@ class Rest(Node):
 
     def publish_cycle(self, now: float) -> None:
         """Publish a photograph taken at `now` [s] and all that follows from it."""
-        self.say(
-            'tracer/predicted', conversions.tracer_to_msg(map_at(0, 0.3).concentration, GRID, now)
-        )
-        self.say(
-            'tracer/corrected', conversions.tracer_to_msg(map_at(0, 0.2).concentration, GRID, now)
-        )
+
+        def tracer(value: float) -> TracerField:
+            return conversions.tracer_to_msg(map_at(0, value).concentration, GRID, now)
+
+        self.say('tracer/predicted', tracer(0.3))
+        self.say('tracer/corrected', tracer(0.2))
         # on topics of their own, so without an order between them
         time.sleep(0.5)
         header = conversions.header_at(now)
-        tracer = conversions.tracer_to_msg(map_at(0, 0.25).concentration, GRID, now)
         self.say(
             'asset/new_state',
-            NewState(header=header, sequence=7, time_step=30.0, tracer=tracer, calibrated=True),
+            NewState(
+                header=header, sequence=7, time_step=30.0, tracer=tracer(0.25), calibrated=True
+            ),
         )
         self.say(
             'wells/setpoint',
@@ -290,6 +292,19 @@ def test_a_wrong_rig_is_one_line_and_status_2(tmp_path: Path) -> None:
     assert process.returncode == 2
     (line,) = output.strip().splitlines()
     assert "unknown well 'pump9'" in line
+
+
+def test_a_page_ends_with_status_0_and_no_complaints_while_browsers_watch() -> None:
+    address = free_address()
+    process = start_page(address, f'rig:={RIG_FILE}')
+    until(lambda: newest_event(address)['health'], 'a look around, so that the node spins')
+    with urllib.request.urlopen(f'http://{address}/events', timeout=5) as watching:
+        watching.readline()
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, output
+    (line,) = output.strip().splitlines()
+    assert f'page at http://{address}' in line
 
 
 def test_a_page_that_was_ended_frees_its_port_and_serves_again() -> None:

@@ -105,14 +105,13 @@ def test_a_hub_that_counts_from_one_again_ends_what_was_confirmed() -> None:
 
 
 def test_the_photo_interval_is_the_longer_of_told_and_seen() -> None:
-    fast = after(
-        *((snapshot.with_observation, observation(k, arrival=float(k))) for k in (1, 2, 3))
-    )
-    slow = after(
-        *((snapshot.with_observation, observation(k, arrival=60.0 * k)) for k in (1, 2, 3))
-    )
-    assert snapshot.photo_interval(fast) == 30.0
-    assert snapshot.photo_interval(slow) == 60.0
+    def three_photographs(gap: float) -> Snapshot:
+        return after(
+            *((snapshot.with_observation, observation(k, arrival=gap * k)) for k in (1, 2, 3))
+        )
+
+    assert snapshot.photo_interval(three_photographs(1.0)) == 30.0
+    assert snapshot.photo_interval(three_photographs(60.0)) == 60.0
     assert snapshot.photo_interval(after((snapshot.with_observation, observation(1)))) is None
 
 

@@ -115,8 +115,11 @@ function renderHeader() {
     : '');
   const bad = state.health.filter((node) => node.level === 'error');
   const poor = state.health.filter((node) => node.level === 'warn');
-  const naming = (nodes) => `${nodes[0].name}: ${nodes[0].message}`.slice(0, 60)
-    + (nodes.length > 1 ? ` (+${nodes.length - 1})` : '');
+  const naming = (nodes) => {
+    const line = `${nodes[0].name}: ${nodes[0].message}`;
+    const more = nodes.length > 1 ? ` (+${nodes.length - 1})` : '';
+    return (line.length > 60 ? `${line.slice(0, 58)}…` : line) + more;
+  };
   const nodes = find('#nodes');
   if (bad.length) pill(nodes, 'error', `✖ ${naming(bad)}`);
   else if (poor.length) pill(nodes, 'warn', `▲ ${naming(poor)}`);
