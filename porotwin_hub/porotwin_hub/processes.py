@@ -131,7 +131,10 @@ class GraphProcesses:
         while not self._ending.is_set():
             started = time.monotonic()
             status = self._processes[node.name].wait()
-            if self._ending.is_set() or status == 0:
+            if self._ending.is_set():
+                return
+            if status == 0:
+                self._say(f'{node.name} has ended')
                 return
             if status == 2:
                 self.failed[node.name] = self._last_line(node.name)

@@ -48,6 +48,12 @@ def test_every_executable_is_installed_by_its_package(node: NodeDescription) -> 
     assert f'{node.executable} = {node.module}:main' in text
 
 
+@pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
+def test_every_node_runs_as_a_module(node: NodeDescription) -> None:
+    text = (ROOT / node.package / node.package / f'{node.executable}.py').read_text()
+    assert text.rstrip().endswith("if __name__ == '__main__':\n    main()")
+
+
 def test_names_are_unique() -> None:
     names = [node.name for node in live_graph(FULL)]
     assert len(names) == len(set(names))

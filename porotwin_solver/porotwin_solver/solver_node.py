@@ -153,3 +153,7 @@ def _end(request: Any) -> float:
 def main() -> None:
     """Run the node until it is told to stop."""
     run(SolverNode)
+
+
+if __name__ == '__main__':
+    main()
