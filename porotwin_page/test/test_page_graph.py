@@ -82,7 +82,7 @@ def until(condition: Callable[[], Any], what: str) -> Any:
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         with contextlib.suppress(OSError):
-            if (found := condition()) is not None and found is not False:
+            if found := condition():
                 return found
         time.sleep(0.1)
     raise AssertionError(f'{what} did not happen within {PATIENCE_S:g} s')
