@@ -40,7 +40,7 @@ def command(
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)
         result.write_csv(output / 'errors.csv')
-        write_pictures(result, output)
+        write_pictures(result, learned.grid, output)
         say(f'table and pictures in {output}')
     if as_json:
         names = ('predicted', 'corrected', 'free_predicted', 'free_corrected')

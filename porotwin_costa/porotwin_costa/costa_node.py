@@ -21,14 +21,13 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.rig import load_rig
+from porotwin_costa.architectures import DEFAULT, training_settings
 from porotwin_costa.dataset import load_dataset
 from porotwin_costa.model import CorrectiveModel, correction
 from porotwin_costa.training import (
     TrainingCancelledError,
     TrainingProgress,
     train,
-    training_named,
-    with_epochs,
 )
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome
@@ -57,9 +56,9 @@ class CostaNode(Node):
         self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
         self._wells = tuple(rig.wells)
         self._architecture = declare(
-            self, 'architecture', 'paper', 'what to train when a goal does not say'
+            self, 'architecture', DEFAULT, 'what to train when a goal does not say'
         )
-        training_named(self._architecture)
+        training_settings(self._architecture)
         torch.set_num_threads(declare(self, 'threads', 1, 'threads that the network may use'))
         self._model: CorrectiveModel | None = None
         self._path = ''
@@ -198,7 +197,7 @@ class CostaNode(Node):
         goal = handle.request
         begun = time.perf_counter()
         dataset = load_dataset(Path(goal.dataset))
-        settings = with_epochs(training_named(goal.architecture or self._architecture), goal.epochs)
+        settings = training_settings(goal.architecture or self._architecture, epochs=goal.epochs)
         self.get_logger().info(f'training on {dataset.summary}')
 
         def report(progress: TrainingProgress) -> None:

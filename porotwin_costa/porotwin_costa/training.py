@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from typing import Literal
 
@@ -17,9 +17,7 @@ from porotwin_costa.dataset import Dataset
 from porotwin_costa.gate import TrainingRange
 from porotwin_costa.model import CorrectiveModel
 from porotwin_costa.network import (
-    COMPLEX_RIG,
     HOMOGENEOUS_RIG,
-    LOCAL,
     LocalFluxNetwork,
     NetworkSettings,
     build_network,
@@ -57,32 +55,6 @@ class TrainingSettings:
             raise InputError(f'validation_share {self.validation_share}: must lie within 0 and 1')
         if self.split not in ('time', 'experiment'):
             raise InputError(f"split '{self.split}': choose 'time' or 'experiment'")
-
-
-TRAININGS: dict[str, TrainingSettings] = {
-    'paper': TrainingSettings(),
-    'paper-complex': TrainingSettings(network=COMPLEX_RIG),
-    'local': TrainingSettings(
-        network=LOCAL, epochs=30, batch_size=4, learning_rate=3e-3, patience=15, window=32
-    ),
-}
-"""Named ways to train: the paper's networks of sections 3.1 and 3.2, and the local one."""
-
-
-def training_named(name: str) -> TrainingSettings:
-    """Return the settings called `name`.
-
-    Raises:
-        InputError: there are none; the message lists those there are.
-    """
-    if name not in TRAININGS:
-        raise InputError(f"architecture '{name}': unknown; choose from {', '.join(TRAININGS)}")
-    return TRAININGS[name]
-
-
-def with_epochs(settings: TrainingSettings, epochs: int) -> TrainingSettings:
-    """Return the settings with another number of epochs; 0 leaves them as they are."""
-    return replace(settings, epochs=epochs) if epochs else settings
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,15 @@ import pytest
 import torch
 
 from porotwin_core.errors import InputError
+from porotwin_costa.architectures import training_settings
 from porotwin_costa.dataset import build_dataset
 from porotwin_costa.evaluation import evaluate
-from porotwin_costa.network import NetworkSettings
+from porotwin_costa.network import COMPLEX_RIG, HOMOGENEOUS_RIG, NetworkSettings
 from porotwin_costa.training import (
     TrainingCancelledError,
     TrainingSettings,
     split_samples,
     train,
-    training_named,
 )
 
 LOCAL = TrainingSettings(
@@ -150,11 +150,14 @@ def test_too_little_to_learn_from_is_refused(dataset):
         train(one, dataclasses.replace(LOCAL, split='experiment'), seed=13)
 
 
-def test_names_of_trainings():
-    assert training_named('paper').network.architecture == 'paper'
-    assert training_named('local').network.architecture == 'local'
+def test_networks_have_names_and_the_paper_is_the_default():
+    assert training_settings() == training_settings('paper')
+    assert training_settings().network == HOMOGENEOUS_RIG
+    assert training_settings('paper-complex').network == COMPLEX_RIG
+    assert training_settings('local', epochs=3).epochs == 3
+    assert training_settings('local', epochs=3).network.architecture == 'local'
     with pytest.raises(InputError, match='paper, paper-complex, local'):
-        training_named('unknown')
+        training_settings('unknown')
 
 
 @pytest.mark.parametrize(
