@@ -8,27 +8,32 @@ pumps injected. Without a pump log the strongest signal is taken for tracer stoc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
-
 from porotwin_imaging import calibration_pictures, sands
 from porotwin_imaging.calibration import Calibration, Response, save_calibration
 from porotwin_imaging.chain import Imaging, Measurement
 from porotwin_imaging.injection import Growth, fit_growth, fit_response, injected_volume
 from porotwin_imaging.tracer_signal import CHANNELS, Signal, learned_weights
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 COLUMNS = 400
 """Cells across the rig during calibration; also the size of the picture of sands."""
 STRONGEST_SHARE = 0.3
 """Cells above this share of the strongest signal count as tracer when weights are learned."""
 FEWEST_TRACER_CELLS = 30
+SCALE_ERROR = 0.025
+"""Relative error of a scale from the pump log: what a curve that is fitted to masses leaves."""
+SCALE_ERROR_STOCK = 0.1
+"""Relative error of a scale that takes the strongest signal for stock."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,7 @@ def calibrate(
             'scale': 'pump log' if growth is not None else 'strongest signal taken for stock',
             'mass_misfit': None if growth is None else round(growth.misfit, 4),
         },
+        scale_error=SCALE_ERROR_STOCK if growth is None else max(SCALE_ERROR, growth.misfit),
     )
     volume = _pore_volume(rig, grid)
     seen = [

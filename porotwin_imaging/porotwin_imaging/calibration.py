@@ -3,14 +3,16 @@
     schema: 1
     made: {from: experiment folder, photographs: 12, outliers: 1, ...}
     signal: {contrast: absorbance, weights: [1.0, 0.0, 0.0]}
+    scale_error: 0.02
     response: {signal: [0.0, 0.6, 1.9], concentration: [0.0, 0.35, 1.0]}
     sands: {file: sands.png, factors: [1.0, 1.52]}
     hidden: {file: hidden.png}
 
-`response` is monotone and piecewise linear. `sands` names a picture with one grey level for each
-sand (0, 1, 2, ...), over the whole rig, top row first, and the factor by which each one's signal is
-multiplied before the response; `hidden` names a picture that is white where nothing can be read
-off. Both may be corrected by hand with any paint program.
+`scale_error` is the relative standard deviation of the scale. `response` is monotone and piecewise
+linear. `sands` names a picture with one grey level for each sand (0, 1, 2, ...), over the whole
+rig, top row first, and the factor by which each one's signal is multiplied before the response;
+`hidden` names a picture that is white where nothing can be read off. Both may be corrected by hand
+with any paint program.
 """
 
 from dataclasses import dataclass, field
@@ -26,7 +28,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_imaging.tracer_signal import Signal
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
 SCHEMA = 1
@@ -34,6 +36,10 @@ SCHEMA = 1
 DEFAULT_FULL_SIGNAL = 0.8
 """Signal taken for tracer stock while there is no calibration: the share of red light that the
 green tracer of the large FluidFlower's test takes away, 0.87 in coarse sand and 0.71 in fine."""
+
+
+UNCALIBRATED_ERROR = 0.2
+"""Relative standard deviation of a scale that nobody measured."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +76,13 @@ class Response:
 class Calibration:
     """What the chain needs to turn signal into concentration; see the module's text."""
 
-    signal: Signal = Signal()
-    response: Response = Response()
+    signal: Signal = field(default_factory=Signal)
+    response: Response = field(default_factory=Response)
     sands: Labels | None = None
     factors: tuple[float, ...] = (1.0,)
     hidden: Labels | None = None
     made: dict[str, Any] = field(default_factory=dict)
+    scale_error: float = UNCALIBRATED_ERROR
 
     def factor_map(self, grid: Grid) -> Array:
         """Return each cell's factor (nz, nx), by the sand that covers its middle."""
@@ -115,6 +122,7 @@ def load_calibration(path: Path | str) -> Calibration:
             tuple(float(value) for value in sands.get('factors', [1.0])),
             _picture(path, hidden.get('file')),
             data.get('made') or {},
+            float(data['scale_error']),
         )
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
@@ -131,6 +139,7 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     data: dict[str, Any] = {
         'schema': SCHEMA,
         'made': calibration.made,
+        'scale_error': calibration.scale_error,
         'signal': {
             'contrast': calibration.signal.contrast,
             'weights': [round(value, 5) for value in calibration.signal.weights],

@@ -16,7 +16,7 @@ from porotwin_imaging.colour_checker import REFERENCE
 if TYPE_CHECKING:
     from porotwin_imaging.calibrate import Calibrated
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 
 def draw(
@@ -55,7 +55,7 @@ def draw(
 def _rectified(imaging: Imaging, baseline: bytes) -> NDArray[np.uint8]:
     picture = photograph.decode(baseline, imaging.reduction)
     pixels = imaging.sampling.sample(picture.pixels)
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def _extent(imaging: Imaging) -> tuple[float, float, float, float]:

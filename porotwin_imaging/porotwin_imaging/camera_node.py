@@ -1,6 +1,9 @@
 """Publishes photographs from a watched folder or a camera, stamped with their exposure."""
 
+from typing import Any
+
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
@@ -16,8 +19,13 @@ FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
 class CameraNode(Node):
     """Topics: `camera/image/compressed` (states), `camera/baseline/compressed` (latched)."""
 
-    def __init__(self) -> None:
-        super().__init__('camera')
+    def __init__(self, **kwargs: Any) -> None:
+        """Read parameters and open the folder or camera.
+
+        Raises:
+            InputError: a parameter is wrong, the folder or camera is not there.
+        """
+        super().__init__('camera', **kwargs)
         self._source = self._make_source()
         period = declare(self, 'period', 0.0, 'time between two looks [s]; 0: 0.5, device: 30')
         self._baseline = self.create_publisher(
@@ -26,7 +34,9 @@ class CameraNode(Node):
         self._state = self.create_publisher(CompressedImage, 'camera/image/compressed', PHOTO)
         self._diagnostics = Diagnostics(self)
         default = 0.5 if isinstance(self._source, Folder) else 30.0
-        self.create_timer(period or default, self._look)
+        # looks go by real time, also where photographs are stamped by /clock
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(period or default, self._look, clock=steady)
 
     def _make_source(self) -> Source:
         photos = declare(self, 'photos', '', 'folder that the camera writes to')

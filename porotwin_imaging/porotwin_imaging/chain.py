@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ from porotwin_imaging.registration import Aligner, Alignment
 from porotwin_imaging.sampling import Sampling, choose_reduction
 from porotwin_imaging.total_variation import denoise
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 _LEVELS = np.arange(256) / 255
 LINEAR_LIGHT = np.where(
@@ -50,6 +51,8 @@ class Settings:
     `least_valid_share`: share of a cell that must be seen for it to have a value;
     `reported_shift_px`: camera shift, in pixels of the file, from which the status tells of it;
     `correlated_samples`: samples that share one error, since JPEG and interpolation smear it;
+    `averaging_reach`: cells, each way, over which denoising averages at most; `light_error`: what
+    the light's drift is not known to [-];
     `suspicious_residual_px`: misfit of the alignment, in decoded pixels, that marks the map.
     """
 
@@ -58,6 +61,8 @@ class Settings:
     least_valid_share: float = 0.3
     reported_shift_px: float = 2.0
     correlated_samples: float = 1.6
+    averaging_reach: float = 5.0
+    light_error: float = 1e-3
     suspicious_residual_px: float = 0.35
 
 
@@ -204,16 +209,29 @@ class Imaging:
                 tolerance=self.settings.tolerance,
             )
             values = np.where(measured.seen, np.clip(smooth.values, 0.0, 1.0), np.nan)
+            noise = self._noise_after(noise, values)
         status = [] if self.calibrated else ['uncalibrated: default scaling']
         return ConcentrationMap(
             values.astype(np.float32),
-            np.where(measured.seen, noise, np.nan).astype(np.float32),
+            noise.astype(np.float32),
             self.calibrated,
             measured.alignment.residual > self.settings.suspicious_residual_px,
             status + measured.remarks,
             watch.timings,
             measured.alignment,
         )
+
+    def _noise_after(self, noise: Array, values: Array) -> Array:
+        """Return the standard deviation (nz, nx) of denoised `values`, from that of the data.
+
+        Denoising averages over the cells around that hold the same concentration to within the
+        noise; to the rest come what the light and the scale are not known to.
+        """
+        slope = np.hypot(*np.gradient(np.nan_to_num(values)))
+        reach = np.clip(noise / np.maximum(slope, 1e-9), 0.0, self.settings.averaging_reach)
+        averaged = noise / (1.0 + 2.0 * reach)
+        scale = self.calibration.scale_error * values
+        return np.sqrt(averaged**2 + scale**2 + self.settings.light_error**2)
 
     def measure(self, data: bytes) -> Measurement:
         """Return what the photograph shows before any scaling; calibration starts from this.

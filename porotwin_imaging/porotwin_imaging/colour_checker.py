@@ -8,6 +8,7 @@ over-exposed, takes the camera's colours to the chart's.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.geometry import apply_homography
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 REFERENCE = np.array(
     [
@@ -45,8 +46,8 @@ REFERENCE = np.array(
         [0.0314, 0.0315, 0.0323],  # black 2
     ]
 )
-"""Published colours of the Classic chart made since November 2014 (colour-science), Bradford-adapted
-to D65: linear sRGB, shape (24, 3)."""
+"""Published colours of the Classic chart made since November 2014 (colour-science): linear sRGB,
+Bradford-adapted to D65, shape (24, 3)."""
 
 PITCH = 16
 """Distance of two patches in the straightened chart [px]."""

@@ -25,6 +25,7 @@ the corners stay where they are. All keys are optional:
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Camera, Rig
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 TERMS = ('horizontal_bulge', 'vertical_bulge', 'horizontal_stretch', 'vertical_stretch')
 KEYS = frozenset([*TERMS, *(term + '_offset' for term in TERMS)])
@@ -62,9 +63,7 @@ class Geometry:
             InputError: the rig has no camera, or a curvature key is unknown.
         """
         if rig.camera is None:
-            raise InputError(
-                f"rig '{rig.name}' has no camera: add camera.corners_px to rig.yaml to use photographs"
-            )
+            raise InputError(f"rig '{rig.name}' has no camera: add camera.corners_px to rig.yaml")
         return cls.from_camera(rig.camera, rig.width_m, rig.height_m)
 
     @classmethod

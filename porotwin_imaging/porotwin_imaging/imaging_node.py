@@ -77,7 +77,7 @@ class ImagingNode(Node):
                     self._waiting = [*self._waiting, (time, data)][-WAITING:]
             except InputError as error:
                 self._complain(f'{role} photograph at {time:.3f} s left out: {error}', time)
-            except Exception as error:  # noqa: BLE001 - the stream must outlive a defect
+            except Exception as error:
                 self._complain(f'{role} photograph at {time:.3f} s failed: {error!r}', time)
 
     def _take_baseline(self, time: float, data: bytes) -> None:

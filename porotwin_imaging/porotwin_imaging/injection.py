@@ -9,7 +9,8 @@ in its values, which are found by least squares with increments of at least 0.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,11 @@ from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule
 from porotwin_imaging.calibration import Response
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 FEWEST_PHOTOGRAPHS = 3
 TOLERANCE = 0.03
-"""Distance from the straight growth, relative to the injected volume's range, that is no outlier."""
+"""Distance from the straight growth, relative to all that was injected, that is no outlier."""
 KNOTS = 9
 STIFFNESS = 0.02
 """Weight of the curve's bending against the misfit of mass, both relative."""
@@ -120,7 +121,7 @@ def _step_volumes(signal: Array, pore_volume: Array, knots: Array) -> Array:
     The first piece goes on below 0 and the last above the last knot, as the curve does.
     """
     volumes = []
-    for number, (low, high) in enumerate(zip(knots[:-1], knots[1:], strict=True)):
+    for number, (low, high) in enumerate(pairwise(knots)):
         part = (signal - low) / (high - low)
         lowest = -np.inf if number == 0 else 0.0
         highest = np.inf if number == len(knots) - 2 else 1.0

@@ -8,12 +8,13 @@ Tracer is told from light by robust weights: it only darkens, and by more than l
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 LEAST_BACKGROUND = 0.1
 """Share of the seen cells that must be free of tracer for the sand to show the drift."""

@@ -7,7 +7,9 @@ by following them back, and a homography is fitted by RANSAC; where the flow fai
 camera moved far, binary features (ORB) are matched instead to give it a start.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,9 +17,11 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 GreyImage = NDArray[np.uint8]
 
+WIDEST = 2000
+"""Pictures wider than this are followed at a coarser scale."""
 TRACKED_POINTS = 1200
 PATCH = 21
 """Side of the tracked patches [decoded px]."""
@@ -42,7 +46,7 @@ class Alignment:
 
 
 def normalised(pixels: NDArray[np.uint8]) -> GreyImage:
-    """Return brightness relative to its local mean and spread, as 8-bit grey, shape (rows, cols)."""
+    """Return brightness relative to its local mean and spread, as 8-bit grey (rows, columns)."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).astype(np.float32)
     scale = 31
     mean = cv2.blur(grey, (scale, scale))
@@ -54,11 +58,12 @@ class Aligner:
     """Follows the texture of a baseline, given as `pixels` (rows, columns, 3), inside `region`."""
 
     def __init__(self, pixels: NDArray[np.uint8], region: NDArray[np.bool_]) -> None:
-        self._baseline = normalised(pixels)
-        mask = region.astype(np.uint8)
+        self._factor = max(1, math.ceil(pixels.shape[1] / WIDEST))
+        self._baseline = normalised(self._coarser(pixels))
+        mask = self._coarser(region.astype(np.uint8))
         self._points = _spread_corners(self._baseline, mask)
         self._orb_mask = mask
-        rows, columns = np.nonzero(region)
+        rows, columns = np.nonzero(mask)
         low, high = (columns.min(), rows.min()), (columns.max(), rows.max())
         self._corners = np.array(
             [[low], [(low[0], high[1])], [high], [(high[0], low[1])]], dtype=np.float32
@@ -70,7 +75,7 @@ class Aligner:
         Raises:
             InputError: the photograph does not show the baseline's scene.
         """
-        picture = normalised(pixels)
+        picture = normalised(self._coarser(pixels))
         found = self._follow(picture, self._points)
         if found is None:
             start = self._match(picture)
@@ -80,10 +85,29 @@ class Aligner:
                 'photograph does not match the baseline: another rig, or the camera has moved too '
                 'far; take a new baseline'
             )
-        return found
+        return self._in_pixels(found)
+
+    def _coarser(self, picture: Array) -> Array:
+        """Return the picture at the scale that features are followed on."""
+        if self._factor == 1:
+            return picture
+        size = (picture.shape[1] // self._factor, picture.shape[0] // self._factor)
+        cropped = picture[: size[1] * self._factor, : size[0] * self._factor]
+        return cv2.resize(cropped, size, interpolation=cv2.INTER_AREA)
+
+    def _in_pixels(self, found: Alignment) -> Alignment:
+        """Return the alignment in the decoded photograph's own pixels."""
+        k = float(self._factor)
+        finer = np.array([[k, 0, (k - 1) / 2], [0, k, (k - 1) / 2], [0, 0, 1]])
+        return Alignment(
+            finer @ found.homography @ np.linalg.inv(finer),
+            k * found.shift,
+            k * found.residual,
+            found.inliers,
+        )
 
     def _follow(self, picture: GreyImage, guess: Array) -> Alignment | None:
-        options = {
+        options: dict[str, Any] = {
             'winSize': (PATCH, PATCH),
             'maxLevel': 4,
             'criteria': (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
@@ -116,7 +140,7 @@ class Aligner:
         )
 
     def _match(self, picture: GreyImage) -> Array | None:
-        detector = cv2.ORB_create(nfeatures=4000, fastThreshold=10)
+        detector = cv2.ORB.create(nfeatures=4000, fastThreshold=10)
         baseline_points, baseline_words = detector.detectAndCompute(self._baseline, self._orb_mask)
         points, words = detector.detectAndCompute(picture, None)
         if baseline_words is None or words is None or min(len(points), len(baseline_points)) < 20:
@@ -125,8 +149,8 @@ class Aligner:
         matches = matcher.match(baseline_words, words)
         if len(matches) < 20:
             return None
-        source = np.float32([baseline_points[m.queryIdx].pt for m in matches])[:, None]
-        target = np.float32([points[m.trainIdx].pt for m in matches])[:, None]
+        source = np.array([baseline_points[m.queryIdx].pt for m in matches], np.float32)[:, None]
+        target = np.array([points[m.trainIdx].pt for m in matches], np.float32)[:, None]
         homography, chosen = cv2.findHomography(source, target, cv2.RANSAC, 4.0, maxIters=5000)
         if homography is None or chosen.sum() < 20:
             return None
@@ -150,7 +174,7 @@ def _spread_corners(picture: GreyImage, mask: GreyImage) -> Array:
                 picture[area], each, 0.05, 5, mask=mask[area], blockSize=7
             )
             if corners is not None:
-                found.append(corners + np.float32([left, top]))
+                found.append(np.asarray(corners) + np.array([left, top], np.float32))
     if not found:
         raise InputError(
             'baseline shows no texture inside the rig: check focus and camera.corners_px'

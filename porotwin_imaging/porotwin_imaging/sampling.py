@@ -7,6 +7,7 @@ the bottom row first, and the flip happens here.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,10 +16,10 @@ from numpy.typing import NDArray
 from porotwin_core.grid import Grid
 from porotwin_imaging.geometry import Geometry, apply_homography
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
-FEWEST_PIXELS_PER_CELL = 3.0
-"""Decoded pixels that a cell should span each way, where the file has them."""
+FEWEST_PIXELS_PER_CELL = 1.8
+"""Decoded pixels that a cell should span each way, where that saves half of the decoding."""
 FEWEST_COLUMNS = 1200
 """Decoded width that alignment to the baseline should have, where the file has it [px]."""
 
@@ -32,12 +33,13 @@ def choose_reduction(geometry: Geometry, grid: Grid, photo_width: int) -> int:
             and photo_width / reduction >= FEWEST_COLUMNS
         ):
             return reduction
+    # finest maps of large rigs: a little more than a pixel for each cell is enough
     return 2 if per_cell / 2 >= 1.2 and photo_width / 2 >= FEWEST_COLUMNS else 1
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampling points of a map on `grid`: `columns`, `rows` (float32) in baseline decoded pixels."""
+    """Sampling points of a map on `grid`: `columns`, `rows` in the baseline's decoded pixels."""
 
     grid: Grid
     factor: int

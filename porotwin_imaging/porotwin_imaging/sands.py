@@ -7,12 +7,13 @@ least squares sense (paper, sec. 2.2.1), where there is signal on both sides.
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
 MOST_SANDS = 5
@@ -52,8 +53,9 @@ def segment(colours: Array, texture: Array, seen: NDArray[np.bool_]) -> Labels:
         return np.zeros(seen.shape, np.uint8)
     cv2.setRNGSeed(7)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
-    _, found, centres = cv2.kmeans(values, MOST_SANDS, None, criteria, 3, cv2.KMEANS_PP_CENTERS)
-    classes = _merged(values, found[:, 0], centres)
+    found = np.zeros((len(values), 1), np.int32)
+    cv2.kmeans(values, MOST_SANDS, found, criteria, 3, cv2.KMEANS_PP_CENTERS)
+    classes = _merged(values, found[:, 0])
     labels = np.zeros(seen.shape, np.uint8)
     labels[seen] = classes
     return _sharpened(_tidy(labels, seen), colours, seen)
@@ -74,15 +76,15 @@ def _features(colours: Array, texture: Array, seen: NDArray[np.bool_]) -> Array:
 
 def _masked_median(plane: Array, seen: NDArray[np.bool_]) -> Array:
     """Return the local median, which keeps interfaces sharp; unseen cells take the global one."""
-    filled = np.where(seen, plane, np.median(plane[seen])).astype(np.float32)
+    filled: Array = np.where(seen, plane, np.median(plane[seen])).astype(np.float32)
     for _ in range(2):
         filled = cv2.medianBlur(filled, 5)
     return filled
 
 
-def _merged(values: Array, classes: Array, centres: Array) -> Array:
+def _merged(values: Array, classes: Array) -> Array:
     """Return classes from 0 up with those that overlap joined into one."""
-    parent = list(range(len(centres)))
+    parent = list(range(MOST_SANDS))
     while True:
         ids = sorted(set(parent))
         spread = {i: values[np.isin(classes, _members(parent, i))].std(axis=0) for i in ids}
@@ -151,7 +153,7 @@ def _sharpened(labels: Labels, colours: Array, seen: NDArray[np.bool_]) -> Label
     grown = cv2.watershed(picture, np.ascontiguousarray(markers, np.int32)) - 1
     unknown = grown < 0
     grown[unknown] = labels[unknown]
-    return cv2.medianBlur(grown.astype(np.uint8), 3)
+    return np.asarray(cv2.medianBlur(grown.astype(np.uint8), 3), np.uint8)
 
 
 def fit_factors(signals: list[Array], labels: Labels) -> Factors:
@@ -171,7 +173,7 @@ def fit_factors(signals: list[Array], labels: Labels) -> Factors:
     design[np.arange(len(jump)), first] += 1.0
     design[np.arange(len(jump)), second] -= 1.0
     weight = np.ones(len(jump))
-    logs = np.zeros(count)
+    logs: Array = np.zeros(count)
     for _ in range(20):
         normal = design.T @ (weight[:, None] * design) + 1e-3 * np.eye(count)
         logs = np.linalg.solve(normal, -design.T @ (weight * jump))

@@ -15,13 +15,14 @@ square error, is below the tolerance.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 LEAST_WEIGHT = 0.05
 """Weights are raised to this: the strong convexity on which the accelerated method rests."""
@@ -78,7 +79,7 @@ def fill(data: Array, weight: Array) -> NDArray[np.float32]:
     SIGGRAPH 1996).
     """
     value = np.where(np.isfinite(data), data, 0.0).astype(np.float32) * weight
-    return _pulled(value, weight.astype(np.float32))
+    return _pulled(value, weight)
 
 
 def _pulled(weighted: Array, weight: Array) -> NDArray[np.float32]:
@@ -147,8 +148,11 @@ def _gap(u, p, q, f, w, strength, az, ax):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def _primal_dual(f, w, strength, az, ax, tolerance, max_iterations):  # type: ignore[no-untyped-def]
-    """Return (u, error bound, iterations). The dual lives on faces: p[i + 1] above row i, q[:, j + 1]
-    right of column j; the outermost faces stay 0."""
+    """Return (u, error bound, iterations).
+
+    The dual lives on faces: p[i + 1] above row i, q[:, j + 1] right of column j; the outermost
+    faces stay 0.
+    """
     nz, nx = f.shape
     u = f.copy()
     bar = f.copy()

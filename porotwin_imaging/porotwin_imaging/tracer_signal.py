@@ -10,12 +10,12 @@ calibration photographs. Both are ratios to the baseline: the grains' own bright
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 
 Contrast = Literal['absorbance', 'difference']
 

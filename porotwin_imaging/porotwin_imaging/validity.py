@@ -7,12 +7,13 @@ in every photograph.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 LEAST_LIGHT = 0.012

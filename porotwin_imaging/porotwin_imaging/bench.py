@@ -1,0 +1,101 @@
+"""How long a photograph takes on this machine, stage by stage, at the real camera's resolution."""
+
+import resource
+import time
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.rig import Rig
+from porotwin_imaging.calibration import Calibration
+from porotwin_imaging.chain import Imaging
+
+CAMERA = (7952, 4472)
+"""Columns and rows of the camera of the FluidFlower rigs [px]."""
+GRIDS = {'280x150': (280, 150), '1 mm': (934, 562)}
+ROUNDS = 9
+_MARGIN = 200
+
+
+def run(camera: tuple[int, int] = CAMERA, rounds: int = ROUNDS) -> list[dict[str, Any]]:
+    """Return one row for each stage and grid: median and longest time [s] of `rounds` photographs.
+
+    From the file's bytes to the map, on a picture of the small rig that is made here; `memory_mb`
+    is the most this process has held.
+    """
+    rig = _rig(camera)
+    baseline, state = (_photograph(camera, tracer=tracer) for tracer in (False, True))
+    rows: list[dict[str, Any]] = []
+    for name, (nx, nz) in GRIDS.items():
+        imaging = Imaging(rig, rig.grid(nx, nz), calibration=Calibration())
+        imaging.set_baselines([baseline])
+        imaging.concentration(state)  # compiles the kernels
+        runs = [_timed(imaging, state) for _ in range(rounds)]
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        for stage in runs[0]:
+            times = [timings[stage] for timings in runs]
+            rows.append(
+                {
+                    'grid': name,
+                    'stage': stage,
+                    'median_s': round(float(np.median(times)), 4),
+                    'longest_s': round(max(times), 4),
+                    'memory_mb': round(memory) if stage == 'whole' else '',
+                }
+            )
+    return rows
+
+
+def _timed(imaging: Imaging, state: bytes) -> dict[str, float]:
+    start = time.perf_counter()
+    timings = imaging.concentration(state).timings
+    return {**timings, 'whole': time.perf_counter() - start}
+
+
+def _rig(camera: tuple[int, int]) -> Rig:
+    left, upper = _MARGIN, _MARGIN
+    right, lower = camera[0] - _MARGIN, camera[1] - _MARGIN
+    return Rig.model_validate(
+        {
+            'name': 'bench',
+            'width_m': 0.934,
+            'height_m': 0.562,
+            'depth_m': 0.01,
+            'porosity': 0.375,
+            'permeability_m2': 6.57e-10,
+            'viscosity_pa_s': 1e-3,
+            'density_kg_m3': 998.0,
+            'wells': {},
+            'camera': {
+                'corners_px': [[left, upper], [left, lower], [right, lower], [right, upper]]
+            },
+        }
+    )
+
+
+def _photograph(camera: tuple[int, int], *, tracer: bool) -> bytes:
+    """Return the JPEG file of a picture of mottled sand, with a green plume if `tracer`."""
+    generator = np.random.default_rng(11)
+    columns, rows = camera
+    grains = generator.normal(0.0, 1.0, (rows // 8, columns // 8)).astype(np.float32)
+    mottled = cv2.resize(grains, camera, interpolation=cv2.INTER_CUBIC)
+    shade = np.clip(110.0 + 28.0 * mottled, 0, 255)
+    if tracer:
+        row, column = np.ogrid[:rows, :columns]
+        distance = np.hypot(column - 0.4 * columns, row - 0.5 * rows) / (0.12 * columns)
+        plume: NDArray[np.float32] = np.clip(4.0 * (1.1 - distance), 0, 1).astype(np.float32)
+    else:
+        plume = np.zeros((rows, columns), np.float32)
+    bands = (0.6, 0.8, 1.0), (0.5, 0.35, 0.6)
+    pixels = np.stack(
+        [shade * tone * (1 - takes * plume) for tone, takes in zip(*bands, strict=True)], axis=-1
+    )
+    _, data = cv2.imencode('.jpg', pixels.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
+    return data.tobytes()
+
+
+if __name__ == '__main__':
+    for row in run():
+        print(row)
