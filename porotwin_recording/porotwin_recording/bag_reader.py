@@ -69,7 +69,7 @@ class BagReader:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.remarks: list[str] = []
-        self._parts = [_open_part(file, self._remark) for file in _files(self.path, self._remark)]
+        self._parts = [_open_part(file, self._remark) for file in _files(self.path)]
         self.topics: dict[str, Topic] = {}
         for part in self._parts:
             for topic in part.topics.values():
@@ -131,8 +131,8 @@ def is_bag(path: Path) -> bool:
     return path.suffix == '.mcap'
 
 
-def _files(path: Path, remark: Callable[[str], None]) -> list[Path]:
-    """Return the MCAP files of the bag at `path`."""
+def _files(path: Path) -> list[Path]:
+    """Return the MCAP files of the bag at `path`; a killed recorder leaves no metadata.yaml."""
     if not path.exists():
         raise InputError(f'{path}: no such bag')
     if path.is_file():
@@ -141,7 +141,6 @@ def _files(path: Path, remark: Callable[[str], None]) -> list[Path]:
         files = sorted(path.glob('*.mcap'))
         if not files:
             raise InputError(f'{path}: not a bag; it has neither {METADATA} nor an .mcap file')
-        remark(f'{path}: has no {METADATA}, as after a crash; read from its .mcap files')
         return files
     information = _information(path / METADATA)
     mend = f"convert it with 'rosbags-convert --src {path} --dst NEW --dst-storage mcap'"
@@ -260,8 +259,8 @@ def _open_part(file: Path, remark: Callable[[str], None]) -> _Part:
     assert statistics is not None
     if not whole:
         remark(
-            f'{file}: has no end, as after a crash; read the {statistics.message_count} messages '
-            f'in its first {end} of {size} bytes'
+            f'{file}: has no end: its recorder still runs or was killed; read the '
+            f'{statistics.message_count} messages in its first {end} of {size} bytes'
         )
     topics: dict[str, Topic] = {}
     for channel in summary.channels.values():

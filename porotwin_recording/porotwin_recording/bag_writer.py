@@ -127,11 +127,14 @@ class BagWriter:
 
     def _metadata(self) -> dict[str, Any]:
         mcap = self._mcap
-        span: dict[str, Any] = {
-            'duration': {'nanoseconds': mcap.end_time - mcap.start_time},
-            'starting_time': {'nanoseconds_since_epoch': mcap.start_time},
-            'message_count': mcap.message_count,
-        }
+
+        def span() -> dict[str, Any]:
+            return {
+                'duration': {'nanoseconds': mcap.end_time - mcap.start_time},
+                'starting_time': {'nanoseconds_since_epoch': mcap.start_time},
+                'message_count': mcap.message_count,
+            }
+
         topics = [
             {
                 'topic_metadata': {
@@ -148,12 +151,12 @@ class BagWriter:
         information = {
             'version': METADATA_VERSION,
             'storage_identifier': 'mcap',
-            **span,
+            **span(),
             'topics_with_message_count': topics,
             'compression_format': '',
             'compression_mode': '',
             'relative_file_paths': [self.file.name],
-            'files': [{'path': self.file.name, **span}],
+            'files': [{'path': self.file.name, **span()}],
             'custom_data': None,
             'ros_distro': 'jazzy',
         }

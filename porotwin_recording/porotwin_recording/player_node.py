@@ -1,5 +1,6 @@
 """Plays a bag into a graph, with /clock, as if it happened now."""
 
+import sys
 import threading
 import time
 from typing import Any
@@ -38,7 +39,7 @@ ACKNOWLEDGE_TIMEOUT = 10.0
 CLOCK_PERIOD = 0.05
 """How often /clock goes on between two messages [s of wall time]."""
 
-_DRIVING = (f'/{topics.IMAGE}', f'/{topics.NEW_STATE}')
+_DRIVING = (f'/{topics.IMAGE}', f'/{topics.STATE_REFRESHED}')
 """Topics whose messages the graph answers with a cycle each."""
 
 
@@ -69,8 +70,13 @@ def _installed_class(topic: Topic) -> type[Any]:
 class PlayerNode(Node):
     """Publishes the messages of a bag, byte for byte, at the pace of their log times.
 
-    The process ends with the bag, unless it is told to loop.
+    The process ends with the bag, unless it is told to loop. With `lockstep`, the topic of an
+    answer whose message begins with a header, a photograph (or refreshed state) is followed by
+    nothing until an answer with its stamp or a later one is there: the graph sees them all, no
+    matter how slow it is.
     """
+
+    failed = False
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__('player', enable_rosout=False, **kwargs)
@@ -118,12 +124,18 @@ class PlayerNode(Node):
         try:
             self._listen()
             self._await_subscribers()
+            self.get_logger().info(f'playing {len(self._targets)} topics of {self._bag.path}')
             while not self._stopping.is_set():
                 self._play_once()
                 if not self._loop:
                     break
         except InputError as error:
+            self.failed = True
             self.get_logger().error(str(error))
+        except Exception:
+            # told to end, the context goes while this thread still publishes
+            if self.context.ok():
+                raise
         finally:
             if not self._stopping.is_set():
                 rclpy.try_shutdown(context=self.context)
@@ -228,7 +240,14 @@ class PlayerNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(PlayerNode)
+    nodes: list[PlayerNode] = []
+
+    def make() -> PlayerNode:
+        nodes.append(PlayerNode())
+        return nodes[0]
+
+    run(make)
+    sys.exit(int(nodes[0].failed))
 
 
 if __name__ == '__main__':

@@ -7,14 +7,22 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_recording.interfaces import message_class
 from porotwin_recording.recorder import Recorder
+from porotwin_recording.serialization import SECOND
 from porotwin_recording.topic import TopicQos
 
 DISCOVERY_PERIOD = 0.2
@@ -77,6 +85,12 @@ class RecorderNode(Node):
         self._alone: dict[str, bool] = {}
         self._refused: set[str] = set()
         self._early: list[_Message] = []
+        self._is_simulated = bool(self.get_parameter('use_sim_time').value)
+        self._simulated: int | None = None
+        if self._is_simulated:
+            self.create_subscription(
+                ClockMessage, '/clock', self._on_clock, qos_profile_sensor_data
+            )
         self._diagnostics = Diagnostics(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)
@@ -135,8 +149,8 @@ class RecorderNode(Node):
             info['source_timestamp'],
             info['publication_sequence_number'] or 0,
         )
-        now = self.get_clock().now().nanoseconds
-        if now == 0:
+        now = self._simulated if self._is_simulated else self.get_clock().now().nanoseconds
+        if now is None:
             # simulated time has not begun: what arrives belongs to its first moment
             self._early.append(message)
             return
@@ -150,6 +164,9 @@ class RecorderNode(Node):
                 sequence=number,
                 alone=self._alone[topic],
             )
+
+    def _on_clock(self, message: ClockMessage) -> None:
+        self._simulated = message.clock.sec * SECOND + message.clock.nanosec
 
     def _report(self) -> None:
         lost = self._recorder.losses.total + self._recorder.dropped

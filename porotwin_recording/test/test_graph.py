@@ -260,6 +260,49 @@ def test_a_live_graph_is_recorded_whole(tmp_path: Path) -> None:
     assert numbers == list(range(numbers[0], numbers[0] + 5000))
 
 
+ANSWERER = """
+import time
+import rclpy
+from geometry_msgs.msg import PointStamped
+from sensor_msgs.msg import CompressedImage
+rclpy.init()
+node = rclpy.create_node('answerer', namespace='/porotwin')
+publisher = node.create_publisher(PointStamped, 'hub/cycle', 1)
+seen = []
+def answer(photo):
+    time.sleep(0.05)
+    seen.append(photo.header.stamp.sec)
+    print('seen', len(seen), flush=True)
+    publisher.publish(PointStamped(header=photo.header))
+node.create_subscription(CompressedImage, 'camera/image/compressed', answer, 1)
+print('ready', flush=True)
+rclpy.spin(node)
+"""
+
+
+def test_a_slow_graph_sees_every_photograph_in_lock_step(tmp_path: Path, bag: Path) -> None:
+    answerer = Process(tmp_path / 'answerer.log', ['-c', ANSWERER])
+    try:
+        answerer.wait_to_say('ready')
+        with node(
+            tmp_path / 'player.log', 'player_node', bag=bag, rate=0.0, lockstep='hub/cycle'
+        ) as player:
+            assert player.popen.wait(timeout=100) == 0, player.output
+        assert 'going on' not in player.output
+        answerer.wait_to_say(f'seen {FRAMES - 1}')
+    finally:
+        answerer.stop(signal.SIGKILL)
+
+
+def test_a_player_told_to_end_ends_at_once(tmp_path: Path, bag: Path) -> None:
+    with node(
+        tmp_path / 'player.log', 'player_node', bag=bag, loop=True, discovery_s=0.1
+    ) as player:
+        player.wait_to_say('playing 3 topics')
+        assert player.stop() == 0
+        assert 'Traceback' not in player.output
+
+
 @pytest.mark.parametrize(
     ('name', 'parameters', 'complaint'),
     [
