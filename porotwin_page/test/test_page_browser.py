@@ -1,0 +1,199 @@
+"""The page in a real browser, where there is one: what is drawn, the button, coming back."""
+
+import asyncio
+import contextlib
+import shutil
+import subprocess
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from aiohttp import ClientSession, ClientWebSocketResponse
+from page_examples import START, rates, two_cycles
+
+from porotwin_page import snapshot
+from porotwin_page.address import listen
+from porotwin_page.board import Board
+from porotwin_page.confirmation import Confirmation
+from porotwin_page.server import PageApplication, ServerThread
+
+NAMES = ('chromium', 'chromium-browser', 'google-chrome')
+BROWSER = next((found for name in NAMES if (found := shutil.which(name))), None)
+PATIENCE_S = 40.0
+CALM = [
+    '--headless',
+    '--no-sandbox',
+    '--disable-gpu',
+    '--disable-background-networking',
+    '--no-first-run',
+    '--disable-component-update',
+    '--disable-sync',
+    '--disable-dev-shm-usage',
+    '--remote-debugging-port=0',
+]
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None, reason=f'no browser here: {", ".join(NAMES)}'),
+]
+
+
+class Tab:
+    """One page of the browser, spoken to over its DevTools protocol."""
+
+    def __init__(self, socket: ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._calls = 0
+        self.exceptions: list[str] = []
+
+    async def call(self, method: str, **parameters: Any) -> dict:
+        self._calls += 1
+        message = {'id': self._calls, 'method': method, 'params': parameters}
+        await self._socket.send_json(message)
+        while True:
+            answer = await self._socket.receive_json()
+            if answer.get('method') == 'Runtime.exceptionThrown':
+                self.exceptions.append(str(answer['params']))
+            if answer.get('id') == message['id']:
+                return answer.get('result', {})
+
+    async def value(self, script: str) -> Any:
+        result = await self.call('Runtime.evaluate', expression=script, returnByValue=True)
+        return result['result'].get('value')
+
+    async def until(self, script: str) -> None:
+        """Return when `script` is true in the page."""
+        for _ in range(int(PATIENCE_S / 0.1)):
+            if await self.value(script):
+                return
+            await asyncio.sleep(0.1)
+        seen = await self.value('document.body.innerText')
+        raise AssertionError(f'{script}: not within {PATIENCE_S:g} s; the page shows {seen}')
+
+    async def resize(self, width: int, height: int) -> None:
+        await self.call(
+            'Emulation.setDeviceMetricsOverride',
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
+        )
+
+
+@contextlib.asynccontextmanager
+async def browser(folder: Path) -> AsyncIterator[Tab]:
+    assert BROWSER is not None
+    command = [BROWSER, *CALM, f'--user-data-dir={folder}', 'about:blank']
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    try:
+        written = folder / 'DevToolsActivePort'
+        for _ in range(int(PATIENCE_S / 0.1)):
+            if written.is_file() and (port := written.read_text().partition('\n')[0]):
+                break
+            await asyncio.sleep(0.1)
+        async with ClientSession() as session:
+            async with session.get(f'http://127.0.0.1:{port}/json') as response:
+                tabs = await response.json()
+            address = next(tab['webSocketDebuggerUrl'] for tab in tabs if tab['type'] == 'page')
+            async with session.ws_connect(address, max_msg_size=0) as socket:
+                tab = Tab(socket)
+                await tab.call('Runtime.enable')
+                yield tab
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+class Scene:
+    """A page served from a board, as the node does it."""
+
+    def __init__(self) -> None:
+        self.board = Board()
+        self.board.apply(lambda _: two_cycles())
+        self.board.apply(snapshot.with_measured, rates(100.0), by_person=True)
+        self.confirmed: list[Confirmation] = []
+        with listen('127.0.0.1:0') as free:
+            self.port = free.getsockname()[1]
+        self.serve()
+
+    def serve(self) -> None:
+        application = PageApplication(self.board, self.confirm, lambda: START + 40.0)
+        self.server = ServerThread(application.make(), listen(f'127.0.0.1:{self.port}'))
+
+    def confirm(self, given: Confirmation) -> str:
+        self.confirmed.append(given)
+        self.board.apply(snapshot.with_confirmation, given.sequence)
+        return f'setpoint {given.sequence} confirmed'
+
+
+def in_browser(folder: Path, work: Callable[[Scene, Tab], Awaitable[None]]) -> None:
+    async def go() -> None:
+        scene = Scene()
+        try:
+            async with browser(folder) as tab:
+                await tab.call('Page.navigate', url=f'http://127.0.0.1:{scene.port}/')
+                await tab.until("document.querySelector('#live')?.textContent.startsWith('Stale')")
+                await work(scene, tab)
+                assert tab.exceptions == []
+        finally:
+            scene.server.close()
+
+    asyncio.run(go())
+
+
+@pytest.mark.parametrize('size', [(1400, 1000), (390, 844)])
+@pytest.mark.parametrize('theme', ['light', 'dark'])
+def test_everything_is_drawn_and_fits_the_width(tmp_path, size, theme) -> None:
+    async def work(_: Scene, tab: Tab) -> None:
+        scheme = {'name': 'prefers-color-scheme', 'value': theme}
+        await tab.call('Emulation.setEmulatedMedia', features=[scheme])
+        await tab.resize(*size)
+        await tab.until(f"document.documentElement.dataset.theme === '{theme}'")
+        await tab.until("document.querySelectorAll('.map img').length === 3")
+        await tab.until("[...document.querySelectorAll('.map img')].every((i) => i.naturalWidth)")
+        shown = await tab.value("document.querySelector('#rates').innerText")
+        assert '120.0' in shown
+        assert '−620.0' in shown
+        changed = await tab.value("document.querySelectorAll('#rates .changed').length")
+        assert changed == 2  # control1 and the producer that balances it
+        assert await tab.value("document.querySelector('#validity-text').textContent") == (
+            'valid for 1:20 min'
+        )
+        assert await tab.value("document.querySelectorAll('#observed circle.well').length") == 5
+        assert await tab.value("document.querySelectorAll('.zone').length") == 3
+        assert await tab.value("document.querySelectorAll('.chart path').length") == 9
+        width = await tab.value('document.documentElement.scrollWidth')
+        assert width <= size[0]
+
+    in_browser(tmp_path, work)
+
+
+def test_done_confirms_and_other_rates_are_sent_along(tmp_path) -> None:
+    async def work(scene: Scene, tab: Tab) -> None:
+        await tab.until("!document.querySelector('#done').disabled")
+        await tab.value(
+            "document.querySelector('#other-rates input[name=control1]').value = '118.5';"
+            "document.querySelector('#done').focus()"
+        )
+        enter = {'key': 'Enter', 'code': 'Enter', 'windowsVirtualKeyCode': 13, 'text': '\r'}
+        await tab.call('Input.dispatchKeyEvent', type='keyDown', **enter)
+        await tab.until("document.querySelector('#answer').textContent === 'setpoint 2 confirmed'")
+        (given,) = scene.confirmed
+        assert given.sequence == 2
+        assert given.rates == {'control1': rates(118.5)['control1']}
+        await tab.until("document.querySelector('#done').textContent.includes('Confirmed')")
+
+    in_browser(tmp_path, work)
+
+
+def test_a_page_that_was_lost_is_found_again(tmp_path) -> None:
+    async def work(scene: Scene, tab: Tab) -> None:
+        scene.server.close()
+        await tab.until("document.querySelector('#live').textContent.startsWith('Not connected')")
+        assert await tab.value("document.querySelector('#done').disabled")
+        scene.serve()
+        await tab.until("document.querySelector('#live').textContent.startsWith('Stale')")
+        assert await tab.value('points.length') == 2
+
+    in_browser(tmp_path, work)
