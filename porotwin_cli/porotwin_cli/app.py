@@ -6,6 +6,7 @@ import typer
 
 from porotwin_cli import (
     bench,
+    calibrate,
     convert,
     demo,
     evaluate,
@@ -31,6 +32,7 @@ app.command('demo')(demo.command)
 app.command('up')(up.command)
 app.command('simulate')(simulate.command)
 app.command('image')(image.command)
+app.command('calibrate')(calibrate.command)
 app.command('import')(convert.import_command)
 app.command('export')(convert.export_command)
 app.command('record')(record.command)

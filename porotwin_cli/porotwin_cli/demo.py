@@ -55,9 +55,10 @@ def command(
     folder = run_folder(output, 'demo')
     say(f'demo: {minutes:g} min of the small rig, into {folder}')
     rig_file = _prepare_rig(folder)
-    model = _train(rig_file, folder, seed) if costa else None
+    calibration, model = _prepare_camera_and_model(rig_file, folder, seed=seed, costa=costa)
     settings = GraphSettings(
         rig=rig_file,
+        calibration=calibration,
         model=model,
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
@@ -80,14 +81,21 @@ def _prepare_rig(folder: Path) -> Path:
     return folder / 'rig.yaml'
 
 
-def _train(rig_file: Path, folder: Path, seed: int) -> Path:
-    from porotwin_cli.rehearsal import rehearse
+def _prepare_camera_and_model(
+    rig_file: Path, folder: Path, *, seed: int, costa: bool
+) -> tuple[Path, Path | None]:
+    """Return the calibration of the camera and, when asked for, a trained COSTA model."""
+    from porotwin_cli.rehearsal import calibration_run, train_costa
 
-    begun = time.monotonic()
-    say('training COSTA on other experiments of the virtual rig ...')
-    model = rehearse(load_rig(rig_file), folder, seed=seed, photo_interval=PHOTO_INTERVAL_S)
-    say(f'    done in {time.monotonic() - begun:.0f} s')
-    return model
+    rig = load_rig(rig_file)
+    say('calibrating the camera with a known injection ...')
+    calibration = calibration_run(rig, folder, seed=seed)
+    if not costa:
+        return calibration, None
+    say('training COSTA on experiments with other schedules ...')
+    return calibration, train_costa(
+        rig, folder, calibration, photo_interval=PHOTO_INTERVAL_S, seed=seed
+    )
 
 
 def _run_loop(

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -59,9 +60,9 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[objec
     """Print a table on standard output; every column but the first is aligned to the right."""
     table = Table(title=title, title_justify='left')
     for index, name in enumerate(header):
-        table.add_column(name, justify='right' if index else 'left')
+        table.add_column(escape(name), justify='right' if index else 'left')
     for row in rows:
-        table.add_row(*(str(cell) for cell in row))
+        table.add_row(*(escape(str(cell)) for cell in row))
     # a pipe has no width: do not let the table be cut
     Console(width=None if sys.stdout.isatty() else 120).print(table)
 
