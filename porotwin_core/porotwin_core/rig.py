@@ -290,21 +290,34 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
 
 
 def write_rig(rig: Rig, path: Path | str) -> None:
-    """Write `rig` as a rig.yaml at `path`, its maps as NetCDF files beside it."""
+    """Write `rig` as a rig.yaml at `path`, its maps as NetCDF files beside it.
+
+    A map lies in a file of its own, named as in `rig` without its folders; where two maps were in
+    one file, the second is named after its quantity.
+    """
     path = Path(path)
     data = rig.model_dump(mode='json', exclude_defaults=True)
+    taken: set[str] = set()
     for quantity, values in rig._maps.items():
         reference = getattr(rig, quantity)
-        with netCDF4.Dataset(path.parent / reference.file, 'w') as dataset:
-            grid = rig.grid(values.shape[1], values.shape[0])
-            for name, coordinate in (('z', grid.z), ('x', grid.x)):
-                dataset.createDimension(name, len(coordinate))
-                dataset.createVariable(name, 'f8', (name,))[:] = coordinate
-                dataset[name].units = 'm'
-            dataset.createVariable(reference.variable, 'f8', ('z', 'x'))[:] = values
+        name = Path(reference.file).name
+        name = f'{quantity}.nc' if name in taken else name
+        taken.add(name)
+        data[quantity]['file'] = name
+        _write_map(path.parent / name, reference.variable, values, rig)
     path.write_text(
         yaml.safe_dump(data, sort_keys=False, default_flow_style=None), encoding='utf-8'
     )
+
+
+def _write_map(file: Path, variable: str, values: FloatArray, rig: Rig) -> None:
+    grid = rig.grid(values.shape[1], values.shape[0])
+    with netCDF4.Dataset(file, 'w') as dataset:
+        for name, coordinate in (('z', grid.z), ('x', grid.x)):
+            dataset.createDimension(name, len(coordinate))
+            dataset.createVariable(name, 'f8', (name,))[:] = coordinate
+            dataset[name].units = 'm'
+        dataset.createVariable(variable, 'f8', ('z', 'x'))[:] = values
 
 
 def load_rig(path: Path | str) -> Rig:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 import yaml
@@ -91,3 +92,31 @@ def test_a_rig_with_maps_survives_writing_and_reading(tmp_path: Path) -> None:
     again = load_rig(tmp_path)
     assert again == rig
     np.testing.assert_array_equal(again.believed_map('depth_m'), depth)
+
+
+def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
+    depth = np.random.default_rng(3).uniform(0.018, 0.028, (5, 7))
+    porosity = np.random.default_rng(4).uniform(0.3, 0.5, (4, 6))
+    reference = {'file': '../maps.nc'}
+    with netCDF4.Dataset(tmp_path / 'maps.nc', 'w') as dataset:
+        for name, values in (('depth', depth), ('porosity', porosity)):
+            for axis, size in zip('zx', values.shape, strict=True):
+                dataset.createDimension(f'{axis}_{name}', size)
+            dataset.createVariable(name, 'f8', (f'z_{name}', f'x_{name}'))[:] = values
+    data = {
+        **SMALL,
+        'depth_m': {**reference, 'variable': 'depth'},
+        'porosity': {**reference, 'variable': 'porosity'},
+    }
+    (tmp_path / 'rigs').mkdir()
+    rig = parse_rig(data, tmp_path / 'rigs' / 'rig.yaml')
+    (tmp_path / 'copy').mkdir()
+    write_rig(rig, tmp_path / 'copy' / 'rig.yaml')
+    again = load_rig(tmp_path / 'copy')
+    np.testing.assert_array_equal(again.believed_map('depth_m'), depth)
+    np.testing.assert_array_equal(again.believed_map('porosity'), porosity)
+    assert {file.name for file in (tmp_path / 'copy').iterdir()} == {
+        'rig.yaml',
+        'maps.nc',
+        'porosity.nc',
+    }

@@ -82,8 +82,9 @@ def read_bag(path: Path, rig: Rig | None = None) -> Experiment:
 
     Time zero is the stamp of the CleanState message that starts the experiment, or the first
     stamp where there is none; rates told before count from zero on. A state or setpoint that was
-    sent twice for the same time counts as sent last. Where the time goes back to a new start, the
-    rest is another experiment and left out.
+    sent twice for the same time counts as sent last; a setpoint counts as told until the next one,
+    whatever its validity (the measured rates know what the pumps then did). Where the time goes
+    back to a new start, the rest is another experiment and left out.
 
     Raises:
         InputError: not a bag, damaged, without a rig, or not recorded from a twin.

@@ -92,9 +92,12 @@ class McapWriter:
     ) -> None:
         """Add a serialized message; times in [ns], `sequence` as its publisher counted it.
 
+        MCAP has no times before zero: an earlier one counts as zero.
+
         Raises:
             OSError: the chunk was full and could not be written; the message waits, see `flush`.
         """
+        log_time, publish_time = max(0, log_time), max(0, publish_time)
         first = self.message_count == 0
         self.start_time = log_time if first else min(self.start_time, log_time)
         self.end_time = max(self.end_time, log_time)

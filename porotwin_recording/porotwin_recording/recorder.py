@@ -163,6 +163,10 @@ class Recorder:
                     due = time.monotonic() + FLUSH_PERIOD
             except OSError as error:
                 self._outlast(error)
+            except Exception as error:
+                # one message that cannot be written must not end the recording
+                self.dropped += 1
+                self._warn(f'{self._writer.path}: a message on {waiting.topic} is lost: {error!r}')
 
     def _write(self, message: _Waiting) -> None:
         self._backlog -= len(message.data)
