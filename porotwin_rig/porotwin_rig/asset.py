@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +26,7 @@ from porotwin_rig.flow import (
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.pumps import Pumps, true_rate_factor
 from porotwin_rig.sand import true_sand
+from porotwin_rig.sorption import dissolved_in_equilibrium
 from porotwin_rig.spreading import Spreading, spread
 
 FloatArray = NDArray[np.floating]
@@ -335,7 +337,10 @@ class VirtualRig:
         lost = self._lost_in_wells(carrier, rates, duration)
         lost += self._lost_through_sides(carrier, fluxes, duration)
         due = self.mobile_mass() + gained - lost
-        mended = _with_mass(carried, low, high, self._storage * self.mesh.box_area, due)
+        highest = max(float(field.max()), *(rate.concentration for rate in rates.values()), 0.0)
+        mended = _with_mass(
+            carried, low, high, self._storage * self.mesh.box_area, due=due, highest=highest
+        )
         self._mobile = mended
         self.injected += gained
         self.removed += lost
@@ -424,13 +429,7 @@ class VirtualRig:
         capacity = self.effects.number('freundlich', 'capacity')
         exponent = self.effects.number('freundlich', 'exponent')
         total = self._mobile + self._beside
-        low, high = np.zeros_like(total), total.copy()
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            above = middle + capacity * middle**exponent > total
-            high = np.where(above, middle, high)
-            low = np.where(above, low, middle)
-        self._mobile = 0.5 * (low + high)
+        self._mobile = dissolved_in_equilibrium(total, capacity, exponent)
         self._beside = total - self._mobile
 
 
@@ -456,22 +455,29 @@ def _balanced(rates: dict[str, WellRate]) -> dict[str, WellRate]:
 
 
 def _with_mass(
-    field: FloatArray, low: FloatArray, high: FloatArray, volume: FloatArray, due: float
+    field: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    volume: FloatArray,
+    *,
+    due: float,
+    highest: float,
 ) -> FloatArray:
-    """Return `field` changed within [low, high] so that sum(field * volume) is `due`.
+    """Return `field` changed so that sum(field * volume) is `due`, within 0 and `highest`.
 
-    Only where neighbours differ is there room: the change goes to the fronts, in proportion to
-    it. What does not fit there is spread over all tracer.
+    Only where neighbours differ is there room within [low, high]: the change goes to the fronts, in
+    proportion to it. What does not fit there goes to the vertices beside tracer, then anywhere.
     """
-    for _ in range(4):
+    beside = np.asarray(cv2.dilate((high > 1e-3 * highest).astype(np.uint8), np.ones((3, 3))), bool)
+    for lowest_now, highest_now in (
+        (low, high),
+        (low, high),
+        (np.where(beside, 0.0, field), np.where(beside, highest, field)),
+        (np.zeros_like(field), np.maximum(field, highest)),
+    ):
         missing = due - float(np.sum(field * volume))
-        room = (high - field) if missing > 0.0 else (field - low)
+        room = np.maximum((highest_now - field) if missing > 0.0 else (field - lowest_now), 0.0)
         held = float(np.sum(room * volume))
-        if held <= 0.0:
-            break
-        field = field + math.copysign(min(abs(missing) / held, 1.0), missing) * room
-    missing = due - float(np.sum(field * volume))
-    present = float(np.sum(field * volume))
-    if present > 0.0 and missing != 0.0:
-        field = field * (1.0 + missing / present)
+        if held > 0.0:
+            field = field + math.copysign(min(abs(missing) / held, 1.0), missing) * room
     return field

@@ -189,12 +189,9 @@ class BoxFlow:
         self._free = np.flatnonzero(~fixed.ravel())
         self._factor: Solve = self._factorise(along_x, along_z)
 
-    def _free_matrix(self, along_x: FloatArray, along_z: FloatArray) -> csc_matrix:
-        return _matrix(self.mesh, along_x, along_z)[self._free][:, self._free]
-
     def _factorise(self, along_x: FloatArray, along_z: FloatArray) -> Solve:
         factor = splu(
-            self._free_matrix(along_x, along_z),
+            _matrix(self.mesh, along_x, along_z)[self._free][:, self._free],
             permc_spec='MMD_AT_PLUS_A',
             diag_pivot_thresh=0.0,
             options={'SymmetricMode': True},
@@ -270,15 +267,21 @@ class BoxFlow:
     def _solve(self, demand: FloatArray, along: tuple[FloatArray, FloatArray] | None) -> FloatArray:
         if along is None:
             return self._factor(demand)
-        matrix = self._free_matrix(*along)
         size = len(demand)
+        padded = np.zeros(self.mesh.shape[0] * self.mesh.shape[1])
+
+        def outflow(potential: FloatArray) -> FloatArray:
+            padded[self._free] = potential
+            flow = bilinear_flow(self.mesh, padded.reshape(self.mesh.shape), *along)
+            return flow.onto_boxes(self.mesh).outflow.ravel()[self._free]
+
         solution, _ = cg(
-            matrix,
+            LinearOperator((size, size), outflow, dtype=float),
             demand,
-            rtol=1e-9,
+            rtol=1e-8,
             atol=0.0,
             maxiter=200,
-            M=LinearOperator((size, size), self._factor),
+            M=LinearOperator((size, size), self._factor, dtype=float),
         )
         return solution
 
