@@ -69,9 +69,12 @@ def forecast_of(snapshot: Snapshot) -> Map | None:
 
 
 def difference_limit(difference: FloatArray) -> float:
-    """Return the end of the scale that shows all but the largest hundredth of the differences."""
+    """Return the end of the scale that shows all but the largest 0.2 % of the differences.
+
+    Not the very largest: a few bright grains of sand would take the colours from all others.
+    """
     size = np.abs(difference[np.isfinite(difference)])
-    most = float(np.quantile(size[size > 0], 0.99)) if (size > 0).any() else 0.0
+    most = float(np.quantile(size, 0.998)) if size.size else 0.0
     return next((limit for limit in DIFFERENCE_LIMITS if limit >= most), DIFFERENCE_LIMITS[-1])
 
 

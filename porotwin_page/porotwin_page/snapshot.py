@@ -222,11 +222,16 @@ def with_setpoint(now: Snapshot, setpoint: Setpoint) -> Snapshot:
     """Return the snapshot with a new setpoint.
 
     A hub that was started again counts from one: what was confirmed of the old count is forgotten.
+    The report of its cycle may have come before it, as they travel on topics of their own.
     """
     restarted = now.setpoints and setpoint.sequence <= now.setpoints[-1].sequence
     kept = () if restarted else now.setpoints
+    history = now.history
+    if history and history[-1].time == setpoint.time and not history[-1].rates:
+        history = (*history[:-1], replace(history[-1], rates=setpoint.rates))
     return replace(
         now,
+        history=history,
         setpoints=(*kept, setpoint)[-SETPOINTS_KEPT:],
         confirmed=None if restarted else now.confirmed,
     )

@@ -153,10 +153,14 @@ def maps_view(snapshot: Snapshot) -> Json:
     return shown
 
 
-def health_view(name: str, said: Health, steady: float) -> Json:
-    """Return one node's light and line; one that left the graph is an error whatever it said."""
+def health_view(name: str, said: Health, steady: float, *, finished: bool) -> Json:
+    """Return one node's light and line.
+
+    A node that left the graph is an error whatever it said, unless the experiment is over.
+    """
     if said.present is False:
-        return {'name': name, 'level': 'error', 'message': 'not running', 'age_s': None}
+        level, words = ('quiet', 'ended') if finished else ('error', 'not running')
+        return {'name': name, 'level': level, 'message': words, 'age_s': None}
     age = None if said.level is Level.QUIET else finite(steady - said.arrival, 3)
     return {'name': name, 'level': said.level.value, 'message': said.message, 'age_s': age}
 
@@ -166,7 +170,10 @@ _FIRST = {'error': 0, 'warn': 1}
 
 def all_health(snapshot: Snapshot, steady: float) -> list[Json]:
     """Return every node, those with trouble first."""
-    lines = [health_view(name, said, steady) for name, said in snapshot.health.items()]
+    finished = snapshot.finished is not None
+    lines = [
+        health_view(name, said, steady, finished=finished) for name, said in snapshot.health.items()
+    ]
     return sorted(lines, key=lambda line: _FIRST.get(line['level'], len(_FIRST)))
 
 
@@ -183,15 +190,18 @@ def point_view(point: CyclePoint) -> Json:
 
 
 def history_view(snapshot: Snapshot, *, after: int) -> Json:
-    """Return the points of the curves with number `after` and later.
+    """Return the points of the curves with number `after` and later, and always the last again.
 
-    `reset`: the browser drops what it has, because another experiment began or it has none.
+    The last point may still change, when the setpoint of its photograph comes after its report.
+    `begin` is the number of the first point sent: the browser replaces what it has from there on.
+    `reset`: it drops everything, because another experiment began or it has nothing.
     """
     first = snapshot.history_end - len(snapshot.history)
     reset = after < snapshot.history_start or after < first or after > snapshot.history_end
-    begin = first if reset else after
+    begin = first if reset else max(first, min(after, snapshot.history_end - 1))
     return {
         'reset': reset,
+        'begin': begin,
         'end': snapshot.history_end,
         'points': [point_view(point) for point in snapshot.history[begin - first :]],
     }

@@ -64,6 +64,9 @@ def test_the_scale_of_differences_is_one_of_few_and_shows_nearly_all() -> None:
     assert difference_limit(values) == 0.1
     values[0, 500] = 1.0
     assert difference_limit(values) == 0.1
+    front = np.zeros((100, 100))
+    front[50] = 0.4
+    assert difference_limit(front) == 0.5
     assert difference_limit(np.full((2, 2), np.nan)) == DIFFERENCE_LIMITS[0]
     assert difference_limit(np.full((2, 2), 5.0)) == DIFFERENCE_LIMITS[-1]
 

@@ -91,9 +91,10 @@ def test_events_begin_with_everything_and_go_on_with_what_is_new() -> None:
             assert first['history']['reset']
             assert len(first['history']['points']) == 2
             scene.board.apply(snapshot.with_cycle, point(3))
-            while not (second := await next_event(response))['history']['points']:
+            while (second := await next_event(response))['history']['end'] < 3:
                 pass
             assert not second['history']['reset']
+            assert second['history']['begin'] == 2
             assert [entry['time_s'] for entry in second['history']['points']] == [START + 60.0]
 
     with_client(work)

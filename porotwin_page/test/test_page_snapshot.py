@@ -97,6 +97,13 @@ def test_a_cycle_takes_the_rates_of_the_setpoint_from_the_same_photograph() -> N
     ]
 
 
+def test_a_setpoint_that_comes_after_its_report_still_gives_its_rates_to_the_curves() -> None:
+    now = after((snapshot.with_cycle, point(1)), (snapshot.with_setpoint, setpoint(1, 70.0)))
+    assert now.history[-1].rates == rates(70.0)
+    now = snapshot.with_setpoint(now, setpoint(2, 80.0))
+    assert now.history[-1].rates == rates(70.0)
+
+
 def test_a_hub_that_counts_from_one_again_ends_what_was_confirmed() -> None:
     now = snapshot.with_confirmation(two_cycles(), 1)
     now = snapshot.with_setpoint(now, setpoint(1, 50.0))

@@ -150,11 +150,28 @@ def test_history_sends_only_what_is_new() -> None:
     everything = history_view(now, after=-1)
     assert everything['reset']
     assert len(everything['points']) == 2
-    nothing = history_view(now, after=everything['end'])
-    assert not nothing['reset']
-    assert nothing['points'] == []
+    same = history_view(now, after=everything['end'])
+    assert not same['reset']
+    assert same['begin'] == everything['end'] - 1
+    assert same['points'] == everything['points'][-1:]
     more = history_view(snapshot.with_cycle(now, point(3)), after=everything['end'])
+    assert more['begin'] == everything['end']
     assert [entry['time_s'] for entry in more['points']] == [START + 60.0]
+
+
+def test_before_the_first_cycle_there_is_no_history_to_send() -> None:
+    assert history_view(Snapshot(), after=-1)['points'] == []
+    assert not history_view(Snapshot(), after=0)['reset']
+
+
+def test_after_the_experiment_a_node_may_end() -> None:
+    now = after(
+        (snapshot.with_nodes, ['camera'], 0.0),
+        (snapshot.with_nodes, [], 1.0),
+        (snapshot.with_end, 'done'),
+    )
+    (line,) = state_view(now, now=None, steady=2.0)['health']
+    assert (line['level'], line['message']) == ('quiet', 'ended')
 
 
 def test_history_starts_anew_with_an_experiment_and_for_a_browser_that_fell_behind() -> None:

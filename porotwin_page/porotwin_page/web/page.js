@@ -10,6 +10,7 @@ const dash = '–';
 
 let state = null;
 let points = [];
+let firstPoint = 0;  // its number in the page's count
 let source = null;
 let lastEvent = 0;
 let guardUntil = 0;
@@ -151,11 +152,14 @@ function ratesRow(body, well, setpoint) {
     span.textContent = text;
     name.append(span);
   }
-  const rate = cell(row, 'rate', number(well.rate_ml_h, 1));
+  const rate = cell(row, 'rate', '');
+  const digits = document.createElement('span');
+  digits.className = 'digits';
+  digits.textContent = number(well.rate_ml_h, 1);
   const unit = document.createElement('span');
   unit.className = 'unit';
   unit.textContent = ' ml/h';
-  rate.append(unit);
+  rate.append(digits, unit);
   const now = cell(row, 'now', '');
   const lines = [['was', setpoint.confirmed ? 'set' : 'was', well.before_ml_h],
     ['measured', 'measured', setpoint.pumps_report ? well.measured_ml_h : null]];
@@ -207,6 +211,7 @@ function renderDone(setpoint) {
   const calm = changed.length === 0 || setpoint.confirmed;
   const guarded = Date.now() < guardUntil;
   button.classList.toggle('calm', calm);
+  button.classList.toggle('late', !calm && isNumber(setpoint.remaining_s) && setpoint.remaining_s <= 0);
   button.disabled = sending || guarded || offline();
   let words = ['Done', `${namesOf(changed)} set as asked`];
   if (calm) words = ['✔ Nothing to set', 'press to confirm again'];
@@ -233,7 +238,7 @@ function renderValidity(setpoint) {
   find('#validity-bar div').style.width = `${100 * share}%`;
   setText(find('#validity-text'), left > 0
     ? `valid for ${duration(left)}`
-    : `expired ${duration(-left)} ago: safe rates hold now, control wells off`);
+    : `expired ${duration(-left)} ago: ${setpoint.pumps_report ? 'the rig is at its safe rates' : 'switch the control wells off'}`);
 }
 
 let shownRates = '';
@@ -391,7 +396,7 @@ function renderMap(kind, words) {
 
 function renderMaps() {
   renderMap('observed', (shown) => [
-    clockTime(shown.time_s), `after ${sinceStart(shown.time_s)}`,
+    clockTime(shown.time_s), shown.time_s < 1e8 ? '' : `after ${sinceStart(shown.time_s)}`,
     shown.unseen_percent ? `${short(shown.unseen_percent)} % not seen (hatched)` : '',
   ].filter(Boolean).join(' · '));
   renderMap('forecast', (shown) => `for ${clockTime(shown.time_s)} · ${state.corrected ? 'corrected' : 'not corrected'}`);
@@ -400,7 +405,9 @@ function renderMaps() {
   setText(find('#difference .low'), difference ? number(-difference.limit, 2) : dash);
   setText(find('#difference .high'), difference ? `+${number(difference.limit, 2)}` : dash);
   const remarks = [...(state.photo ? state.photo.remarks : []), ...state.remarks];
-  if (state.photo && !state.photo.calibrated) remarks.push('not calibrated: the scale of the concentration is a default');
+  if (state.photo && !state.photo.calibrated && !/calibrat/i.test(remarks.join())) {
+    remarks.push('not calibrated: the scale of the concentration is a default');
+  }
   if (state.corrected === false && state.correction) remarks.push(`forecast not corrected: ${state.correction}`);
   const list = find('#remarks');
   if (list.dataset.text !== remarks.join('\n')) {
@@ -568,7 +575,7 @@ function render() {
   renderPumps();
   renderMaps();
   renderHealth();
-  const curves = JSON.stringify([state.run, state.history.end, points.length, state.start_s, state.marks.length, theme(), innerWidth]);
+  const curves = JSON.stringify([state.run, state.history.end, points.length, points[points.length - 1], state.start_s, state.marks.length, theme(), innerWidth]);
   if (curves !== drawnCurves) {
     drawnCurves = curves;
     renderCurves();
@@ -581,9 +588,14 @@ function render() {
 function receive(event) {
   lastEvent = Date.now();
   state = JSON.parse(event.data);
-  if (state.history.reset) points = [];
-  points.push(...state.history.points);
-  points.splice(0, points.length - POINTS_KEPT);
+  const history = state.history;
+  if (history.reset) {
+    points = [];
+    firstPoint = history.begin;
+  }
+  points.length = Math.min(points.length, history.begin - firstPoint);
+  points.push(...history.points);
+  firstPoint += points.splice(0, points.length - POINTS_KEPT).length;
   render();
 }
 
