@@ -1,0 +1,231 @@
+"""The library of effects as the fits turn them: knobs with natural steps, ranges and starts."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.units import GRAVITY, MOLECULAR_DIFFUSION
+from porotwin_diagnosis.evidence import Sample
+
+IMAGE = ('saturation', 'illumination', 'registration')
+"""Effects of the camera that need no simulation of their own."""
+
+CAMERA = (*IMAGE, 'clock')
+"""All effects of the camera."""
+
+LOCAL = ('heterogeneity', 'leak')
+"""Effects whose place must be found."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One parameter as a fit turns it: value = neutral + step u, or neutral exp(step u)."""
+
+    name: str
+    unit: str
+    neutral: float
+    step: float
+    low: float = -math.inf
+    high: float = math.inf
+    log: bool = False
+
+    def value(self, turn: float) -> float:
+        """Return the parameter at `turn` steps, within its range."""
+        if self.log:
+            exponent = min(max(self.step * turn, -60.0), 60.0)
+            return float(np.clip(self.neutral * math.exp(exponent), self.low, self.high))
+        return float(np.clip(self.neutral + self.step * turn, self.low, self.high))
+
+    def turn(self, value: float) -> float:
+        """Return the steps at which the parameter has `value`."""
+        if self.log:
+            return math.log(value / self.neutral) / self.step
+        return (value - self.neutral) / self.step
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the most steps."""
+        low = -math.inf if self.log and self.low <= 0 else self.turn(self.low)
+        return low, self.turn(self.high)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect to be fitted: its knobs, what is fixed, and where the fit may start."""
+
+    effect: str
+    knobs: tuple[Knob, ...]
+    fixed: dict[str, float | str] = field(default_factory=dict)
+    starts: tuple[tuple[float, ...], ...] = ()
+    variant: str = ''
+
+    @property
+    def label(self) -> str:
+        """A name that no other candidate has."""
+        parts = [self.effect, str(self.fixed.get('well', '')), self.variant]
+        return ' '.join(filter(None, parts))
+
+    def described(self, turns: Sequence[float]) -> EffectDescription:
+        """Return the effect at `turns`, one per knob."""
+        values = {k.name: k.value(t) for k, t in zip(self.knobs, turns, strict=True)}
+        return EffectDescription(name=self.effect, parameters={**self.fixed, **values})
+
+    @property
+    def first(self) -> tuple[float, ...]:
+        """The start of the fit, in steps: no effect, where the effect allows that."""
+        return self.starts[0] if self.starts else (0.0,) * len(self.knobs)
+
+
+def library(samples: Sequence[Sample]) -> list[Candidate]:
+    """Return all candidates for recordings of one rig; those with a place start anywhere yet."""
+    rig = samples[0].rig
+    return [
+        *_spreading(samples),
+        *_everywhere(samples),
+        *_wells(samples),
+        *_camera(samples),
+        heterogeneity(rig, (rig.width_m / 2, rig.height_m / 2), 0.06, 1.0),
+        leak(rig, (rig.width_m / 2, rig.height_m / 2), 0.0),
+    ]
+
+
+def _speed(sample: Sample) -> float:
+    """Return a cell's width per duration [m/s]: what moves a front by one cell."""
+    return sample.grid.dx / sample.duration
+
+
+def _longest(samples: Sequence[Sample]) -> Sample:
+    return max(samples, key=lambda sample: sample.duration)
+
+
+def _spreading(samples: Sequence[Sample]) -> list[Candidate]:
+    sample = _longest(samples)
+    spread = sample.grid.dx**2 / sample.duration
+    along = Knob('longitudinal_dispersivity', 'm', 1e-3, 0.25, 1e-6, 0.2, log=True)
+    across = Knob('transverse_dispersivity', 'm', 1e-4, 0.4, 1e-7, 0.1, log=True)
+    diffusion = Knob('diffusion', 'm2/s', spread, 0.25, MOLECULAR_DIFFUSION, 1e-5, log=True)
+    return [
+        Candidate('dispersion', (along, across), {'diffusion': MOLECULAR_DIFFUSION}),
+        Candidate(
+            'dispersion',
+            (diffusion,),
+            {'longitudinal_dispersivity': 0.0, 'transverse_dispersivity': 0.0},
+            variant='diffusion',
+        ),
+    ]
+
+
+def _everywhere(samples: Sequence[Sample]) -> list[Candidate]:
+    sample = _longest(samples)
+    rig, duration, speed = sample.rig, sample.duration, _speed(sample)
+    permeability = float(np.mean(rig.field('permeability_m2', sample.grid)))
+    porosity = float(np.mean(rig.field('porosity', sample.grid)))
+    sinking = speed * porosity * rig.viscosity_pa_s / (permeability * GRAVITY)
+    exchange = Knob('exchange_rate', '1/s', 1.0 / duration, 0.5, 1e-3 / duration, 1.0, log=True)
+    immobile = Knob('immobile_fraction', '-', 0.04, 0.3, 1e-4, 0.8, log=True)
+    return [
+        _single('buoyancy', Knob('density_difference', 'kg/m3', 0.0, 2 * sinking)),
+        _single('viscosity', Knob('viscosity_ratio', '-', 1.0, 0.1, 0.02, 50.0, log=True)),
+        _single('retardation', Knob('retardation_factor', '-', 1.0, 0.015, 1.0, 20.0)),
+        _single('decay', Knob('rate', '1/s', 0.0, 0.03 / duration, 0.0, 20.0 / duration)),
+        Candidate('dual_porosity', (immobile, exchange), starts=((0.0, 0.0), (0.0, 3.0))),
+        _single('porosity', Knob('factor', '-', 1.0, 0.015, 0.2, _most_porous(rig), log=True)),
+        _single('depth', Knob('factor_centre', '-', 1.0, 0.02, 0.1, 5.0)),
+        Candidate(
+            'background_flow',
+            (
+                Knob('x_velocity', 'm/s', 0.0, speed * porosity),
+                Knob('z_velocity', 'm/s', 0.0, speed * porosity),
+            ),
+        ),
+    ]
+
+
+def _single(effect: str, knob: Knob) -> Candidate:
+    return Candidate(effect, (knob,))
+
+
+def _most_porous(rig: Rig) -> float:
+    return 1.0 / float(np.max(np.asarray(rig.believed_map('porosity'))))
+
+
+def _wells(samples: Sequence[Sample]) -> list[Candidate]:
+    rig, cell = samples[0].rig, samples[0].grid.dx
+    pumping = [
+        name
+        for name in rig.wells
+        if any(row.well == name and row.rate.rate for s in samples for row in s.schedule.rows)
+    ]
+    result = []
+    for name in pumping:
+        well = rig.wells[name]
+        if not rig.closed:
+            factor = Knob('factor', '-', 1.0, 0.02, 0.0, 5.0)
+            result.append(Candidate('rate', (factor,), {'well': name}))
+        margin = 2 * well.radius_m
+        shifts = (
+            Knob('dx', 'm', 0.0, 0.4 * cell, margin - well.x_m, rig.width_m - margin - well.x_m),
+            Knob('dz', 'm', 0.0, 0.4 * cell, margin - well.z_m, rig.height_m - margin - well.z_m),
+        )
+        result.append(Candidate('well_position', shifts, {'well': name}))
+    return result
+
+
+def _camera(samples: Sequence[Sample]) -> list[Candidate]:
+    sample = _longest(samples)
+    rig, cell, duration = sample.rig, sample.grid.dx, sample.duration
+    reach = 0.5 * max(rig.width_m, rig.height_m)
+    return [
+        _single('saturation', Knob('exponent', '-', 1.0, 0.1, 0.1, 10.0, log=True)),
+        Candidate(
+            'illumination',
+            (
+                Knob('drift', '1/s', 0.0, 0.03 / duration),
+                Knob('gradient', '1/m', 0.0, 0.03 / reach),
+            ),
+        ),
+        Candidate(
+            'registration',
+            (
+                Knob('dx', 'm', 0.0, 0.4 * cell, -0.2 * reach, 0.2 * reach),
+                Knob('dz', 'm', 0.0, 0.4 * cell, -0.2 * reach, 0.2 * reach),
+                Knob('rotation', 'rad', 0.0, 0.4 * cell / (0.4 * reach), -0.3, 0.3),
+                Knob('scale', '-', 1.0, 0.4 * cell / (0.4 * reach), 0.7, 1.4),
+            ),
+        ),
+        _single('clock', Knob('offset', 's', 0.0, 0.01 * duration, -0.9 * duration, duration)),
+    ]
+
+
+def heterogeneity(rig: Rig, place: tuple[float, float], radius: float, factor: float) -> Candidate:
+    """Return the zone whose fit starts at `place` [m], with `radius` [m] and `factor`."""
+    size = max(rig.width_m, rig.height_m)
+    knobs = (
+        Knob('x', 'm', place[0], 0.004 * size, 0.0, rig.width_m),
+        Knob('z', 'm', place[1], 0.004 * size, 0.0, rig.height_m),
+        Knob('radius', 'm', radius, 0.1, 0.008 * size, 0.4 * size, log=True),
+        Knob('permeability_factor', '-', 1.0, 0.3, 1e-3, 1e3, log=True),
+    )
+    return Candidate('heterogeneity', knobs, starts=((0.0, 0.0, 0.0, knobs[3].turn(factor)),))
+
+
+def leak(rig: Rig, place: tuple[float, float], rate_ml_h: float) -> Candidate:
+    """Return the leak whose fit starts at `place` [m] with `rate_ml_h`.
+
+    Raises:
+        InputError: every side of the rig is closed, so that nothing can leak.
+    """
+    if rig.closed:
+        raise InputError('leak: the rig is closed on all sides; open one in rig.yaml')
+    size = max(rig.width_m, rig.height_m)
+    edge = 0.006
+    knobs = (
+        Knob('x', 'm', place[0], 0.005 * size, edge, rig.width_m - edge),
+        Knob('z', 'm', place[1], 0.005 * size, edge, rig.height_m - edge),
+        Knob('rate', 'ml/h', 0.0, 8.0),
+    )
+    return Candidate('leak', knobs, starts=((0.0, 0.0, knobs[2].turn(rate_ml_h)),))

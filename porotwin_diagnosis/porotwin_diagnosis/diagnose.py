@@ -1,0 +1,190 @@
+"""The diagnosis as a whole: recordings in; a verdict, its evidence and pictures out."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Rig, write_rig
+from porotwin_diagnosis.evidence import Sample, read_sample
+from porotwin_diagnosis.fit import Fit, Fitter
+from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.gap_map import GapMap, map_gap
+from porotwin_diagnosis.noise import measure_blur, noise_floor
+from porotwin_diagnosis.numerics import Numerics, judge_numerics
+from porotwin_diagnosis.output import diagnosis_json, write_fields
+from porotwin_diagnosis.proposals import Proposal, propose
+from porotwin_diagnosis.report import write_report
+from porotwin_diagnosis.search import JUDGING, Findings, Progress, Search
+from porotwin_diagnosis.strength import smallest_strengths
+from porotwin_diagnosis.verdict import Verdict, decide
+from porotwin_recording.recording import Recording, open_recording
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The held-out part of one recording in full: all frames, observed and predicted.
+
+    Arrays are (nt, nz, nx); errors are relative L2 norms over the frames.
+    """
+
+    times: FloatArray
+    observed: FloatArray
+    before: FloatArray
+    after: FloatArray
+    error_before: float
+    error_after: float
+    noise_floor: float
+
+    @property
+    def gap_closed(self) -> float:
+        """The share of the gap above the noise floor that the model closes."""
+        room = self.error_before - self.noise_floor
+        if room <= 1e-4:
+            return 0.0
+        return float(np.clip((self.error_before - self.error_after) / room, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything a report needs; `summary` is the content of diagnosis.json."""
+
+    recordings: tuple[Recording, ...]
+    samples: tuple[Sample, ...]
+    findings: Findings
+    verdict: Verdict
+    held_out: tuple[HeldOut, ...]
+    gap: GapMap
+    numerics: Numerics
+    strengths: dict[str, dict[str, float | str]]
+    proposals: tuple[Proposal, ...]
+    summary: dict[str, Any]
+
+
+def diagnose(
+    recording: Path | str | Sequence[Path | str],
+    output: Path | str,
+    *,
+    rig: Rig | Path | str | None = None,
+    setting: str = 'accurate',
+    excluded: Sequence[str] = (),
+    apply: bool = False,
+    workers: int = 2,
+    progress: Progress = lambda _stage, _share: None,
+) -> Diagnosis:
+    """Diagnose one recording, or several of the same rig, and write the report into `output`.
+
+    `rig` takes the place of the rig description in the recording. `setting` is the model whose gap
+    is asked for; `excluded` names effects that are not considered. With `apply`, `output` also
+    holds the rig description with the effects found, ready to be run by the twin.
+
+    Raises:
+        InputError: a recording cannot be read, or is too short to judge.
+    """
+    paths = [recording] if isinstance(recording, Path | str) else list(recording)
+    opened = tuple(open_recording(path, rig=rig) for path in paths)
+    progress('reading the recording', 0.0)
+    result = examine(opened, setting=setting, excluded=excluded, workers=workers, progress=progress)
+    folder = Path(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    progress('writing the report', 0.98)
+    (folder / 'diagnosis.json').write_text(
+        json.dumps(result.summary, indent=2, allow_nan=False) + '\n', encoding='utf-8'
+    )
+    for number, (one, part) in enumerate(zip(opened, result.held_out, strict=True)):
+        name = 'fields.nc' if number == 0 else f'fields_{number + 1}.nc'
+        write_fields(folder / name, one.grid, result.gap.strength, part)
+    write_report(folder / 'report.html', result)
+    if apply:
+        write_rig(with_effects(opened[0].rig, result.verdict), folder / 'rig.yaml')
+    progress('done', 1.0)
+    return result
+
+
+def with_effects(rig: Rig, verdict: Verdict) -> Rig:
+    """Return `rig` with the effects that `verdict` names; unchanged where it names none."""
+    if not verdict.members:
+        return rig
+    return rig.model_copy(update={'effects': (*rig.effects, *verdict.model.effects)})
+
+
+def examine(
+    recordings: Sequence[Recording],
+    *,
+    setting: str = 'accurate',
+    excluded: Sequence[str] = (),
+    workers: int = 2,
+    progress: Progress = lambda _stage, _share: None,
+) -> Diagnosis:
+    """Return the diagnosis of `recordings` without writing anything; see `diagnose`."""
+    samples = tuple(read_sample(recording) for recording in recordings)
+    search = Search(samples, excluded=excluded, workers=workers, progress=progress)
+    findings = search.run()
+    verdict = decide(findings)
+    progress('measuring intervals', 0.92)
+    verdict = replace(verdict, model=_with_interval(search, verdict.model))
+    numerics = judge_numerics(samples, findings, setting=setting)
+    verdict = numerics.amended(verdict)
+    held_out = tuple(
+        _held_out(recording, sample, verdict.model, setting, numerics)
+        for recording, sample in zip(recordings, samples, strict=True)
+    )
+    progress('mapping where the gap arises', 0.95)
+    gap = map_gap(recordings[0])
+    strengths = smallest_strengths(search.screening)
+    proposals = propose(search.screening, findings, verdict)
+    parts: dict[str, Any] = {
+        'recordings': tuple(recordings),
+        'samples': samples,
+        'findings': findings,
+        'verdict': verdict,
+        'held_out': held_out,
+        'gap': gap,
+        'numerics': numerics,
+        'strengths': strengths,
+        'proposals': proposals,
+    }
+    result = Diagnosis(**parts, summary={})
+    return replace(result, summary=diagnosis_json(result))
+
+
+def _with_interval(search: Search, model: Fit) -> Fit:
+    """Return `model` with the covariance of its turns and what another resolution changes."""
+    if not model.members:
+        return model
+    fitter: Fitter = search.refining
+    refined = fitter.with_covariance(model)
+    again = fitter.fit(model.members, start=model.turns, coarse_steps=0, fine_steps=1)
+    shift = again.turns - model.turns
+    return replace(model, covariance=refined.covariance + np.diag(shift**2))
+
+
+def _held_out(
+    recording: Recording, sample: Sample, model: Fit, setting: str, numerics: Numerics
+) -> HeldOut:
+    chosen = np.flatnonzero(recording.times >= sample.held_out_start)
+    observed = recording.concentration[chosen].astype(float)
+    part = replace(sample, times=recording.times[chosen], observed=observed, fitted=0, weights={})
+    sharp = Forward(part, refinement=JUDGING)
+    after = np.clip(sharp.maps(model.effects), 0.0, 1.0)
+    if numerics.found or setting != 'accurate':
+        before = Forward(part, setting=setting).maps(())
+        if not model.members and not numerics.found:
+            after = before
+    else:
+        before = sharp.maps(())
+    width = measure_blur(observed, after, sample.noise)
+    floor = noise_floor(replace(sample.noise, blur=width), after, observed)
+    return HeldOut(
+        recording.times[chosen],
+        observed,
+        before,
+        after,
+        part.relative_error(before),
+        part.relative_error(after),
+        floor,
+    )

@@ -1,0 +1,200 @@
+"""What a recording says, made ready for comparison: chosen frames, smoothed, weighed by its noise.
+
+A residual is compared after smoothing over `WIDTH` cells. This leaves what a displaced front shows
+and suppresses grain, edge blur and the little that a scheme smears, all of which change sign across
+a front. It is divided by its standard deviation: that of the smoothed noise, of the clipped and
+quantised background, and a share of a cell by which no front is known.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.noise import Noise, blur, measure_noise
+from porotwin_recording.recording import Recording
+
+WIDTH = 1.5
+"""Width [cells] over which residuals are smoothed before they are compared."""
+
+COARSE_WIDTH = 4.0
+"""The same for the first steps of a fit, whose fronts may still lie cells apart."""
+
+STRIDE = 2
+"""Of the smoothed residual, every so many cells are kept each way."""
+
+HELD_OUT_SHARE = 0.3
+"""The last part of the recording, which no fit sees (diagnosis contract)."""
+
+FRONT_TOLERANCE = 0.12
+"""By how much of a cell a front may lie elsewhere without meaning anything."""
+
+BACKGROUND_TOLERANCE = 0.004
+"""What quantisation and clipping leave unsure of a smoothed tracer-free map."""
+
+FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
+FEWEST_FRAMES = 8
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One recording as the fits see it.
+
+    `times` [s] and `observed` (nt, nz, nx) hold the chosen frames, those to be fitted first;
+    `fitted` counts them. `held_out_start` [s] is where the held-out part begins.
+    """
+
+    rig: Rig
+    schedule: Schedule
+    grid: Grid
+    times: NDArray[np.float64]
+    observed: FloatArray
+    fitted: int
+    noise: Noise
+    start: float
+    held_out_start: float
+    end: float
+    weights: dict[float, FloatArray] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def known(self) -> FloatArray:
+        """1 where the image says something, else 0; (nt, nz, nx)."""
+        return np.isfinite(self.observed).astype(float)
+
+    @property
+    def duration(self) -> float:
+        """Length of the recording [s]."""
+        return self.end - self.start
+
+    @cached_property
+    def filled(self) -> FloatArray:
+        """The observed maps with zeros where the image says nothing."""
+        return np.where(self.known > 0, self.observed, 0.0)
+
+    def weight(self, width: float) -> FloatArray:
+        """Return one over the standard deviation of a smoothed residual, (nt, nz', nx')."""
+        if width not in self.weights:
+            self.weights[width] = self._weight(width)
+        return self.weights[width]
+
+    def _weight(self, width: float) -> FloatArray:
+        c = np.stack([gaussian_filter(frame, width) for frame in self.filled])
+        slope = np.hypot(np.gradient(c, axis=1), np.gradient(c, axis=2))
+        grain = self.noise.correlation
+        damping = grain / np.hypot(grain, width)
+        noise = self.noise.clipped_deviation(c) * damping
+        square = noise**2 + (FRONT_TOLERANCE * slope) ** 2 + BACKGROUND_TOLERANCE**2
+        half_known = np.stack([gaussian_filter(frame, width) for frame in self.known]) > 0.5
+        return (half_known / np.sqrt(square))[:, ::STRIDE, ::STRIDE]
+
+    @cached_property
+    def active(self) -> tuple[int, int]:
+        """How many compared cells hold tracer, in the fitted and in the held-out frames."""
+        c = np.stack([gaussian_filter(frame, WIDTH) for frame in self.filled])
+        counts = np.count_nonzero(c[:, ::STRIDE, ::STRIDE] > 0.03, axis=(1, 2))
+        return int(counts[: self.fitted].sum()), int(counts[self.fitted :].sum())
+
+    def whitened(
+        self, predicted: FloatArray, *, width: float = WIDTH, soft: float = 0.0
+    ) -> FloatArray:
+        """Return the weighed residual observed - predicted, (nt, nz', nx').
+
+        `predicted` (nt, nz, nx) is what the camera would show without noise; `soft` the blur
+        [cells] that it lacks beside the recorded maps. It may hold the first frames only.
+        """
+        expected = self.noise.expected(blur(np.clip(predicted, 0.0, 1.0), soft))
+        count = len(expected)
+        residual = (self.filled[:count] - expected) * self.known[:count]
+        smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
+        return smooth * self.weight(width)[:count]
+
+    def relative_error(self, predicted: FloatArray, *, held_out: bool = True) -> float:
+        """Return the relative L2 error of `predicted` over the held-out (or fitted) frames."""
+        part = slice(self.fitted, None) if held_out else slice(None, self.fitted)
+        known = self.known[part] > 0
+        observed = self.observed[part][known]
+        norm = max(float(np.linalg.norm(observed)), 1e-12)
+        return float(np.linalg.norm(predicted[part][known] - observed)) / norm
+
+
+def read_sample(recording: Recording) -> Sample:
+    """Return the frames of `recording` that a diagnosis compares.
+
+    Raises:
+        InputError: too few frames, or no tracer in them, to judge anything.
+    """
+    times, maps = recording.times, recording.concentration
+    held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
+    before = np.flatnonzero((times < held_out) & (times > times[0]))
+    after = np.flatnonzero(times >= held_out)
+    if len(times) < FEWEST_FRAMES:
+        raise InputError(
+            f'{recording.source}: {len(times)} maps are too few to judge a model; '
+            f'record at least {FEWEST_FRAMES}'
+        )
+    if not np.nanmax(maps[after]) > 0.1 or not np.nanmax(maps[before]) > 0.1:
+        raise InputError(
+            f'{recording.source}: shows no tracer in its first 70 % or its last 30 %; '
+            'record while tracer is in the rig'
+        )
+    with_tracer = before[[bool(np.nanmax(maps[index]) > 0.1) for index in before]]
+    chosen = np.concatenate([_spread(with_tracer, FITTED_FRAMES), _spread(after, HELD_OUT_FRAMES)])
+    return Sample(
+        rig=recording.rig,
+        schedule=recording.schedule,
+        grid=recording.grid,
+        times=times[chosen],
+        observed=maps[chosen].astype(float),
+        fitted=min(len(with_tracer), FITTED_FRAMES),
+        noise=measure_noise(maps[:: max(1, len(times) // 40)]),
+        start=float(times[0]),
+        held_out_start=float(held_out),
+        end=float(times[-1]),
+    )
+
+
+def coarsened(sample: Sample, factor: int) -> Sample:
+    """Return `sample` averaged over cells `factor` times larger each way: cheap, for screening."""
+    grid = sample.rig.grid(
+        max(1, round(sample.grid.nx / factor)), max(1, round(sample.grid.nz / factor))
+    )
+    observed = np.stack([conservative_resample(frame, grid.shape) for frame in sample.observed])
+    noise = sample.noise
+    return replace(
+        sample,
+        grid=grid,
+        observed=observed,
+        noise=replace(noise, correlation=max(0.5, noise.correlation / factor)),
+        weights={},
+    )
+
+
+def _spread(indices: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """Return at most `count` of `indices`, evenly spread, the last one among them."""
+    if len(indices) <= count:
+        return indices
+    return indices[np.round(np.linspace(0, len(indices) - 1, count)).astype(int)]
+
+
+def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
+    """Return the root mean square of whitened residuals per cell with tracer: fitted, held out.
+
+    About 1 where a model explains all but noise; the whole rig counts, the cells with tracer
+    divide, so that an empty rig does not dilute a gap.
+    """
+    sums, counts = np.zeros(2), np.zeros(2)
+    for sample, residual in zip(samples, residuals, strict=True):
+        sums += [
+            float(np.sum(residual[: sample.fitted] ** 2)),
+            float(np.sum(residual[sample.fitted :] ** 2)),
+        ]
+        counts += sample.active
+    fitted, held_out = np.sqrt(sums / np.maximum(counts, 1))
+    return float(fitted), float(held_out)

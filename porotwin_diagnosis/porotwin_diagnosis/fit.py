@@ -1,0 +1,285 @@
+"""Fits of effects to the first part of recordings, with free-running simulations.
+
+Levenberg-Marquardt with finite differences in natural steps (Nocedal & Wright, Numerical
+Optimization, sec. 10.3), coarse residuals first: fronts that lie cells apart have no gradient at
+the resolution of the maps.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.candidates import Candidate, Knob
+from porotwin_diagnosis.evidence import COARSE_WIDTH, WIDTH, misfit
+from porotwin_diagnosis.forward import Forward
+
+TILE = 5
+"""Compared cells per side of a tile whose residuals count as one observation."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Effects fitted together: `turns` of all their knobs, and what they leave.
+
+    `fitted` and `held_out` are whitened misfits (see `evidence.misfit`); `error` and `fitted_error`
+    the relative L2 errors of the maps; `covariance` that of the turns, from tiles.
+    """
+
+    members: tuple[Candidate, ...]
+    turns: FloatArray
+    fitted: float
+    held_out: float
+    fitted_error: float
+    error: float
+    covariance: FloatArray
+
+    @property
+    def label(self) -> str:
+        """The members' labels."""
+        return ' + '.join(member.label for member in self.members) or 'none'
+
+    @property
+    def effects(self) -> tuple[EffectDescription, ...]:
+        """The fitted effects."""
+        return described(self.members, self.turns)
+
+    def parts(self) -> Iterable[tuple[Candidate, FloatArray, FloatArray]]:
+        """Yield each member with its turns and their standard deviations."""
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        start = 0
+        for member in self.members:
+            end = start + len(member.knobs)
+            yield member, self.turns[start:end], deviation[start:end]
+            start = end
+
+
+def described(members: Sequence[Candidate], turns: FloatArray) -> tuple[EffectDescription, ...]:
+    """Return the effects of `members` at `turns`, all their knobs in a row."""
+    effects, start = [], 0
+    for member in members:
+        end = start + len(member.knobs)
+        effects.append(member.described([float(turn) for turn in turns[start:end]]))
+        start = end
+    return tuple(effects)
+
+
+class Fitter:
+    """Fits combinations of candidates to recordings of one rig, the same effect size in all."""
+
+    def __init__(
+        self,
+        forwards: Sequence[Forward],
+        *,
+        soft: float = 0.0,
+        pool: ThreadPoolExecutor | None = None,
+    ) -> None:
+        """Compare through `forwards`; `soft` is the blur [cells] that their maps lack."""
+        self.forwards = forwards
+        self.samples = [forward.sample for forward in forwards]
+        self.soft = soft
+        self._pool = pool
+
+    def residuals(
+        self, effects: Sequence[EffectDescription], width: float, *, fitted_only: bool = False
+    ) -> list[FloatArray]:
+        """Return the whitened residuals of every recording, of all or of the fitted frames."""
+        return [
+            forward.sample.whitened(
+                forward.maps(effects, fitted_only=fitted_only), width=width, soft=self.soft
+            )
+            for forward in self.forwards
+        ]
+
+    def fit(
+        self,
+        members: Sequence[Candidate],
+        *,
+        start: FloatArray | None = None,
+        coarse_steps: int = 3,
+        fine_steps: int = 3,
+    ) -> Fit:
+        """Return the best fit of `members` together, from `start` or their own first turns."""
+        knobs = [knob for member in members for knob in member.knobs]
+        turns = np.concatenate([member.first for member in members]) if start is None else start
+        turns = np.array(turns, dtype=float)
+        if coarse_steps:
+            turns = self._descend(members, knobs, turns, COARSE_WIDTH, coarse_steps)
+        if fine_steps:
+            turns = self._descend(members, knobs, turns, WIDTH, fine_steps)
+        return self.judged(members, turns)
+
+    def judged(self, members: Sequence[Candidate], turns: FloatArray) -> Fit:
+        """Return what `members` at `turns` leave, fitted and held out; no covariance yet."""
+        effects = described(members, turns)
+        maps = [forward.maps(effects) for forward in self.forwards]
+        residuals = [
+            sample.whitened(shown, soft=self.soft)
+            for sample, shown in zip(self.samples, maps, strict=True)
+        ]
+        fitted, held_out = misfit(self.samples, residuals)
+        size = len(turns)
+        return Fit(
+            tuple(members),
+            np.array(turns, dtype=float),
+            fitted,
+            held_out,
+            self._error(maps, held_out=False),
+            self._error(maps, held_out=True),
+            np.zeros((size, size)),
+        )
+
+    def _error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:
+        errors = [
+            sample.relative_error(shown, held_out=held_out)
+            for sample, shown in zip(self.samples, maps, strict=True)
+        ]
+        return float(np.sqrt(np.mean(np.square(errors))))
+
+    def with_covariance(self, fit: Fit) -> Fit:
+        """Return `fit` with the covariance of its turns, residuals of a tile counting as one."""
+        knobs = [knob for member in fit.members for knob in member.knobs]
+        if not knobs:
+            return fit
+        residuals = self._fitted_residuals(fit.members, fit.turns, WIDTH)
+        jacobians = self._jacobian(fit.members, knobs, fit.turns, residuals, WIDTH)
+        normal = np.zeros((len(knobs), len(knobs)))
+        spread = np.zeros_like(normal)
+        for residual, columns in zip(residuals, jacobians, strict=True):
+            flat = columns.reshape(len(knobs), -1)
+            normal += flat @ flat.T
+            scores = _tile_sums(columns * residual)
+            spread += scores @ scores.T
+        inverse = np.linalg.pinv(normal + 1e-9 * np.trace(normal) * np.eye(len(knobs)))
+        covariance = inverse @ spread @ inverse
+        return Fit(**{**fit.__dict__, 'covariance': covariance})
+
+    def responses(self, members: Sequence[Candidate], turns: FloatArray) -> list[FloatArray]:
+        """Return d prediction / d turn, whitened, of all frames: (knobs, nt, nz', nx') each."""
+        knobs = [knob for member in members for knob in member.knobs]
+        base = self.residuals(described(members, turns), WIDTH)
+        return self._jacobian(members, knobs, turns, base, WIDTH, fitted_only=False)
+
+    def _fitted_residuals(
+        self, members: Sequence[Candidate], turns: FloatArray, width: float
+    ) -> list[FloatArray]:
+        return self.residuals(described(members, turns), width, fitted_only=True)
+
+    def _jacobian(
+        self,
+        members: Sequence[Candidate],
+        knobs: Sequence[Knob],
+        turns: FloatArray,
+        base: Sequence[FloatArray],
+        width: float,
+        *,
+        fitted_only: bool = True,
+    ) -> list[FloatArray]:
+        """Return minus d residual / d turn by one-sided differences that stay in range."""
+
+        def column(index: int) -> list[FloatArray]:
+            moved = turns.copy()
+            low, high = knobs[index].range
+            moved[index] += 1.0 if turns[index] + 1.0 <= high else -1.0
+            moved[index] = min(max(moved[index], low), high)
+            change = moved[index] - turns[index]
+            if change == 0.0:
+                return [np.zeros_like(residual) for residual in base]
+            residuals = self.residuals(described(members, moved), width, fitted_only=fitted_only)
+            return [
+                (before - after) / change for before, after in zip(base, residuals, strict=True)
+            ]
+
+        run: Callable[..., Iterable[list[FloatArray]]] = (
+            map if self._pool is None else self._pool.map
+        )
+        columns = list(run(column, range(len(knobs))))
+        return [np.stack([part[n] for part in columns]) for n in range(len(base))]
+
+    def _descend(
+        self,
+        members: Sequence[Candidate],
+        knobs: Sequence[Knob],
+        turns: FloatArray,
+        width: float,
+        steps: int,
+    ) -> FloatArray:
+        low = np.array([knob.range[0] for knob in knobs])
+        high = np.array([knob.range[1] for knob in knobs])
+        turns = np.clip(turns, low, high)
+        residuals = self._fitted_residuals(members, turns, width)
+        cost = _sum_of_squares(residuals)
+        damping = 1e-3
+        for _ in range(steps):
+            jacobians = self._jacobian(members, knobs, turns, residuals, width)
+            normal, gradient = _normal_equations(jacobians, residuals)
+            accepted = False
+            for _ in range(4):
+                step = _bounded_step(normal, gradient, damping, turns, low, high)
+                if np.abs(step).max() < 0.02:
+                    return turns
+                trial = np.clip(turns + step, low, high)
+                trial_residuals = self._fitted_residuals(members, trial, width)
+                trial_cost = _sum_of_squares(trial_residuals)
+                if trial_cost < cost:
+                    accepted = True
+                    break
+                damping = max(10 * damping, 1e-2)
+            if not accepted:
+                return turns
+            gain = 1.0 - trial_cost / cost
+            turns, residuals, cost = trial, trial_residuals, trial_cost
+            damping *= 0.2
+            if gain < 2e-3:
+                return turns
+        return turns
+
+
+def _sum_of_squares(residuals: Sequence[FloatArray]) -> float:
+    return float(sum(np.sum(residual**2) for residual in residuals))
+
+
+def _normal_equations(
+    jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    size = len(jacobians[0])
+    normal, gradient = np.zeros((size, size)), np.zeros(size)
+    for columns, residual in zip(jacobians, residuals, strict=True):
+        flat = columns.reshape(size, -1)
+        normal += flat @ flat.T
+        gradient += flat @ residual.ravel()
+    return normal, gradient
+
+
+def _bounded_step(
+    normal: FloatArray,
+    gradient: FloatArray,
+    damping: float,
+    turns: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> FloatArray:
+    """Return the damped step with knobs at a bound that point outward held fixed."""
+    free = ~(((turns <= low) & (gradient < 0)) | ((turns >= high) & (gradient > 0)))
+    step = np.zeros_like(gradient)
+    if not free.any():
+        return step
+    part = normal[np.ix_(free, free)]
+    diagonal = np.diag(part) + 1e-9 * max(float(np.trace(part)), 1e-30)
+    step[free] = np.linalg.solve(part + np.diag(damping * diagonal + 1e-30), gradient[free])
+    return np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+
+
+LARGEST_STEP = 30.0
+"""Most natural steps that one iteration may turn a knob."""
+
+
+def _tile_sums(values: FloatArray) -> FloatArray:
+    """Return the sums of `values` (p, nt, nz, nx) over all frames of every tile, (p, tiles)."""
+    total = values.sum(axis=1)
+    rows = np.add.reduceat(total, np.arange(0, total.shape[1], TILE), axis=1)
+    tiles = np.add.reduceat(rows, np.arange(0, rows.shape[2], TILE), axis=2)
+    return tiles.reshape(len(values), -1)

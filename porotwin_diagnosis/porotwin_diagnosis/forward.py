@@ -1,0 +1,77 @@
+"""Predictions of a recording with any effects, simulating no more often than needed."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, conservative_resample
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.candidates import IMAGE
+from porotwin_diagnosis.evidence import Sample
+from porotwin_solver.effects import apply_effects
+from porotwin_solver.physics import believed_physics
+from porotwin_solver.simulation import simulated_maps
+from porotwin_solver.view import View
+
+REMEMBERED = 40
+"""Simulations kept; effects of the camera and repeated questions then cost nothing."""
+
+
+class Forward:
+    """Free-running predictions of one recording at its chosen frames, as the camera shows them."""
+
+    def __init__(self, sample: Sample, *, setting: str = 'fast', refinement: int = 1) -> None:
+        """Predict `sample` with the solver's `setting` on cells `refinement` times finer."""
+        self.sample = sample
+        self.setting = setting
+        self.refinement = refinement
+        self.runs = 0
+        self._known: OrderedDict[str, FloatArray] = OrderedDict()
+
+    def maps(
+        self, effects: Sequence[EffectDescription], *, fitted_only: bool = False
+    ) -> FloatArray:
+        """Return the maps (nt, nz, nx) that the camera would show with `effects`, without noise.
+
+        With `fitted_only` those of the fitted frames, for less.
+        """
+        physics = tuple(effect for effect in effects if effect.name not in IMAGE)
+        image = [effect for effect in effects if effect.name in IMAGE]
+        maps = self._simulated(physics, fitted_only=fitted_only)
+        if not image:
+            return maps
+        sample = self.sample
+        _, view = apply_effects(believed_physics(sample.rig, sample.grid), View(), image)
+        return np.stack(
+            [
+                view.shown(frame, sample.grid, float(time))
+                for frame, time in zip(maps, sample.times, strict=False)
+            ]
+        )
+
+    def _simulated(
+        self, physics: tuple[EffectDescription, ...], *, fitted_only: bool
+    ) -> FloatArray:
+        key, sample = repr(physics), self.sample
+        wanted = sample.fitted if fitted_only else len(sample.times)
+        if key in self._known and len(self._known[key]) >= wanted:
+            self._known.move_to_end(key)
+            return self._known[key][:wanted]
+        self.runs += 1
+        frames = simulated_maps(
+            sample.rig,
+            sample.schedule,
+            sample.times[:wanted],
+            grid=sample.grid.refined(self.refinement),
+            setting=self.setting,
+            effects=physics,
+        )
+        shape = sample.grid.shape
+        maps = np.stack(
+            [conservative_resample(frame, shape).astype(np.float32) for frame in frames]
+        )
+        self._known[key] = maps
+        while len(self._known) > REMEMBERED:
+            self._known.popitem(last=False)
+        return maps

@@ -1,0 +1,159 @@
+"""What the maps themselves leave unsure: sand grain, frame noise and edge blur, measured.
+
+The recorded map is modelled as
+
+    clip(c (1 + grain) + frame noise, 0, 1),    c blurred over `blur` cells
+
+with a grain that is fixed in place and a frame noise that is new in every frame. Both are read off
+the recording itself: the grain and its noise where the plume is full, the rest where there is no
+tracer. Clipping makes the noise one-sided there; half of a normal distribution is still enough.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+from scipy.special import ndtr
+
+from porotwin_core.grid import FloatArray
+
+FULL, EMPTY = 0.9, 0.02
+"""Above and below these values of the smoothed map the plume is full, or the rig without tracer."""
+
+MARGIN = 5
+"""Cells kept between a front and the cells that are taken to be full or empty."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations relative to the tracer stock, before clipping.
+
+    `grain` is that of the fixed pattern, relative to c; `frame` that of one frame in the plume,
+    `background` in tracer-free sand; `correlation` is the width [cells] over which the grain is
+    one; `blur` the width [cells] of the edge blur.
+    """
+
+    grain: float
+    frame: float
+    background: float
+    correlation: float = 1.0
+    blur: float = 0.0
+
+    def deviation(self, concentration: FloatArray) -> FloatArray:
+        """Return the standard deviation of the noise at each value of `concentration`."""
+        c = np.clip(concentration, 0.0, 1.0)
+        frame = self.background + (self.frame - self.background) * c
+        return np.sqrt((self.grain * c) ** 2 + frame**2)
+
+    def expected(self, concentration: FloatArray) -> FloatArray:
+        """Return the mean that clipping to 0..1 leaves of a noisy map of `concentration`."""
+        sd = np.maximum(self.deviation(concentration), 1e-6)
+        return concentration + sd * (_below(concentration / sd) - _below((1 - concentration) / sd))
+
+    def clipped_deviation(self, concentration: FloatArray) -> FloatArray:
+        """Return the root mean square of recorded minus true value, clipping included."""
+        sd = np.maximum(self.deviation(concentration), 1e-6)
+        below, above = -concentration / sd, (1 - concentration) / sd
+        inner = _second_moment(above) - _second_moment(below)
+        tails = below**2 * ndtr(below) + above**2 * ndtr(-above)
+        return sd * np.sqrt(inner + tails)
+
+
+def _density(z: FloatArray) -> FloatArray:
+    return np.exp(-0.5 * np.minimum(z**2, 80.0)) / np.sqrt(2 * np.pi)
+
+
+def _below(z: FloatArray) -> FloatArray:
+    """Return E[max(0, -Z - z)] of a standard normal Z: what a bound `z` away adds to the mean."""
+    return _density(z) - z * ndtr(-z)
+
+
+def _second_moment(z: FloatArray) -> FloatArray:
+    """Return the integral of t^2 times the normal density up to `z`."""
+    z = np.clip(z, -40.0, 40.0)
+    return ndtr(z) - z * _density(z)
+
+
+def measure_noise(maps: FloatArray) -> Noise:
+    """Return the noise of `maps` (nt, nz, nx), NaN where the image says nothing.
+
+    Where nothing is full enough, the grain is taken from the middle of the fullest cells; where
+    nothing is empty, the background counts as quiet. The edge blur is left at zero: it shows only
+    beside a model (`measure_blur`).
+    """
+    known = np.where(np.isfinite(maps), maps, 0.0)
+    smooth = np.stack([gaussian_filter(frame, 1.5) for frame in known])
+    window = (1, 2 * MARGIN + 1, 2 * MARGIN + 1)
+    empty = (maximum_filter(smooth, window) < EMPTY) & np.isfinite(maps)
+    full = (minimum_filter(smooth, window) > FULL) & np.isfinite(maps)
+    if np.count_nonzero(full) < 200:
+        level = np.quantile(smooth, 0.99)
+        full = (smooth > min(FULL, 0.9 * level)) & np.isfinite(maps)
+    background = _one_sided(known[empty]) if np.count_nonzero(empty) > 200 else 0.0
+    total = _deviation_in_plume(known, smooth, full)
+    frame = _frame_noise(known, full)
+    grain = float(np.sqrt(max(total**2 - frame**2, 0.0)))
+    return Noise(grain, frame, background, _grain_width(known, full))
+
+
+def _one_sided(values: FloatArray) -> float:
+    """Return the deviation of a zero-mean normal whose negative half was clipped to zero."""
+    return float(np.sqrt(2.0 * np.mean(np.square(values)))) if values.size else 0.0
+
+
+def _deviation_in_plume(maps: FloatArray, smooth: FloatArray, full: NDArray[np.bool_]) -> float:
+    if not full.any():
+        return 0.02
+    values = maps[full]
+    if np.mean(values >= 0.995) > 0.2:
+        return float(np.sqrt(2.0 * np.mean(np.square(np.minimum(values - 1.0, 0.0)))))
+    return float(np.std(values - smooth[full]) * 1.2)
+
+
+def _frame_noise(maps: FloatArray, full: NDArray[np.bool_]) -> float:
+    """Return the noise that is new in every frame, from differences of frames off the bounds."""
+    both = full[1:] & full[:-1] & (maps[1:] < 0.99) & (maps[:-1] < 0.99)
+    if np.count_nonzero(both) < 200:
+        return 0.01
+    change = (maps[1:] - maps[:-1])[both]
+    near = np.abs(change) < 6.0 * max(float(np.median(np.abs(change))), 0.004)
+    return float(np.std(change[near]) / np.sqrt(2.0))
+
+
+def _grain_width(maps: FloatArray, full: NDArray[np.bool_]) -> float:
+    """Return the width [cells] of a Gaussian whose correlation is that of neighbouring cells."""
+    pairs = full[:, :, 1:] & full[:, :, :-1]
+    if np.count_nonzero(pairs) < 400:
+        return 1.0
+    a, b = maps[:, :, 1:][pairs], maps[:, :, :-1][pairs]
+    correlation = float(np.clip(np.corrcoef(a, b)[0, 1], 0.05, 0.95))
+    return float(np.clip(1.0 / (2.0 * np.sqrt(-np.log(correlation))), 0.3, 3.0))
+
+
+def measure_blur(observed: FloatArray, predicted: FloatArray, noise: Noise) -> float:
+    """Return the blur [cells] that brings `predicted` nearest to `observed`, both (nt, nz, nx)."""
+    widths = np.array([0.0, 0.3, 0.45, 0.6, 0.75, 0.9])
+    errors = []
+    for width in widths:
+        blurred = blur(predicted, float(width))
+        errors.append(float(np.nanmean((noise.expected(blurred) - observed) ** 2)))
+    return float(widths[int(np.argmin(errors))])
+
+
+def blur(maps: FloatArray, width: float) -> FloatArray:
+    """Return `maps` (nt, nz, nx) blurred over `width` cells in the plane."""
+    return gaussian_filter(maps, (0.0, width, width)) if width > 0 else maps
+
+
+def noise_floor(noise: Noise, model: FloatArray, observed: FloatArray) -> float:
+    """Return the relative L2 error that the noise alone leaves over the cells that are observed.
+
+    `model` (nt, nz, nx) stands for the true maps: fluctuation, clipping and edge blur about it.
+    """
+    known = np.isfinite(observed)
+    soft = blur(model, noise.blur)
+    square = noise.clipped_deviation(soft) ** 2 + (soft - model) ** 2
+    square += 2.0 * (noise.expected(soft) - soft) * (soft - model)
+    norm = float(np.linalg.norm(observed[known]))
+    return float(np.sqrt(square[known].sum()) / max(norm, 1e-12))

@@ -1,0 +1,74 @@
+"""The model's own smearing as a gap: measured by refinement of the same run, and named."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.evidence import Sample, misfit
+from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.search import Findings, score
+from porotwin_diagnosis.verdict import NONE, NUMERICAL, Verdict
+
+WORTH = 0.75
+"""The sharper scheme must bring the misfit below this share of the configured one's."""
+
+LEAST_MISFIT = 1.5
+"""Misfit of the configured scheme below which its smearing does not matter."""
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """What the configured scheme costs: misfit with it and with the sharp one, both without effect.
+
+    `model_diffusion` [m2/s] is the diffusion that makes the sharp scheme like the configured one,
+    zero where it was not needed; `found` whether the verdict names it.
+    """
+
+    setting: str
+    configured: float
+    sharp: float
+    model_diffusion: float = 0.0
+    found: bool = False
+
+    def amended(self, verdict: Verdict) -> Verdict:
+        """Return `verdict` with the model's smearing in it, where that is what closes the gap."""
+        if not self.found:
+            return verdict
+        if verdict.name == NONE:
+            return replace(verdict, name=NUMERICAL, members=(NUMERICAL,))
+        return replace(verdict, members=(*verdict.members, NUMERICAL))
+
+
+def judge_numerics(samples: Sequence[Sample], findings: Findings, *, setting: str) -> Numerics:
+    """Return how much of the gap of the model at `setting` is its own smearing."""
+    sharp = score(findings.null)
+    if setting == 'accurate':
+        return Numerics(setting, sharp, sharp)
+    residuals = [
+        sample.whitened(Forward(sample, setting=setting).maps(()), soft=0.0) for sample in samples
+    ]
+    configured = float(np.hypot(*misfit(samples, residuals)) / np.sqrt(2.0))
+    if configured < LEAST_MISFIT or sharp > WORTH * configured:
+        return Numerics(setting, configured, sharp)
+    return Numerics(setting, configured, sharp, _equivalent_diffusion(samples[0], setting), True)
+
+
+def _equivalent_diffusion(sample: Sample, setting: str) -> float:
+    """Return the diffusion [m2/s] with which the sharp scheme predicts what `setting` does."""
+    wanted = Forward(sample, setting=setting).maps(())
+    sharp = Forward(sample, setting='fast', refinement=1)
+    unit = sample.grid.dx**2 / sample.duration
+
+    def difference(exponent: float) -> float:
+        effect = EffectDescription(
+            name=NUMERICAL, parameters={'model_diffusion': unit * 10.0**exponent}
+        )
+        return float(np.mean((sharp.maps((effect,)) - wanted) ** 2))
+
+    found = minimize_scalar(
+        difference, bounds=(-1.5, 3.0), method='bounded', options={'xatol': 0.05, 'maxiter': 14}
+    )
+    return float(unit * 10.0**found.x)

@@ -1,0 +1,223 @@
+"""A diagnosis as files for programs: diagnosis.json and fields.nc (diagnosis contract)."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import netCDF4
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_diagnosis.candidates import LOCAL
+from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.search import score
+from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED
+
+if TYPE_CHECKING:
+    from porotwin_diagnosis.diagnose import Diagnosis, HeldOut
+
+INTERVAL = 1.645
+"""Standard deviations of a 90 % interval."""
+
+
+def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
+    """Return the content of diagnosis.json."""
+    verdict, held_out = result.verdict, result.held_out
+    kept = verdict.name not in (NONE, UNEXPLAINED)
+    sample = result.samples[0]
+    return {
+        'schema': 1,
+        'verdict': verdict.name,
+        'confidence': round(verdict.confidence, 3),
+        'not_separable_from': list(verdict.inseparable),
+        'combination': list(verdict.members) if kept else [],
+        'effects': _effects(result),
+        'error': _errors(held_out),
+        'where': {
+            'centre': _centre(result),
+            'hot_spots': [
+                {
+                    'x_m': round(spot.x, 4),
+                    'z_m': round(spot.z, 4),
+                    'radius_m': round(spot.radius, 4),
+                    'share': round(spot.share, 3),
+                }
+                for spot in result.gap.spots
+            ],
+        },
+        'when': [
+            {
+                'start_s': phase.start,
+                'end_s': phase.end,
+                'share': round(phase.share, 3),
+                'state': phase.state,
+            }
+            for phase in result.gap.phases
+        ],
+        'held_out': {'start_s': float(result.held_out[0].times[0]), 'end_s': sample.end},
+        'misfit': {
+            'before': round(score(result.findings.null), 3),
+            'after': round(score(verdict.model), 3),
+            'unit': 'noise deviations per cell with tracer',
+        },
+        'noise': {
+            'grain': round(sample.noise.grain, 4),
+            'frame': round(sample.noise.frame, 4),
+            'background': round(sample.noise.background, 4),
+            'correlation_cells': round(sample.noise.correlation, 2),
+        },
+        'smallest_visible': result.strengths,
+        'next_experiment': [
+            {
+                'name': proposal.name,
+                'what': proposal.what,
+                'separates': list(proposal.separates),
+                'gain': None if proposal.gain is None else round(proposal.gain, 2),
+            }
+            for proposal in result.proposals
+        ],
+        'recordings': [str(recording.source) for recording in result.recordings],
+    }
+
+
+def _errors(parts: 'tuple[HeldOut, ...]') -> dict[str, float]:
+    def mean(values: list[float]) -> float:
+        return round(float(np.sqrt(np.mean(np.square(values)))), 5)
+
+    before = mean([part.error_before for part in parts])
+    after = mean([part.error_after for part in parts])
+    floor = mean([part.noise_floor for part in parts])
+    closed = float(np.mean([part.gap_closed for part in parts]))
+    return {
+        'noise_floor': floor,
+        'before': before,
+        'after': after,
+        'gap_closed': round(closed, 4),
+    }
+
+
+def _centre(result: 'Diagnosis') -> dict[str, float] | None:
+    """Return the place of the verdict's effect: that of the zone, the leak or the well."""
+    for described in result.verdict.model.effects:
+        if described.name != result.verdict.name:
+            continue
+        values = described.parameters
+        if described.name in LOCAL:
+            return {'x_m': round(float(values['x']), 4), 'z_m': round(float(values['z']), 4)}
+        if 'well' in values:
+            well = result.recordings[0].rig.wells[str(values['well'])]
+            return {'x_m': well.x_m, 'z_m': well.z_m}
+    return None
+
+
+def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
+    """Return all candidates that were tried, the most probable first."""
+    verdict = result.verdict
+    errors = _errors(result.held_out)
+    best: dict[str, Fit] = {}
+    for fit in [*result.findings.singles, *result.findings.screened]:
+        best.setdefault(fit.members[0].effect, fit)
+    reference = score(result.findings.null)
+    rows: list[dict[str, Any]] = []
+    for name, fit in best.items():
+        rows.append(
+            {
+                'name': name,
+                'probability': round(verdict.probabilities.get(name, 0.0), 4),
+                'parameters': _parameters(fit, name),
+                **_alone(fit, errors, reference),
+            }
+        )
+    for name in verdict.members:
+        if name == NUMERICAL:
+            rows.append(_numerical_row(result, errors))
+            continue
+        row = next(row for row in rows if row['name'] == name)
+        row['parameters'] = _parameters(verdict.model, name)
+        if verdict.name != UNEXPLAINED:
+            share = verdict.confidence if name == verdict.name else verdict.confidence / 2
+            row['probability'] = round(max(row['probability'], share), 4)
+        if len(verdict.model.members) == 1:
+            row.update(
+                error_after=errors['after'],
+                gap_closed=errors['gap_closed'],
+            )
+    rows.sort(key=lambda row: (-float(row['probability']), float(row['error_after'])))
+    return rows
+
+
+def _numerical_row(result: 'Diagnosis', errors: dict[str, float]) -> dict[str, Any]:
+    value = result.numerics.model_diffusion
+    return {
+        'name': NUMERICAL,
+        'probability': round(result.verdict.confidence, 4),
+        'parameters': {
+            'model_diffusion': {
+                'value': value,
+                'low': 0.5 * value,
+                'high': 2.0 * value,
+                'unit': 'm2/s',
+            }
+        },
+        'error_before': errors['before'],
+        'error_after': errors['after'],
+        'gap_closed': errors['gap_closed'],
+    }
+
+
+def _alone(fit: Fit, errors: dict[str, float], reference: float) -> dict[str, float]:
+    """Return the errors of one effect alone, from its misfit relative to that of the model."""
+    before, floor = errors['before'], errors['noise_floor']
+    share = min(score(fit) / max(reference, 1e-9), 1.0)
+    after = max(before * share, min(floor, before))
+    closed = (before - after) / (before - floor) if before - floor > 1e-4 else 0.0
+    return {
+        'error_before': before,
+        'error_after': round(after, 5),
+        'gap_closed': round(min(max(closed, 0.0), 1.0), 4),
+    }
+
+
+def _parameters(fit: Fit, name: str) -> dict[str, Any]:
+    """Return the parameters of member `name` with their 90 % intervals; without, where unknown."""
+    for member, turns, deviations in fit.parts():
+        if member.effect != name:
+            continue
+        found: dict[str, Any] = {}
+        for key, value in member.fixed.items():
+            found[key] = {'value': value}
+            if not isinstance(value, str):
+                found[key] |= {'low': None, 'high': None, 'unit': ''}
+        for knob, turn, deviation in zip(member.knobs, turns, deviations, strict=True):
+            low, high = None, None
+            if deviation > 0 and math.isfinite(deviation):
+                low = knob.value(float(turn) - INTERVAL * float(deviation))
+                high = knob.value(float(turn) + INTERVAL * float(deviation))
+            found[knob.name] = {
+                'value': knob.value(float(turn)),
+                'low': low,
+                'high': high,
+                'unit': knob.unit,
+            }
+        return found
+    return {}
+
+
+def write_fields(path: Path, grid: Grid, gap: FloatArray, held_out: 'HeldOut') -> None:
+    """Write the maps behind the verdict: gap (z, x); observed and predicted (time, z, x)."""
+    with netCDF4.Dataset(path, 'w') as dataset:
+        axes = {'time': held_out.times, 'z': grid.z, 'x': grid.x}
+        for name, values in axes.items():
+            dataset.createDimension(name, len(values))
+            dataset.createVariable(name, 'f8', (name,))[:] = values
+            dataset[name].units = 's' if name == 'time' else 'm'
+        dataset.createVariable('gap', 'f4', ('z', 'x'), zlib=True)[:] = gap
+        dataset['gap'].units = '1/s'
+        maps = {
+            'observed': held_out.observed,
+            'predicted_before': held_out.before,
+            'predicted_after': held_out.after,
+        }
+        for name, values in maps.items():
+            dataset.createVariable(name, 'f4', ('time', 'z', 'x'), zlib=True)[:] = values
+            dataset[name].units = '1'

@@ -1,0 +1,171 @@
+"""Where a local effect may sit: coarse simulations of one at many places, against the residual.
+
+A zone or a leak has no gradient with respect to its place as long as it is absent. So it is put
+everywhere in turn on a coarse grid; what changes there is compared with the residual of the model
+at the recording's resolution, averaged to the same cells.
+"""
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.candidates import Candidate, heterogeneity, leak
+from porotwin_diagnosis.evidence import Sample
+from porotwin_diagnosis.forward import Forward
+from porotwin_solver.simulation import simulate
+
+COARSENING = 4
+"""Cells of the recording per coarse cell, each way."""
+
+COARSE_FRAMES = 8
+"""Frames that are compared."""
+
+SPACING = 0.09
+"""Distance of the places tried, as a share of the rig's longer side."""
+
+LEAK_SHARE = 0.05
+"""A leak tried, as a share of the strongest pump."""
+
+ZONE_FACTORS = (0.25, 4.0)
+"""Permeability of a zone tried, relative to that believed."""
+
+ZONE_RADIUS = 0.06
+"""Radius of a zone tried, as a share of the rig's longer side."""
+
+KEPT = 3
+"""Starts that are worth a fit."""
+
+
+@dataclass(frozen=True)
+class _Coarse:
+    """One recording on coarse cells: the times compared, the residual and the unperturbed run."""
+
+    sample: Sample
+    grid: Grid
+    times: FloatArray
+    residual: FloatArray
+    base: FloatArray
+    given: tuple[EffectDescription, ...]
+
+    def response(self, effect: EffectDescription) -> FloatArray:
+        """Return what `effect` changes, (nt, nz, nx)."""
+        return self.smoothed(self._run((*self.given, effect))) - self.base
+
+    def _run(self, effects: Sequence[EffectDescription]) -> FloatArray:
+        return simulate(
+            self.sample.rig,
+            self.sample.schedule,
+            self.times,
+            grid=self.grid,
+            setting='fast',
+            effects=effects,
+        )
+
+    def smoothed(self, maps: FloatArray) -> FloatArray:
+        return gaussian_filter(maps, (0.0, 1.0, 1.0))
+
+
+def _coarse(forward: Forward, given: tuple[EffectDescription, ...]) -> _Coarse:
+    sample = forward.sample
+    grid = sample.rig.grid(
+        max(8, sample.grid.nx // COARSENING), max(8, sample.grid.nz // COARSENING)
+    )
+    frames = np.unique(np.linspace(0, sample.fitted - 1, COARSE_FRAMES).round().astype(int))
+    predicted = forward.maps(given)[frames]
+    expected = sample.noise.expected(predicted)
+    residual = (sample.filled[frames] - expected) * sample.known[frames]
+    coarse = np.stack([conservative_resample(frame, grid.shape) for frame in residual])
+    half = _Coarse(sample, grid, sample.times[frames], coarse, np.zeros(1), given)
+    return _Coarse(
+        sample,
+        grid,
+        sample.times[frames],
+        half.smoothed(coarse),
+        half.smoothed(half._run(given)),
+        given,
+    )
+
+
+def starts(
+    forwards: Sequence[Forward],
+    effect: str,
+    *,
+    given: tuple[EffectDescription, ...] = (),
+    pool: ThreadPoolExecutor | None = None,
+) -> list[Candidate]:
+    """Return the most promising starts of `effect`, a leak or a heterogeneity, beside `given`."""
+    coarse = [_coarse(forward, given) for forward in forwards]
+    tried = _leaks(coarse[0].sample) if effect == 'leak' else _zones(coarse[0].sample)
+
+    def gain(candidate: Candidate) -> tuple[float, float]:
+        described = candidate.described(candidate.first)
+        projected, norm = 0.0, 0.0
+        for part in coarse:
+            response = part.response(described)
+            projected += float(np.sum(response * part.residual))
+            norm += float(np.sum(response**2))
+        return (projected**2 / norm, projected / norm) if norm > 0 else (0.0, 0.0)
+
+    run = map if pool is None else pool.map
+    gains = list(run(gain, tried))
+    order = np.argsort([-value for value, _ in gains])
+    kept: list[Candidate] = []
+    for index in order:
+        candidate, amplitude = tried[index], gains[index][1]
+        if gains[index][0] <= 0.0 or (effect != 'leak' and amplitude <= 0.0):
+            continue
+        if all(_distance(candidate, other) > 1.5 * _spacing(coarse[0].sample) for other in kept):
+            kept.append(_scaled(candidate, effect, amplitude))
+        if len(kept) == KEPT:
+            break
+    return kept
+
+
+def _spacing(sample: Sample) -> float:
+    return SPACING * max(sample.rig.width_m, sample.rig.height_m)
+
+
+def _places(sample: Sample) -> list[tuple[float, float]]:
+    rig, spacing = sample.rig, _spacing(sample)
+    columns, rows = round(rig.width_m / spacing), round(rig.height_m / spacing)
+    return [
+        ((i + 0.5) * rig.width_m / columns, (j + 0.5) * rig.height_m / rows)
+        for i in range(columns)
+        for j in range(rows)
+    ]
+
+
+def _leaks(sample: Sample) -> list[Candidate]:
+    strongest = max(abs(row.rate.rate) for row in sample.schedule.rows)
+    rate = LEAK_SHARE * strongest * 3.6e9
+    return [leak(sample.rig, place, rate) for place in _places(sample)]
+
+
+def _zones(sample: Sample) -> list[Candidate]:
+    radius = ZONE_RADIUS * max(sample.rig.width_m, sample.rig.height_m)
+    return [
+        heterogeneity(sample.rig, place, radius, factor)
+        for place in _places(sample)
+        for factor in ZONE_FACTORS
+    ]
+
+
+def _distance(one: Candidate, other: Candidate) -> float:
+    (x, z), (other_x, other_z) = (
+        [knob.neutral for knob in candidate.knobs[:2]] for candidate in (one, other)
+    )
+    return math.hypot(x - other_x, z - other_z)
+
+
+def _scaled(candidate: Candidate, effect: str, amplitude: float) -> Candidate:
+    """Return `candidate` whose strength starts at what the projection asks for, within reason."""
+    start = list(candidate.first)
+    limit = (-3.0, 3.0) if effect == 'leak' else (0.3, 2.0)
+    start[-1] *= float(np.clip(amplitude, *limit))
+    return Candidate(candidate.effect, candidate.knobs, starts=(tuple(start),))

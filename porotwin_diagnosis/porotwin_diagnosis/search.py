@@ -1,0 +1,221 @@
+"""The search for what explains a gap: every effect alone, then in pairs, coarse before fine.
+
+1. Screening: every candidate is fitted with the full model on cells twice as large.
+2. Pairs, where no single effect closes the gap: those whose response the best single effect cannot
+   copy, fitted together.
+3. Refinement: what is left is fitted again on the recording's cells, and judged on cells half as
+   large, where the scheme smears least.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_diagnosis.candidates import LOCAL, Candidate, library
+from porotwin_diagnosis.evidence import Sample, coarsened
+from porotwin_diagnosis.fit import Fit, Fitter
+from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.scan import starts
+
+Progress = Callable[[str, float], None]
+"""Told the stage and the share that is done."""
+
+SCREENING = 2
+"""Cells of the recording per screening cell, each way."""
+
+JUDGING = 2
+"""Cells per cell of the recording in the final judgement, each way."""
+
+REFINED, JUDGED, PAIR_BASES, PARTNERS = 6, 3, 3, 4
+"""How many fits go on: single effects to refinement, to judgement; bases of pairs, partners."""
+
+EXPLAINED = 1.3
+"""Misfit below which a screening fit leaves nothing to look for."""
+
+EDGE_BLUR = 0.55
+"""Blur [cells] by which recorded maps are softer than averages over cells, until measured."""
+
+
+@dataclass
+class Findings:
+    """All fits at the finest level each has reached; `null` is the model without any effect."""
+
+    null: Fit
+    screened: list[Fit]
+    singles: list[Fit] = field(default_factory=list)
+    pairs: list[Fit] = field(default_factory=list)
+    judge: Fitter | None = None
+    runs: int = 0
+
+
+def score(fit: Fit) -> float:
+    """Return the misfit of fitted and held-out part together; about 1 is noise."""
+    return float(np.hypot(fit.fitted, fit.held_out) / np.sqrt(2.0))
+
+
+class Search:
+    """Looks for effects in recordings of one rig."""
+
+    def __init__(
+        self,
+        samples: Sequence[Sample],
+        *,
+        excluded: Sequence[str] = (),
+        progress: Progress = lambda _stage, _share: None,
+        workers: int = 2,
+    ) -> None:
+        """Search `samples` without the effects named in `excluded`."""
+        self.samples = list(samples)
+        self.excluded = frozenset(excluded)
+        self.progress = progress
+        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+        coarse = [coarsened(sample, SCREENING) for sample in samples]
+        self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
+        self.refining = self._fitter(samples, 1, 0.6 * EDGE_BLUR)
+        self.judging = self._fitter(samples, JUDGING, EDGE_BLUR)
+
+    def _fitter(self, samples: Sequence[Sample], refinement: int, soft: float) -> Fitter:
+        forwards = [Forward(sample, refinement=refinement) for sample in samples]
+        return Fitter(forwards, soft=soft, pool=self._pool)
+
+    def run(self) -> Findings:
+        """Return what was found."""
+        self.progress('running the model as it is', 0.0)
+        null = self.judging.judged((), np.zeros(0))
+        screened = self._screen()
+        findings = Findings(null, screened, judge=self.judging)
+        pairs = self._pairs(screened) if score(screened[0]) > EXPLAINED else []
+        findings.singles = self._finer(_distinct(screened)[:REFINED], 0.55, 0.8)
+        best = findings.singles[0]
+        promising = [pair for pair in pairs if score(pair) < 0.9 * score(screened[0])]
+        if score(best) > EXPLAINED and promising:
+            findings.pairs = self._finer(promising[:JUDGED], 0.8, 0.95)
+        forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
+        findings.runs = sum(forward.runs for forward in forwards)
+        return findings
+
+    def _screen(self) -> list[Fit]:
+        candidates = [
+            candidate
+            for candidate in library(self.samples)
+            if candidate.effect not in self.excluded and candidate.effect not in LOCAL
+        ]
+        fits = []
+        for index, candidate in enumerate(candidates):
+            self.progress(f'trying {candidate.label}', 0.02 + 0.25 * index / len(candidates))
+            fits.append(self._best_start(candidate))
+        for effect in sorted(set(LOCAL) - self.excluded):
+            self.progress(f'looking for a place of {effect}', 0.29)
+            fits.extend(self._local(effect))
+        return sorted(fits, key=score)
+
+    def _best_start(self, candidate: Candidate) -> Fit:
+        tried = [
+            self.screening.fit((candidate,), start=np.array(first, dtype=float))
+            for first in candidate.starts or ((0.0,) * len(candidate.knobs),)
+        ]
+        return min(tried, key=score)
+
+    def _local(self, effect: str) -> list[Fit]:
+        """Return the best of the fits that start at the most promising places."""
+        try:
+            places = starts(self.screening.forwards, effect, pool=self._pool)
+        except InputError:
+            return []
+        fits = [self.screening.fit((place,), coarse_steps=4) for place in places]
+        return sorted(fits, key=score)[:1]
+
+    def _pairs(self, screened: Sequence[Fit]) -> list[Fit]:
+        alone = _distinct(screened)
+        bases = [fit for fit in alone if score(fit) < 1.6 * score(alone[0])][:PAIR_BASES]
+        fits: dict[frozenset[str], Fit] = {}
+        for index, base in enumerate(bases):
+            self.progress(f'pairs with {base.label}', 0.35 + 0.2 * index / len(bases))
+            for partner in self._partners(base, screened):
+                key = frozenset((base.members[0].label, partner.label))
+                if key in fits:
+                    continue
+                start = np.concatenate([base.turns, partner.first])
+                fits[key] = self.screening.fit(
+                    (base.members[0], partner), start=start, coarse_steps=1, fine_steps=4
+                )
+        return sorted(fits.values(), key=score)
+
+    def _partners(self, base: Fit, screened: Sequence[Fit]) -> list[Candidate]:
+        """Return the candidates whose response best explains what `base` leaves."""
+        fitter = self.screening
+        residuals = fitter.residuals(base.effects, 1.5)
+        own = fitter.responses(base.members, base.turns)
+        gains: list[tuple[float, Candidate]] = []
+        for fit in screened:
+            candidate = fit.members[0]
+            if candidate.effect == base.members[0].effect or candidate.effect in LOCAL:
+                continue
+            members = (*base.members, candidate)
+            turns = np.concatenate([base.turns, candidate.first])
+            columns = fitter.responses(members, turns)[0:]
+            gains.append(
+                (_gain(residuals, own, [c[len(base.turns) :] for c in columns]), candidate)
+            )
+        gains.sort(key=lambda item: -item[0])
+        partners = [candidate for _, candidate in gains[:PARTNERS]]
+        for effect in sorted(set(LOCAL) - self.excluded - {base.members[0].effect}):
+            try:
+                found = starts(fitter.forwards, effect, given=base.effects, pool=self._pool)
+            except InputError:
+                continue
+            partners.extend(found[:1])
+        return partners
+
+    def _finer(self, fits: Sequence[Fit], begin: float, end: float) -> list[Fit]:
+        """Return `fits` refitted on the recording's cells, the best also judged on finer ones."""
+        refined = []
+        for index, fit in enumerate(fits):
+            self.progress(f'refining {fit.label}', begin + (end - begin) * 0.5 * index / len(fits))
+            refined.append(
+                self.refining.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=3)
+            )
+        refined.sort(key=score)
+        judged = []
+        for index, fit in enumerate(refined[:JUDGED]):
+            share = 0.5 + 0.5 * index / JUDGED
+            self.progress(f'judging {fit.label}', begin + (end - begin) * share)
+            judged.append(
+                self.judging.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=1)
+            )
+        return sorted(judged, key=score)
+
+
+def _distinct(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the best fit of every effect and well, variants of one effect being one."""
+    seen: set[tuple[str, object]] = set()
+    result = []
+    for fit in fits:
+        member = fit.members[0]
+        key = (member.effect, member.fixed.get('well'))
+        if key not in seen:
+            seen.add(key)
+            result.append(fit)
+    return result
+
+
+def _gain(
+    residuals: Sequence[FloatArray], own: Sequence[FloatArray], other: Sequence[FloatArray]
+) -> float:
+    """Return the squared residual that `other` removes beyond `own`, to first order."""
+    a = np.concatenate([part.reshape(len(part), -1) for part in own], axis=1)
+    b = np.concatenate([part.reshape(len(part), -1) for part in other], axis=1)
+    r = np.concatenate([part.ravel() for part in residuals])
+    basis, _ = np.linalg.qr(a.T)
+    r = r - basis @ (basis.T @ r)
+    b = b.T - basis @ (basis.T @ b.T)
+    norms = np.linalg.norm(b, axis=0)
+    b = b[:, norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-12)]
+    if b.shape[1] == 0:
+        return 0.0
+    solution, *_ = np.linalg.lstsq(b, r, rcond=1e-6)
+    return float(r @ r - np.sum((r - b @ solution) ** 2))

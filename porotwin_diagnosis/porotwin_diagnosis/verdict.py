@@ -1,0 +1,177 @@
+"""From fits to a verdict: what is kept, what cannot be told apart, when to say nothing.
+
+Everything here is a function of misfits (1 is noise), so that its few constants can be calibrated
+on simulated gaps without simulating again; see `calibration`.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from porotwin_diagnosis.fit import Fit, Fitter
+from porotwin_diagnosis.search import Findings, score
+
+NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What decides, as found on simulated gaps (`calibration.json` says which).
+
+    `quiet`: misfit of a model that explains a recording down to its noise. `worth`: an effect must
+    bring the misfit below this share to be kept; `pair_worth` the same for a second one.
+    `open`: misfit above which the best model leaves too much. `share_open`: the same as a share of
+    what the model without effect leaves. `sharpness`: power with which probabilities fall
+    with misfit. `same`: whitened distance of two predictions that no camera could tell apart.
+    `scale`, `shift`: logistic map of raw log-odds to seen frequency.
+    """
+
+    quiet: float = 1.3
+    worth: float = 0.85
+    pair_worth: float = 0.8
+    open: float = 1.5
+    share_open: float = 0.45
+    sharpness: float = 12.0
+    same: float = 0.3
+    scale: float = 1.0
+    shift: float = 0.0
+
+
+@cache
+def thresholds() -> Thresholds:
+    """Return the calibrated thresholds that come with the package."""
+    source = files('porotwin_diagnosis') / 'calibration.json'
+    return Thresholds(**json.loads(source.read_text(encoding='utf-8'))['thresholds'])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the recording says.
+
+    `name` is the verdict, `model` the fit that is kept (for `none` the model without effect),
+    `members` its effects, the strongest first, `inseparable` other effects that show the same.
+    `probabilities` belong to the single effects, by name.
+    """
+
+    name: str
+    confidence: float
+    model: Fit
+    members: tuple[str, ...]
+    inseparable: tuple[str, ...]
+    probabilities: dict[str, float]
+
+
+def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
+    """Return the verdict on `findings`."""
+    limits = limits or thresholds()
+    null, singles = findings.null, findings.singles
+    best = singles[0]
+    before = score(null)
+    probabilities = _probabilities(findings, limits)
+    if before < limits.quiet and score(best) > limits.worth * before:
+        return Verdict(
+            NONE, _none_confidence(before, score(best), limits), null, (), (), probabilities
+        )
+    model = best
+    if findings.pairs:
+        pair = findings.pairs[0]
+        gains = score(pair) < limits.pair_worth * score(best)
+        if gains and pair.held_out < best.held_out:
+            model = pair
+    openness = _openness(score(model), before, limits)
+    if openness > 1.0:
+        confidence = _calibrated(4.0 * math.log(openness) + 1.0, limits)
+        return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
+    members = _by_strength(model, findings)
+    inseparable = _inseparable(model, findings, limits, members[0])
+    known = probabilities.get(members[0], 0.0)
+    known += sum(probabilities.get(name, 0.0) for name in inseparable)
+    known = min(max(known, 1e-3), 1 - 1e-3)
+    odds = min(math.log(known / (1 - known)), -4.0 * math.log(openness) + 1.0)
+    return Verdict(
+        members[0], _calibrated(odds, limits), model, members, inseparable, probabilities
+    )
+
+
+def _openness(after: float, before: float, limits: Thresholds) -> float:
+    """Return how far a remainder exceeds what may stay open; 1 is the border."""
+    allowed = max(limits.open, min(limits.share_open * before, 2.0 * limits.open))
+    return after / allowed
+
+
+def _none_confidence(before: float, best: float, limits: Thresholds) -> float:
+    room = min(limits.quiet / before, best / (limits.worth * before))
+    return _calibrated(8.0 * math.log(room) + 1.5, limits)
+
+
+def _calibrated(odds: float, limits: Thresholds) -> float:
+    value = 1.0 / (1.0 + math.exp(-(limits.scale * odds + limits.shift)))
+    return float(np.clip(value, 0.05, 0.99))
+
+
+def _alone(findings: Findings) -> dict[str, float]:
+    """Return the best score of every effect alone, at the finest level that all of them reached."""
+    scores: dict[str, float] = {}
+    ladder = _ladder(findings)
+    for fit in [*findings.singles, *findings.screened]:
+        name = fit.members[0].effect
+        value = score(fit) if fit in findings.singles else score(fit) * ladder
+        scores.setdefault(name, value)
+    return scores
+
+
+def _ladder(findings: Findings) -> float:
+    """Return by what factor scores fall from screening to judgement, for those that made it."""
+    screened = {fit.label: score(fit) for fit in findings.screened}
+    ratios = [score(fit) / screened[fit.label] for fit in findings.singles if fit.label in screened]
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
+    scores = _alone(findings)
+    scores[NONE] = score(findings.null)
+    least = min(scores.values())
+    weights = {name: (least / value) ** limits.sharpness for name, value in scores.items()}
+    total = sum(weights.values())
+    shares = {name: weight / total for name, weight in weights.items()}
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+def _by_strength(model: Fit, findings: Findings) -> tuple[str, ...]:
+    """Return the names of the members of `model`, that which closes most alone first."""
+    alone = {fit.label: score(fit) for fit in reversed(findings.screened)}
+    members = sorted(model.members, key=lambda member: alone.get(member.label, math.inf))
+    return tuple(member.effect for member in members)
+
+
+def _inseparable(model: Fit, findings: Findings, limits: Thresholds, name: str) -> tuple[str, ...]:
+    if len(model.members) > 1 or findings.judge is None:
+        return ()
+    others = [fit for fit in findings.singles if fit.members[0].effect != name]
+    return tuple(
+        fit.members[0].effect
+        for fit in others
+        if score(fit) < 1.1 * score(model) and distance(findings.judge, model, fit) < limits.same
+    )
+
+
+def distance(fitter: Fitter, one: Fit, other: Fit) -> float:
+    """Return how far two fits' predictions lie apart, in noise deviations per cell with tracer."""
+    total, count = 0.0, 0
+    pairs: Sequence[tuple] = list(
+        zip(
+            fitter.residuals(one.effects, 1.5),
+            fitter.residuals(other.effects, 1.5),
+            fitter.samples,
+            strict=True,
+        )
+    )
+    for a, b, sample in pairs:
+        total += float(np.sum((a - b) ** 2))
+        count += sum(sample.active)
+    return math.sqrt(total / max(count, 1))

@@ -1,0 +1,20 @@
+from setuptools import find_packages, setup
+
+PACKAGE = 'porotwin_diagnosis'
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    package_data={PACKAGE: ['calibration.json']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
+        ('share/' + PACKAGE, ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=True,
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': ['diagnosis_node = porotwin_diagnosis.diagnosis_node:main'],
+    },
+)

@@ -1,0 +1,66 @@
+"""The noise of maps, measured from the maps themselves."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from porotwin_diagnosis.noise import Noise, measure_noise
+from porotwin_recording.recording import open_recording
+from scipy.ndimage import gaussian_filter
+
+CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
+
+
+def plume(shape=(60, 90), radius=18.0):
+    z, x = np.mgrid[: shape[0], : shape[1]]
+    distance = np.hypot(x - shape[1] / 2, z - shape[0] / 2)
+    return 0.5 * (1 - np.tanh((distance - radius) / 2))
+
+
+def recorded(noise, frames=30, seed=11):
+    """Maps of a plume with a known noise, made here and clipped as a camera does."""
+    generator = np.random.default_rng(seed)
+    clean = plume()
+
+    def correlated():
+        field = gaussian_filter(generator.standard_normal(clean.shape), noise.correlation)
+        return field / field.std()
+
+    grain = noise.grain * correlated()
+    maps = []
+    for _ in range(frames):
+        share = noise.background + (noise.frame - noise.background) * clean
+        maps.append(np.clip(clean * (1 + grain) + share * correlated(), 0, 1))
+    return np.array(maps)
+
+
+@pytest.mark.parametrize('grain', [0.01, 0.03])
+@pytest.mark.parametrize('frame', [0.006, 0.015])
+def test_noise_is_measured_in_spite_of_clipping(grain, frame):
+    truth = Noise(grain, frame, 0.5 * frame, correlation=0.8)
+    found = measure_noise(recorded(truth))
+    assert np.hypot(found.grain, found.frame) == pytest.approx(np.hypot(grain, frame), rel=0.2)
+    assert found.background == pytest.approx(0.5 * frame, rel=0.15)
+    assert found.correlation == pytest.approx(0.8, abs=0.25)
+
+
+def test_expected_map_is_the_mean_of_many_noisy_ones():
+    noise = Noise(0.05, 0.02, 0.01)
+    generator = np.random.default_rng(5)
+    for c in (0.0, 0.5, 0.98, 1.0):
+        draws = c + noise.deviation(np.array(c)) * generator.standard_normal(200_000)
+        draws = np.clip(draws, 0, 1)
+        assert noise.expected(np.array(c)) == pytest.approx(draws.mean(), abs=3e-4)
+        rms = np.sqrt(np.mean((draws - c) ** 2))
+        assert noise.clipped_deviation(np.array(c)) == pytest.approx(rms, rel=0.01)
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason='needs ../shared/cases beside the repository')
+@pytest.mark.parametrize('name', ['case_002', 'case_015', 'case_020'])
+def test_noise_of_an_independent_camera_is_found(name):
+    truth = yaml.safe_load((CASES / name / 'truth.yaml').read_text())['noise']
+    found = measure_noise(open_recording(CASES / name).concentration)
+    assert found.grain == pytest.approx(truth['grain_sd'], rel=0.15)
+    background = truth['frame_sd'] * truth['background_share']
+    assert found.background == pytest.approx(background, rel=0.15)
