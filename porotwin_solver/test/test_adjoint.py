@@ -1,0 +1,283 @@
+"""Gradients against finite differences, and the dot-product test of the kernels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription
+from porotwin_core.units import ML_H, from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_solver.adjoint import gradient
+from porotwin_solver.adjoint_kernels import advection_adjoint, exchange_adjoint
+from porotwin_solver.compiled import tape_length
+from porotwin_solver.diffusion import diffuse, exchanges
+from porotwin_solver.engine import Engine
+from porotwin_solver.flow import FaceField
+from porotwin_solver.model import SETTINGS
+from porotwin_solver.physics import believed_physics
+from porotwin_solver.simulation import simulate
+from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND, Sources, advect, pace
+
+TIMES = np.array([200.0, 430.0, 600.0])
+EFFECTS = {
+    'dispersion': {
+        'longitudinal_dispersivity': 0.004,
+        'transverse_dispersivity': 0.0006,
+        'diffusion': 2e-9,
+    },
+    'decay': {'rate': 1e-4},
+    'dual_porosity': {'immobile_fraction': 0.05, 'exchange_rate': 3e-4},
+    'porosity': {'factor': 0.9},
+    'retardation': {'retardation_factor': 1.1},
+    'depth': {'factor_centre': 1.05},
+    'heterogeneity': {'x': 0.3, 'z': 0.3, 'radius': 0.06, 'permeability_factor': 0.3},
+    'rate': {'well': 'injector', 'factor': 0.95},
+    'well_position': {'well': 'injector', 'dx': 0.003, 'dz': 0.006},
+    'leak': {'x': 0.4, 'z': 0.3, 'rate': -30.0},
+    'background_flow': {'x_velocity': 1e-6, 'z_velocity': 5e-7},
+    'numerical_diffusion': {'model_diffusion': 1e-8},
+    'saturation': {'exponent': 1.3},
+    'illumination': {'drift': -1e-4, 'gradient': 0.1},
+}
+
+
+def schedule(change: tuple[str, int, float, float] = ('', 0, 0.0, 0.0)) -> Schedule:
+    """Return rates that change every 150 s; one rate and concentration changed by so much."""
+    rows = []
+    for piece in range(4):
+        told = {
+            'injector': (450.0, 0.9),
+            'control1': (60.0 + 10 * piece, 0.0),
+            'control3': (120.0 - 20 * piece, 0.2),
+            'producer': (-500.0, 0.0),
+        }
+        for well, (rate, concentration) in told.items():
+            more = change if (well, piece) == change[:2] else ('', 0, 0.0, 0.0)
+            rows.append(
+                ScheduleRow(
+                    150.0 * piece, well, WellRate(rate * ML_H + more[2], concentration + more[3])
+                )
+            )
+    return Schedule(tuple(rows))
+
+
+class Problem:
+    """A cost of the maps at TIMES: a sum of squares with random weights."""
+
+    def __init__(self, rig, setting: str, effects: dict[str, dict]) -> None:
+        self.rig, self.grid, self.setting = rig, rig.grid(47, 28), setting
+        self.effects = effects
+        self.weights = np.random.default_rng(1).random((len(TIMES), *self.grid.shape))
+
+    def part(self, index: int, seen: FloatArray) -> tuple[float, FloatArray]:
+        return float((self.weights[index] * seen**2).sum()), 2.0 * self.weights[index] * seen
+
+    def descriptions(self, effects: dict[str, dict]) -> list[EffectDescription]:
+        return [EffectDescription(name=name, parameters=given) for name, given in effects.items()]
+
+    def cost(self, told: Schedule, effects: dict[str, dict] | None = None) -> float:
+        maps = simulate(
+            self.rig,
+            told,
+            TIMES,
+            grid=self.grid,
+            setting=self.setting,
+            effects=self.descriptions(self.effects if effects is None else effects),
+        )
+        return sum(self.part(index, seen)[0] for index, seen in enumerate(maps))
+
+    def gradient(self, parameters=()):
+        return gradient(
+            self.rig,
+            schedule(),
+            TIMES,
+            self.part,
+            grid=self.grid,
+            setting=self.setting,
+            effects=self.descriptions(self.effects),
+            parameters=parameters,
+        )
+
+
+def piece_sum(found, values: FloatArray, piece: int) -> float:
+    """Return the derivative by a rate that holds for 150 s, from those by its parts."""
+    return sum(
+        value
+        for (start, _), value in zip(found.intervals, values, strict=True)
+        if 150.0 * piece <= start < 150.0 * (piece + 1)
+    )
+
+
+@pytest.mark.parametrize('setting', SETTINGS)
+@pytest.mark.parametrize('effects', [{}, EFFECTS], ids=['plain', 'all effects'])
+def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, setting, effects) -> None:
+    problem = Problem(rig, setting, effects)
+    found = problem.gradient()
+    assert found.cost == pytest.approx(problem.cost(schedule()), rel=1e-13)
+    step = 1e-6 * from_ml_h(500.0)
+    for well, piece in (('injector', 1), ('control3', 1), ('producer', 2), ('control1', 3)):
+        more = problem.cost(schedule((well, piece, step, 0.0)))
+        less = problem.cost(schedule((well, piece, -step, 0.0)))
+        expected = (more - less) / (2.0 * step)
+        # a limiter may switch between the two: then the difference is not the derivative
+        assert piece_sum(found, found.rate[well], piece) == pytest.approx(expected, rel=3e-5)
+    more = problem.cost(schedule(('control3', 1, 0.0, 1e-6)))
+    less = problem.cost(schedule(('control3', 1, 0.0, -1e-6)))
+    by_concentration = piece_sum(found, found.concentration['control3'], 1)
+    assert by_concentration == pytest.approx((more - less) / 2e-6, rel=3e-5)
+
+
+def test_the_gradient_by_every_effect_parameter_is_that_of_finite_differences(rig) -> None:
+    problem = Problem(rig, 'fast', EFFECTS)
+    named = [
+        (effect, name)
+        for effect, given in EFFECTS.items()
+        for name, value in given.items()
+        if not isinstance(value, str)
+    ]
+    found = problem.gradient(named)
+    assert len(named) == 25
+    for (effect, name), value in zip(named, found.parameters, strict=True):
+        step = 1e-6 * abs(EFFECTS[effect][name])
+        shifted = [
+            problem.cost(
+                schedule(),
+                {**EFFECTS, effect: {**EFFECTS[effect], name: EFFECTS[effect][name] + sign * step}},
+            )
+            for sign in (1.0, -1.0)
+        ]
+        expected = (shifted[0] - shifted[1]) / (2.0 * step)
+        assert value == pytest.approx(expected, rel=1e-5, abs=1e-9), f'{effect} {name}'
+
+
+@pytest.mark.parametrize('scheme', [UPWIND, SUPERBEE, THIRD_ORDER])
+def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme) -> None:
+    """<bar, dP/du u'> = <dP/du^T bar, u'> for all inputs of one step at once."""
+    physics = believed_physics(rig, rig.grid(31, 19))
+    engine = Engine(physics, scheme=scheme)
+    rng = np.random.default_rng(7)
+    start = 0.2 + 0.6 * rng.random(physics.grid.shape)
+    flux, sources, volume = engine.flux(rates), engine.openings.sources(rates), physics.storage
+    steps = pace(flux, sources, volume, 30.0)
+    tape = np.empty(tape_length(steps.reach))
+    direction = {
+        'c': rng.normal(size=start.shape),
+        'flux': engine.flux({'control1': WellRate(1e-7), 'producer': WellRate(-3e-8)}),
+        'inflow': sources.inflow * rng.random(start.shape),
+        'tracer': sources.tracer * rng.random(start.shape),
+        'outflow': sources.outflow * rng.random(start.shape),
+        'volume': volume * rng.normal(size=start.shape),
+    }
+
+    def run(size: float, record: FloatArray | None = None) -> FloatArray:
+        c = start + size * direction['c']
+        advect(
+            c,
+            flux + direction['flux'] * size,
+            sources=Sources(
+                *(
+                    getattr(sources, name) + size * direction[name]
+                    for name in ('inflow', 'tracer', 'outflow')
+                )
+            ),
+            pore_volume=volume + size * direction['volume'],
+            steps=steps,
+            scheme=scheme,
+            tape=record,
+        )
+        return c
+
+    bar = rng.normal(size=start.shape)
+    size = 1e-7
+    forward = np.vdot(bar, (run(size) - run(-size)) / (2.0 * size))
+    after = run(0.0, tape)
+    back = bar.copy()
+    by_flux = FaceField.zeros(physics.grid)
+    by = {name: np.zeros(start.shape) for name in ('inflow', 'tracer', 'outflow', 'volume')}
+    advection_adjoint(
+        after,
+        back,
+        flux.x,
+        flux.z,
+        *sources,
+        volume,
+        *steps,
+        scheme,
+        tape,
+        by_flux.x,
+        by_flux.z,
+        by['inflow'],
+        by['tracer'],
+        by['outflow'],
+        by['volume'],
+    )
+    np.testing.assert_array_equal(after, start)  # read back from the tape
+    backward = np.vdot(back, direction['c'])
+    backward += np.vdot(by_flux.x, direction['flux'].x) + np.vdot(by_flux.z, direction['flux'].z)
+    backward += sum(np.vdot(by[name], direction[name]) for name in by)
+    assert backward == pytest.approx(forward, rel=1e-5)
+
+
+def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
+    """Linear in the concentration: to round-off."""
+    physics = replace(
+        believed_physics(rig, rig.grid(21, 15)),
+        longitudinal_dispersivity=0.006,
+        transverse_dispersivity=0.0005,
+    )
+    rng = np.random.default_rng(8)
+    flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
+    pairs = exchanges(physics, flux, 60.0)
+    start, bar = rng.normal(size=(15, 21)), rng.normal(size=(15, 21))
+    after, tape = start.copy(), np.empty(tape_length(pairs.reach))
+    diffuse(after, physics.storage, pairs, tape=tape)
+    forward, back = np.vdot(bar, after), bar.copy()
+    exchange_adjoint(
+        after.ravel(),
+        back.ravel(),
+        physics.storage.ravel(),
+        pairs.time_step,
+        pairs.start,
+        pairs.other,
+        pairs.weight,
+        pairs.level.ravel(),
+        pairs.order,
+        pairs.reach,
+        tape,
+        np.zeros_like(pairs.weight),
+        np.zeros(start.size),
+    )
+    assert np.vdot(back, start) == pytest.approx(forward, rel=1e-11)
+
+
+def test_a_well_at_rest_has_the_gradient_of_beginning_to_inject(rig) -> None:
+    problem = Problem(rig, 'fast', {})
+    found = problem.gradient()
+    step = 1e-6 * from_ml_h(500.0)
+
+    def with_control2(rate: float) -> Schedule:
+        return Schedule((*schedule().rows, ScheduleRow(0.0, 'control2', WellRate(rate))))
+
+    expected = (problem.cost(with_control2(step)) - problem.cost(with_control2(0.0))) / step
+    assert found.rate['control2'].sum() == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ('effect', 'given', 'text'),
+    [
+        ('registration', {'dx': 0.01}, 'not available with registration'),
+        ('clock', {'offset': 3.0}, 'gradient by clock offset: not available'),
+    ],
+)
+def test_gradients_that_are_not_there_are_refused(rig, effect, given, text) -> None:
+    problem = Problem(rig, 'fast', {effect: given})
+    with pytest.raises(InputError, match=text):
+        problem.gradient([(effect, next(iter(given)))])
+
+
+def test_a_parameter_that_is_not_given_is_refused(rig) -> None:
+    with pytest.raises(InputError, match="gradient by decay 'rate': not a number among"):
+        Problem(rig, 'fast', {}).gradient([('decay', 'rate')])

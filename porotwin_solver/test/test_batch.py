@@ -1,0 +1,56 @@
+"""Many simulations give what each gives alone, wherever they run."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
+from porotwin_core.wells import Schedule
+from porotwin_solver.batch import Job, simulate_many
+from porotwin_solver.simulation import simulate
+
+TIMES = (0.0, 60.0, 120.0)
+
+
+def jobs(rig, rates) -> list[Job]:
+    """Return simulations that differ in the porosity."""
+    return [
+        Job(
+            rig,
+            Schedule.constant(rates),
+            TIMES,
+            rig.grid(31, 19),
+            'fast',
+            (EffectDescription(name='porosity', parameters={'factor': factor}),),
+        )
+        for factor in (0.8, 0.9, 1.0, 1.1)
+    ]
+
+
+def alone(job: Job) -> np.ndarray:
+    return simulate(
+        job.rig, job.schedule, job.times, grid=job.grid, setting=job.setting, effects=job.effects
+    )
+
+
+def test_a_batch_gives_what_single_runs_give_in_their_order(rig, rates) -> None:
+    for job, found in zip(jobs(rig, rates), simulate_many(jobs(rig, rates)), strict=True):
+        np.testing.assert_array_equal(found, alone(job))
+
+
+def test_a_refused_job_says_why(rig, rates) -> None:
+    bad = Job(rig, Schedule.constant(rates), TIMES, rig.grid(31, 19), 'quick')
+    with pytest.raises(InputError, match="setting 'quick': unknown"):
+        simulate_many([*jobs(rig, rates), bad])
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same(rig, rates) -> None:
+    distributed = pytest.importorskip('distributed')
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        found = simulate_many(jobs(rig, rates), client=client)
+    for job, maps in zip(jobs(rig, rates), found, strict=True):
+        np.testing.assert_array_equal(maps, alone(job))

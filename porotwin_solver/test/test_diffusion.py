@@ -1,0 +1,88 @@
+"""The decomposition of the dispersion tensor into exchanges between cells."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from porotwin_solver.diffusion import diffuse, exchanges, tensor, tensor_adjoint
+from porotwin_solver.diffusion_kernels import superbase
+from porotwin_solver.flow import FaceField
+from porotwin_solver.physics import believed_physics
+
+
+@given(
+    angle=st.floats(0.0, math.pi),
+    anisotropy=st.floats(1.0, 1000.0),
+    shape=st.floats(0.2, 5.0),
+)
+def test_weights_are_not_negative_and_give_the_tensor_back(angle, anisotropy, shape) -> None:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    xx = (cosine**2 + sine**2 / anisotropy) * shape
+    xz = cosine * sine * (1.0 - 1.0 / anisotropy)
+    zz = (sine**2 + cosine**2 / anisotropy) / shape
+    offset, weight = np.empty((3, 2), np.int64), np.empty(3)
+    superbase(xx, xz, zz, offset, weight)
+    assert (weight >= 0.0).all()
+    found = np.einsum('k,ki,kj->ij', weight, offset, offset)
+    np.testing.assert_allclose(found, [[xx, xz], [xz, zz]], atol=1e-9 * (xx + zz))
+
+
+def flowing(rig, seed: int):
+    """Return physics with dispersion, and a flux through its faces."""
+    physics = replace(
+        believed_physics(rig, rig.grid(21, 15)),
+        longitudinal_dispersivity=0.006,
+        transverse_dispersivity=0.0005,
+    )
+    rng = np.random.default_rng(seed)
+    flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
+    return physics, flux
+
+
+def test_the_tensor_stretches_along_the_flow(rig) -> None:
+    physics, _ = flowing(rig, 1)
+    grid = physics.grid
+    speed = 1e-5
+    flux = FaceField(
+        np.full((15, 22), 0.6 * speed * 0.375 * 0.010 * grid.dz),
+        np.full((16, 21), 0.8 * speed * 0.375 * 0.010 * grid.dx),
+    )
+    xx, xz, zz = tensor(physics, flux)
+    along = 0.36 * xx + 2 * 0.48 * xz + 0.64 * zz
+    across = 0.64 * xx - 2 * 0.48 * xz + 0.36 * zz
+    np.testing.assert_allclose(along, 0.006 * speed + 1e-9, rtol=1e-12)
+    np.testing.assert_allclose(across, 0.0005 * speed + 1e-9, rtol=1e-12)
+
+
+def test_diffusion_conserves_is_bounded_and_keeps_a_constant(rig) -> None:
+    physics, flux = flowing(rig, 2)
+    pairs = exchanges(physics, flux, 60.0)
+    assert len(pairs.reach) > 3, 'the cells should differ in pace'
+    field = np.random.default_rng(3).integers(0, 2, (15, 21)).astype(float)
+    before = math.fsum((physics.storage * field).ravel())
+    diffuse(field, physics.storage, pairs)
+    assert math.fsum((physics.storage * field).ravel()) == pytest.approx(before, rel=1e-14)
+    assert 0.0 <= field.min() < field.max() <= 1.0
+    constant = np.full((15, 21), 0.3)
+    diffuse(constant, physics.storage, pairs)
+    assert (constant == 0.3).all()
+
+
+def test_the_tensor_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
+    physics, flux = flowing(rig, 4)
+    _, direction = flowing(rig, 5)
+    rng = np.random.default_rng(6)
+    bar = (rng.normal(size=(15, 21)), rng.normal(size=(15, 21)), rng.normal(size=(15, 21)))
+    step = 1e-5
+    more = tensor(physics, flux + direction * step)
+    less = tensor(physics, flux + direction * -step)
+    forward = sum(
+        np.vdot(by, (up - down) / (2 * step)) for by, up, down in zip(bar, more, less, strict=True)
+    )
+    back = tensor_adjoint(physics, flux, bar)
+    backward = np.vdot(back.x, direction.x) + np.vdot(back.z, direction.z)
+    assert backward == pytest.approx(forward, rel=1e-8)
