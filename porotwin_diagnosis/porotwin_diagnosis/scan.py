@@ -20,8 +20,8 @@ from porotwin_diagnosis.evidence import Sample
 from porotwin_diagnosis.forward import Forward
 from porotwin_solver.simulation import simulate
 
-COARSENING = 4
-"""Cells of the recording per coarse cell, each way."""
+COLUMNS = 46
+"""Coarse cells across the rig."""
 
 COARSE_FRAMES = 8
 """Frames that are compared."""
@@ -73,9 +73,8 @@ class _Coarse:
 
 def _coarse(forward: Forward, given: tuple[EffectDescription, ...]) -> _Coarse:
     sample = forward.sample
-    grid = sample.rig.grid(
-        max(8, sample.grid.nx // COARSENING), max(8, sample.grid.nz // COARSENING)
-    )
+    columns = min(COLUMNS, sample.grid.nx)
+    grid = sample.rig.grid(columns, max(8, round(columns * sample.grid.nz / sample.grid.nx)))
     frames = np.unique(np.linspace(0, sample.fitted - 1, COARSE_FRAMES).round().astype(int))
     predicted = forward.maps(given)[frames]
     expected = sample.noise.expected(predicted)

@@ -30,8 +30,11 @@ SCREENING = 2
 JUDGING = 2
 """Cells per cell of the recording in the final judgement, each way."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS = 6, 3, 3, 4
-"""How many fits go on: single effects to refinement, to judgement; bases of pairs, partners."""
+REFINED, JUDGED, PAIR_BASES, PARTNERS = 5, 3, 2, 4
+"""How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
+
+NEAR = 1.5
+"""Fits whose misfit is above this many times the best one's go no further, the second one's does."""
 
 EXPLAINED = 1.3
 """Misfit below which a screening fit leaves nothing to look for."""
@@ -89,7 +92,7 @@ class Search:
         screened = self._screen()
         findings = Findings(null, screened, judge=self.judging)
         pairs = self._pairs(screened) if score(screened[0]) > EXPLAINED else []
-        findings.singles = self._finer(_distinct(screened)[:REFINED], 0.55, 0.8)
+        findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.55, 0.8)
         best = findings.singles[0]
         promising = [pair for pair in pairs if score(pair) < 0.9 * score(screened[0])]
         if score(best) > EXPLAINED and promising:
@@ -135,7 +138,7 @@ class Search:
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
             self.progress(f'pairs with {base.label}', 0.35 + 0.2 * index / len(bases))
-            for partner in self._partners(base, screened):
+            for partner in self._partners(base, screened, places=index == 0):
                 key = frozenset((base.members[0].label, partner.label))
                 if key in fits:
                     continue
@@ -145,8 +148,11 @@ class Search:
                 )
         return sorted(fits.values(), key=score)
 
-    def _partners(self, base: Fit, screened: Sequence[Fit]) -> list[Candidate]:
-        """Return the candidates whose response best explains what `base` leaves."""
+    def _partners(self, base: Fit, screened: Sequence[Fit], *, places: bool) -> list[Candidate]:
+        """Return the candidates whose response best explains what `base` leaves.
+
+        With `places` also effects that need one, wherever they fit best beside `base`.
+        """
         fitter = self.screening
         residuals = fitter.residuals(base.effects, 1.5)
         own = fitter.responses(base.members, base.turns)
@@ -157,13 +163,14 @@ class Search:
                 continue
             members = (*base.members, candidate)
             turns = np.concatenate([base.turns, candidate.first])
-            columns = fitter.responses(members, turns)[0:]
+            columns = fitter.responses(members, turns)
             gains.append(
                 (_gain(residuals, own, [c[len(base.turns) :] for c in columns]), candidate)
             )
         gains.sort(key=lambda item: -item[0])
         partners = [candidate for _, candidate in gains[:PARTNERS]]
-        for effect in sorted(set(LOCAL) - self.excluded - {base.members[0].effect}):
+        local = set(LOCAL) - self.excluded - {base.members[0].effect}
+        for effect in sorted(local) if places else ():
             try:
                 found = starts(fitter.forwards, effect, given=base.effects, pool=self._pool)
             except InputError:
@@ -181,13 +188,19 @@ class Search:
             )
         refined.sort(key=score)
         judged = []
-        for index, fit in enumerate(refined[:JUDGED]):
+        for index, fit in enumerate(_near(refined)[:JUDGED]):
             share = 0.5 + 0.5 * index / JUDGED
             self.progress(f'judging {fit.label}', begin + (end - begin) * share)
             judged.append(
                 self.judging.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=1)
             )
         return sorted(judged, key=score)
+
+
+def _near(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the fits near the best of `fits`, which are in order, and the second in any case."""
+    limit = NEAR * score(fits[0])
+    return [fit for index, fit in enumerate(fits) if index < 2 or score(fit) < limit]
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:

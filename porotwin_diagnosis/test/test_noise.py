@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.ndimage import gaussian_filter
+
 from porotwin_diagnosis.noise import Noise, measure_noise
 from porotwin_recording.recording import open_recording
-from scipy.ndimage import gaussian_filter
 
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
 

@@ -1,0 +1,271 @@
+"""The blind check: makes recordings with sealed effects, diagnoses them, opens, scores.
+
+The diagnosing process gets the folder of a recording and nothing else. What was put in is written
+down before, and its hash published first, so that nobody can say afterwards that it was changed.
+A run can be interrupted and goes on where it stopped.
+"""
+
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porotwin_diagnosis.blind_cases import SMALL, BlindCase, draw_case
+from porotwin_rig.experiment import make_experiment
+from porotwin_rig.observation import MapNoise
+
+CaseProgress = Callable[[int, int, str], None]
+"""Told how many cases are done, of how many, and what happens now."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One case, opened: what it was, what was said, whether that is right."""
+
+    name: str
+    kind: str
+    truth: tuple[str, ...]
+    verdict: str
+    confidence: float
+    right: bool
+    both_found: bool | None
+    gap_closed: float | None
+    parameter_error: float | None
+    distance_m: float | None
+
+
+def blind_check(
+    output: Path | str,
+    *,
+    cases: int = 20,
+    seed: int = 1,
+    workers: int = 2,
+    progress: CaseProgress = lambda _done, _all, _stage: None,
+) -> dict[str, Any]:
+    """Make, seal, diagnose, open and score `cases` cases; return the figures that were written.
+
+    `output` receives `seal.json` (the hashes, first of all), one folder per case, `scores.json`
+    and `report.md` with the table and the confusion matrix. Cases that are there already are kept.
+    """
+    folder = Path(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = [draw_case(number, seed) for number in range(cases)]
+    _publish_seals(folder, drawn, seed)
+    scores = []
+    for done, case in enumerate(drawn):
+        place = folder / case.name
+        if not (place / 'result' / 'diagnosis.json').exists():
+            progress(done, cases, f'{case.name}: making the recording')
+            make_recording(case, place / 'recording')
+            progress(done, cases, f'{case.name}: diagnosing')
+            _diagnose_apart(place / 'recording', place / 'result', case.withheld, workers)
+        _open(case, place)
+        scores.append(score_case(case, place / 'result'))
+    figures = summary(scores)
+    (folder / 'scores.json').write_text(
+        json.dumps({'summary': figures, 'cases': [score.__dict__ for score in scores]}, indent=1)
+    )
+    (folder / 'report.md').write_text(table(scores, figures), encoding='utf-8')
+    progress(cases, cases, 'done')
+    return figures
+
+
+def make_recording(case: BlindCase, folder: Path) -> None:
+    """Make the recording of `case` on the virtual rig; a half-made one is made again."""
+    if folder.exists():
+        shutil.rmtree(folder)
+    make_experiment(
+        folder,
+        SMALL,
+        told=case.schedule,
+        duration=case.duration,
+        photo_interval=case.photo_interval,
+        seed=case.seed,
+        effects=case.effects,
+        noise=MapNoise.drawn(case.seed),
+    )
+
+
+def _truth_text(case: BlindCase) -> str:
+    content = {
+        'name': case.name,
+        'kind': case.kind,
+        'right': list(case.right),
+        'withheld': list(case.withheld),
+        'effects': [effect.model_dump() for effect in case.effects],
+        'seed': case.seed,
+    }
+    return json.dumps(content, sort_keys=True, indent=1)
+
+
+def _publish_seals(folder: Path, drawn: Sequence[BlindCase], seed: int) -> None:
+    seals = {
+        case.name: hashlib.sha256(_truth_text(case).encode('utf-8')).hexdigest() for case in drawn
+    }
+    path = folder / 'seal.json'
+    if path.exists():
+        known = json.loads(path.read_text(encoding='utf-8'))['sha256']
+        changed = [name for name in known.keys() & seals.keys() if known[name] != seals[name]]
+        if changed:
+            raise ValueError(f'{path}: {changed[0]} was sealed with another truth')
+        seals = {**known, **seals}
+    path.write_text(json.dumps({'seed': seed, 'sha256': seals}, indent=1), encoding='utf-8')
+
+
+def _diagnose_apart(recording: Path, result: Path, withheld: Sequence[str], workers: int) -> None:
+    """Diagnose in a process of its own that is told the folder and what to leave out, no more."""
+    command = [
+        sys.executable,
+        '-m',
+        'porotwin_diagnosis.blind_process',
+        str(recording),
+        str(result),
+        str(workers),
+        *withheld,
+    ]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def _open(case: BlindCase, place: Path) -> None:
+    (place / 'truth.json').write_text(_truth_text(case), encoding='utf-8')
+
+
+def score_case(case: BlindCase, result: Path) -> Score:
+    """Return how the diagnosis in `result` compares with the truth of `case`."""
+    said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
+    verdict = str(said['verdict'])
+    both = None
+    if case.kind == 'pair':
+        both = all(effect.name in said['combination'] for effect in case.effects)
+    return Score(
+        name=case.name,
+        kind=case.kind,
+        truth=tuple(effect.name for effect in case.effects) or ('none',),
+        verdict=verdict,
+        confidence=float(said['confidence']),
+        right=verdict in case.right,
+        both_found=both,
+        gap_closed=float(said['error']['gap_closed']) if said['combination'] else None,
+        parameter_error=_parameter_error(case, said),
+        distance_m=_distance(case, said),
+    )
+
+
+_FROM_ONE = {
+    'factor',
+    'factor_centre',
+    'retardation_factor',
+    'viscosity_ratio',
+    'exponent',
+    'scale',
+}
+_NOT_COUNTED = {'x', 'z', 'radius', 'well', 'diffusion', 'rotation'}
+
+
+def _parameter_error(case: BlindCase, said: dict[str, Any]) -> float | None:
+    """Return the median relative error of the parameters of effects that were found."""
+    errors = []
+    for effect in case.effects:
+        if effect.name not in said['combination']:
+            continue
+        found = next(row for row in said['effects'] if row['name'] == effect.name)['parameters']
+        for name, true in effect.parameters.items():
+            if name in _NOT_COUNTED or name not in found or isinstance(true, str):
+                continue
+            value = float(found[name]['value'])
+            if name == 'permeability_factor':
+                errors.append(abs(np.log(value / true)) / abs(np.log(true)))
+            else:
+                size = abs(true - 1) if name in _FROM_ONE else abs(true)
+                errors.append(abs(value - true) / max(size, 1e-12))
+    return float(np.median(errors)) if errors else None
+
+
+def _distance(case: BlindCase, said: dict[str, Any]) -> float | None:
+    centre = said['where']['centre']
+    for effect in case.effects:
+        if effect.name == said['verdict'] and 'x' in effect.parameters and centre:
+            dx = centre['x_m'] - float(effect.parameters['x'])
+            dz = centre['z_m'] - float(effect.parameters['z'])
+            return float(np.hypot(dx, dz))
+    return None
+
+
+def summary(scores: Sequence[Score]) -> dict[str, Any]:
+    """Return the figures of the check, as shares; None where no case asks for one."""
+
+    def share(chosen: Sequence[Score], right: Callable[[Score], bool]) -> float | None:
+        return sum(map(right, chosen)) / len(chosen) if chosen else None
+
+    def of(*kinds: str) -> list[Score]:
+        return [score for score in scores if score.kind in kinds]
+
+    def median(values: Sequence[float | None]) -> float | None:
+        known = [value for value in values if value is not None]
+        return float(np.median(known)) if known else None
+
+    return {
+        'cases': len(scores),
+        'right': share(scores, lambda score: score.right),
+        'none_called_a_gap': share(of('none'), lambda score: score.verdict != 'none'),
+        'sure_and_wrong_name': share(
+            scores,
+            lambda s: not s.right and s.confidence >= 0.8 and s.verdict != 'unexplained',
+        ),
+        'outside_called_unexplained': share(of('outside', 'left out'), lambda score: score.right),
+        'both_of_a_pair': share(of('pair'), lambda score: bool(score.both_found)),
+        'gap_closed_median': median([score.gap_closed for score in of('single', 'pair')]),
+        'parameter_error_median': median([score.parameter_error for score in scores]),
+        'distance_median_m': median([score.distance_m for score in scores]),
+        'calibration_error': calibration_error(scores),
+    }
+
+
+def calibration_error(scores: Sequence[Score]) -> float:
+    """Return the mean difference of stated and seen probability over bins of confidence."""
+    edges = [0.0, 0.5, 0.7, 0.85, 0.95, 1.0]
+    total = 0.0
+    for low, high in pairwise(edges):
+        inside = [s for s in scores if low <= s.confidence < high or s.confidence == high == 1.0]
+        if inside:
+            stated = np.mean([score.confidence for score in inside])
+            seen = np.mean([score.right for score in inside])
+            total += len(inside) * abs(float(stated - seen))
+    return total / max(len(scores), 1)
+
+
+def table(scores: Sequence[Score], figures: dict[str, Any]) -> str:
+    """Return figures, cases and the confusion matrix as Markdown."""
+    lines = ['# Blind check', '', '| figure | value |', '| --- | --- |']
+    lines += [
+        f'| {name.replace("_", " ")} | {value if value is None else round(value, 3)} |'
+        for name, value in figures.items()
+    ]
+    lines += [
+        '',
+        '| case | kind | truth | verdict | confidence | right |',
+        '|---|---|---|---|---|---|',
+    ]
+    lines += [
+        f'| {s.name} | {s.kind} | {" + ".join(s.truth)} | {s.verdict} | {s.confidence:.2f} '
+        f'| {"yes" if s.right else "no"} |'
+        for s in scores
+    ]
+    counts = Counter((' + '.join(s.truth), s.verdict) for s in scores)
+    truths, verdicts = (sorted({pair[k] for pair in counts}) for k in (0, 1))
+    lines += ['', '## Confusion', '', '| truth \\ verdict | ' + ' | '.join(verdicts) + ' |']
+    lines += ['|---' * (len(verdicts) + 1) + '|']
+    lines += [
+        f'| {truth} | ' + ' | '.join(str(counts[truth, said] or '') for said in verdicts) + ' |'
+        for truth in truths
+    ]
+    return '\n'.join(lines) + '\n'
