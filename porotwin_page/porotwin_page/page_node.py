@@ -121,12 +121,12 @@ class PageNode(Node):
         self._board.apply(snapshot.with_observation, observation)
 
     def _on_clean_state(self, message: CleanState) -> None:
+        at = conversions.time_from_msg(message.header.stamp)
         if message.cause == CleanState.START:
-            self._board.apply(snapshot.with_new_experiment)
+            self._board.apply(snapshot.with_new_experiment, at)
         elif message.cause == CleanState.FINISHED:
             self._board.apply(snapshot.with_end, message.reason)
         else:
-            at = conversions.time_from_msg(message.header.stamp)
             self._board.apply(snapshot.with_interruption, snapshot.Mark(at, message.reason))
 
     def _on_predicted(self, message: TracerField) -> None:

@@ -24,7 +24,7 @@ FORECASTS_KEPT = 3
 REMARKS_KEPT = 6
 
 TIME_TOLERANCE = 0.5
-"""A forecast is for a photograph when their times differ by no more than this [s]."""
+"""Times that differ by no more than this [s] are those of one photograph."""
 
 
 @dataclass(frozen=True)
@@ -189,12 +189,12 @@ def _minus_forecast(observed: Map, now: Snapshot) -> FloatArray | None:
 def with_observation(now: Snapshot, observation: Observation) -> Snapshot:
     """Return the snapshot with a new state, set against the forecast that was made for it.
 
-    A photograph from before the experiment's first begins a new experiment: a bag was started
-    again, or a clock was set back.
+    A photograph from before the last one begins a new experiment: a bag was started again, or a
+    clock was set back.
     """
     time = observation.map.time
-    if now.start is not None and time < now.start:
-        now = with_new_experiment(now)
+    if now.observation is not None and time < now.observation.map.time:
+        now = with_new_experiment(now, time)
     now, map_ = _numbered(now, observation.map)
     return replace(
         now,
@@ -258,8 +258,15 @@ def with_cycle(now: Snapshot, point: CyclePoint) -> Snapshot:
     return replace(now, history=history[-HISTORY_LENGTH:], history_end=now.history_end + 1)
 
 
-def with_new_experiment(now: Snapshot) -> Snapshot:
-    """Return the snapshot without the previous experiment; the rig, pumps and nodes stay."""
+def with_new_experiment(now: Snapshot, time: float) -> Snapshot:
+    """Return the snapshot without what was before the experiment that starts at `time` [s].
+
+    The rig, pumps and nodes stay. So does its first photograph, which may come before the word
+    that it starts, as they travel on topics of their own.
+    """
+    alone = now.observation is not None and now.observation.map.time == now.start
+    if alone and now.start is not None and abs(now.start - time) <= TIME_TOLERANCE:
+        return now
     return replace(
         now,
         observation=None,

@@ -177,7 +177,7 @@ def test_maps_are_png_and_absent_ones_are_404() -> None:
                 assert (await response.read()).startswith(b'\x89PNG')
         assert (await client.get('/map/secret.png')).status == 404
         assert (await client.get('/map/observed.png?theme=pink')).status == 404
-        scene.board.apply(snapshot.with_new_experiment)
+        scene.board.apply(snapshot.with_new_experiment, START + 600.0)
         gone = await client.get('/map/observed.png')
         assert gone.status == 404
         assert 'no observed map yet' in await gone.text()

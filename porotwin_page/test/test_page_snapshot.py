@@ -64,7 +64,7 @@ def test_an_interruption_forgets_the_forecasts_and_leaves_a_mark() -> None:
 
 def test_a_new_experiment_drops_maps_and_curves_but_not_what_is_set_at_the_pumps() -> None:
     now = snapshot.with_measured(two_cycles(), rates(100.0), by_person=True)
-    now = snapshot.with_new_experiment(now)
+    now = snapshot.with_new_experiment(now, START + 600.0)
     assert now.observation is None
     assert now.history == ()
     assert now.start is None
@@ -72,7 +72,18 @@ def test_a_new_experiment_drops_maps_and_curves_but_not_what_is_set_at_the_pumps
     assert now.rig is not None
 
 
-def test_a_photograph_from_before_the_start_begins_a_new_experiment() -> None:
+def test_the_first_photograph_may_come_before_the_word_that_the_experiment_starts() -> None:
+    now = after((snapshot.with_observation, observation(1)), (snapshot.with_cycle, point(1)))
+    assert snapshot.with_new_experiment(now, START) == now
+
+
+def test_a_bag_that_starts_again_from_the_same_time_is_a_new_experiment() -> None:
+    now = snapshot.with_new_experiment(two_cycles(), START)
+    assert now.history == ()
+    assert now.observation is None
+
+
+def test_a_photograph_from_before_the_last_begins_a_new_experiment() -> None:
     replayed = snapshot.with_observation(
         snapshot.with_observation(Snapshot(), observation(5)), observation(1)
     )

@@ -176,7 +176,7 @@ def test_after_the_experiment_a_node_may_end() -> None:
 
 def test_history_starts_anew_with_an_experiment_and_for_a_browser_that_fell_behind() -> None:
     now = two_cycles()
-    anew = snapshot.with_cycle(snapshot.with_new_experiment(now), point(1))
+    anew = snapshot.with_cycle(snapshot.with_new_experiment(now, START + 600.0), point(1))
     assert history_view(anew, after=1)['reset']
     assert len(history_view(anew, after=1)['points']) == 1
     for sequence in range(3, snapshot.HISTORY_LENGTH + 10):
