@@ -103,9 +103,9 @@ class LocalFluxNetwork(nn.Module):
     network of c~ and q around the face. What a transport scheme gets wrong is the concentration
     that it carries across a face, so N has the meaning of a concentration; learned discretisations
     do the same (Zhuang et al., Phys. Rev. Fluids 6, 064605, 2021). By construction the correction
-    is zero where there is no tracer, makes and destroys none, makes no new extremum (`_bounded`) and
-    does not depend on where in the rig it was learned. For the same reasons it cannot make up for
-    tracer that was injected or lost unnoticed.
+    is zero where there is no tracer, makes and destroys none, makes no new extremum (`_bounded`)
+    and does not depend on where in the rig it was learned. For the same reasons it cannot make up
+    for tracer that was injected or lost unnoticed.
     """
 
     right_flow: Tensor
