@@ -57,6 +57,7 @@ def _timed(imaging: Imaging, state: bytes) -> dict[str, float]:
 def _rig(camera: tuple[int, int]) -> Rig:
     left, upper = _MARGIN, _MARGIN
     right, lower = camera[0] - _MARGIN, camera[1] - _MARGIN
+    corners = [[left, upper], [left, lower], [right, lower], [right, upper]]
     return Rig.model_validate(
         {
             'name': 'bench',
@@ -68,9 +69,7 @@ def _rig(camera: tuple[int, int]) -> Rig:
             'viscosity_pa_s': 1e-3,
             'density_kg_m3': 998.0,
             'wells': {},
-            'camera': {
-                'corners_px': [[left, upper], [left, lower], [right, lower], [right, upper]]
-            },
+            'camera': {'corners_px': corners},
         }
     )
 

@@ -25,6 +25,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_imaging import colour_checker, light, photograph, validity
 from porotwin_imaging.calibration import Calibration
+from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.registration import Aligner, Alignment
 from porotwin_imaging.sampling import Sampling, choose_reduction
@@ -121,18 +122,16 @@ class _Stopwatch:
 
 @dataclass(frozen=True)
 class _Baseline:
-    """What all photographs are compared with, on the sampling grid and on the map's cells.
+    """What all photographs are compared with.
 
-    `colours` (rows, columns, 3): linear red, green, blue where usable, 0 elsewhere; `mean`,
-    `square` (nz, nx, 3): over each cell; `usable` (rows, columns) 0 or 1; `share` (nz, nx) of
-    each cell; `fluctuation` (nz, nx, 3): variance of the log ratio between several baselines.
+    On the sampling grid `colours` (rows, columns, 3): linear red, green, blue; `usable` (rows,
+    columns) 0 or 1. `patches` (24, 3): the chart's, None when it was not found; `matrix` (3, 3)
+    takes the camera's colours to the chart's reference; `fluctuation` (nz, nx, 3): variance of the
+    log ratio between several baselines.
     """
 
     colours: Array
-    mean: Array
-    square: Array
-    usable: Array
-    share: Array
+    usable: NDArray[np.uint8]
     patches: Array | None
     matrix: Array
     fluctuation: Array
@@ -250,9 +249,8 @@ class Imaging:
             alignment = self._aligner.align(picture.pixels)
         with watch.stage('remap'):
             sampled = self.sampling.sample(picture.pixels, alignment.homography)
-            colours = _linear(sampled)
         with watch.stage('average'):
-            log_ratio, variance, share = self._compare(colours, self._baseline)
+            log_ratio, variance, share = self._compare(sampled, self._baseline)
         with watch.stage('light'):
             gain, remarks = self._checker_gain(picture.pixels, alignment, self._baseline)
             seen = share > self.settings.least_valid_share
@@ -282,11 +280,14 @@ class Imaging:
         """
         if self._baseline is None:
             raise InputError('no baseline yet: give a photograph taken before the injection')
-        share = np.maximum(self._baseline.share, 1e-3)[..., None]
-        rough = self.sampling.cell_means(
-            validity.texture(self._baseline.colours).astype(np.float32)
+        usable = self._baseline.usable.astype(np.float32)
+        share = np.maximum(self.sampling.cell_means(usable), 1e-3)
+        colours = self._baseline.colours * usable[..., None]
+        rough = validity.texture(self._baseline.colours).astype(np.float32) * usable
+        return (
+            self.sampling.cell_means(colours) / share[..., None],
+            self.sampling.cell_means(rough) / share,
         )
-        return self._baseline.mean / share, rough
 
     def _combine(self, pictures: list[NDArray[np.uint8]]) -> list[str]:
         """Make the baseline from decoded pictures, the first of which all are aligned to."""
@@ -303,73 +304,66 @@ class Imaging:
                 self.calibration.hidden, usable.shape[::-1], interpolation=cv2.INTER_NEAREST
             )
             usable &= hidden < 128
-        mask = usable.astype(np.float32)
-        share = self.sampling.cell_means(mask)
+        share = self.sampling.cell_means(usable.astype(np.float32))
         if not (share > self.settings.least_valid_share).any():
             raise InputError('baseline shows nothing of the sand: check light and corners_px')
         remarks, patches, matrix = self._match_colours(pictures[0])
-        colours = sampled[0]
-        if len(sampled) > 1:
-            means = [self.sampling.cell_means(one * mask[..., None]) for one in sampled]
-            gains = [
-                light.drift(_log_ratio(mean, means[0]), share, None).log_gain.mean(axis=(0, 1))
-                for mean in means
-            ]
-            colours = np.mean(
-                [one * np.exp(-gain) for one, gain in zip(sampled, gains, strict=True)], axis=0
-            )
-            ratios = np.array(
-                [_log_ratio(mean, means[0]) - gain for mean, gain in zip(means, gains, strict=True)]
-            )
-            fluctuation = ratios.var(axis=0, ddof=1)
-        colours = (colours * mask[..., None]).astype(np.float32)
-        mean = self.sampling.cell_means(colours)
-        if len(sampled) == 1:
-            fluctuation = np.zeros_like(mean)
-        self._baseline = _Baseline(
-            colours,
-            mean,
-            self.sampling.cell_means(colours * colours),
-            mask,
-            share,
-            patches,
-            matrix,
-            fluctuation,
-        )
+        colours, fluctuation = self._average(sampled, usable, share)
+        self._baseline = _Baseline(colours, usable.astype(np.uint8), patches, matrix, fluctuation)
         return remarks
 
-    def _compare(self, colours: Array, baseline: _Baseline) -> tuple[Array, Array, Array]:
+    def _average(
+        self, sampled: list[Array], usable: NDArray[np.bool_], share: Array
+    ) -> tuple[Array, Array]:
+        """Return the mean of sampled baselines, in the light of the first, and their fluctuation.
+
+        The fluctuation (nz, nx, 3) is the variance of the log ratio of one photograph to them.
+        """
+        if len(sampled) == 1:
+            return sampled[0], np.zeros((*self.grid.shape, 3), np.float32)
+        means = [self.sampling.cell_means(one * usable[..., None]) for one in sampled]
+        drifts = [light.drift(_log_ratio(mean, means[0]), share, None) for mean in means]
+        ratios = np.array(
+            [
+                _log_ratio(mean, means[0]) - drift.log_gain
+                for mean, drift in zip(means, drifts, strict=True)
+            ]
+        )
+        gains = [drift.log_gain.mean(axis=(0, 1)) for drift in drifts]
+        alike = [one * np.exp(-gain) for one, gain in zip(sampled, gains, strict=True)]
+        return np.mean(alike, axis=0).astype(np.float32), ratios.var(axis=0, ddof=1)
+
+    def _compare(
+        self, sampled: NDArray[np.uint8], baseline: _Baseline
+    ) -> tuple[Array, Array, Array]:
         """Return log ratio (nz, nx, 3) to the baseline, its variance, and the share of cells seen.
 
-        The ratio of sums over a cell weights every grain by its own light; its variance is that of
-        a ratio estimator (Cochran, Sampling Techniques, sec. 6.4), from what the samples leave.
+        Colours are those of the chart's reference: what the checker's matrix makes of the camera's,
+        which on means over cells is the same as on every pixel. The ratio of sums over a cell
+        weights every grain by its own light; its variance is that of a ratio estimator (Cochran,
+        Sampling Techniques, sec. 6.4), from what the samples leave.
         """
-        usable = baseline.usable
-        glare = colours.max(axis=2) >= validity.GLARE
-        if glare.any():
-            usable = usable * ~glare
-            masked = baseline.colours * ~glare[..., None]
-            mean, square = (self.sampling.cell_means(m) for m in (masked, masked * masked))
-            share = self.sampling.cell_means(usable)
-        else:
-            mean, square, share = baseline.mean, baseline.square, baseline.share
-        colours = colours * usable[..., None]
-        state = self.sampling.cell_means(colours)
-        product = self.sampling.cell_means(colours * baseline.colours)
-        own = self.sampling.cell_means(colours * colours)
-        scatter = self._scatter(own, product, square, state, mean)
-        samples = np.maximum(share * self.sampling.factor**2, 1.0)[..., None]
-        error = scatter * self.settings.correlated_samples / samples
-        variance = error / np.maximum(state, 1e-4) ** 2 + baseline.fluctuation
-        return _log_ratio(state, mean), variance, share
+        sums = cell_sums(
+            sampled,
+            baseline.colours,
+            baseline.usable,
+            light=LINEAR_LIGHT,
+            glare_level=photograph.BRIGHT_LEVEL,
+            factor=self.sampling.factor,
+        )
+        samples = np.maximum(sums.share * self.sampling.factor**2, 1.0)[..., None]
+        error = self._scatter(sums) * (self.settings.correlated_samples / samples)
+        state, before = (light @ baseline.matrix.T for light in (sums.state, sums.baseline))
+        variance = error @ (baseline.matrix**2).T / np.maximum(state, 1e-4) ** 2
+        return _log_ratio(state, before), variance + baseline.fluctuation, sums.share
 
-    def _scatter(
-        self, own: Array, product: Array, square: Array, state: Array, mean: Array
-    ) -> Array:
+    def _scatter(self, sums: CellSums) -> Array:
         """Return the mean square of what the ratio to the baseline leaves in a cell's samples.
 
         Cells of few samples are judged together with their neighbours.
         """
+        own, product, square = sums.state_square, sums.product, sums.baseline_square
+        state, mean = sums.state, sums.baseline
         if self.sampling.factor < FEWEST_SAMPLES_ACROSS:
             side = 2 * math.ceil(FEWEST_SAMPLES_ACROSS / self.sampling.factor / 2) + 1
             own, product, square, state, mean = (
@@ -387,6 +381,9 @@ class Imaging:
         if found is None:
             return ['colour checker not found: light is judged by the sand alone'], None, np.eye(3)
         matrix, kept = colour_checker.fit_matrix(found.patches, colour_checker.REFERENCE)
+        if not colour_checker.plausible(matrix):
+            remark = 'colour checker not believed: light is judged by the sand alone'
+            return [remark], None, np.eye(3)
         remarks = [
             f'colour checker found {found.moved_px * self.reduction:.0f} px from its given place, '
             f'{kept.sum()} of 24 patches used'

@@ -58,6 +58,8 @@ SEARCH = int(1.25 * PITCH)
 """The chart is looked for up to this far from its known place [px of the straightened chart]."""
 WORST_FIT = 0.2
 """Largest misfit of a found chart, relative to the spread of its colours."""
+LEAST_SPREAD = 0.02
+"""Spread of the patches' linear colours below which there is no chart but an even surface."""
 OVER_EXPOSED = 0.955
 """Linear value (grey level 250) from which a patch is over-exposed."""
 
@@ -119,6 +121,18 @@ def _misfit(patches: Array) -> Array:
     return np.sqrt((kept**2).mean(axis=-1) / ((spread**2).mean(axis=-1) + 1e-12))
 
 
+def _misfit_without_one(patches: Array) -> float:
+    """Return the least misfit of patches (24, 3) when any single one may be left out."""
+    found = []
+    for left_out in range(24):
+        kept = np.arange(24) != left_out
+        design = np.column_stack([REFERENCE, np.ones(24)])[kept]
+        values = patches[kept]
+        rest = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+        found.append(np.linalg.norm(rest) / (np.linalg.norm(values - values.mean(axis=0)) + 1e-9))
+    return float(min(found))
+
+
 def find(linear: Array, corners: Array) -> Checker | None:
     """Return the chart in a linear photograph (rows, columns, 3 = red, green, blue), or None.
 
@@ -143,10 +157,14 @@ def find(linear: Array, corners: Array) -> Checker | None:
     uneven = _box_means(chart**2, centres, half) - means**2
     spread = ((means - means.mean(axis=1, keepdims=True)) ** 2).sum(axis=(1, 2)) / 24
     roughness = np.sort(uneven.sum(axis=-1), axis=1)[:, :20].mean(axis=1)
-    score = _misfit(means) ** 2 + roughness / (spread + 1e-12)
-    best = int(np.argmin(score))
-    misfit = float(_misfit(means[best]))
-    if not misfit < WORST_FIT:
+    score = np.nan_to_num(_misfit(means) ** 2 + roughness / (spread + 1e-12), nan=np.inf)
+    if not np.isfinite(score).any():
+        return None
+    # evenly coloured patches fit equally well a few pixels around: take the middle of these places
+    alike = moves[score <= score.min() + 0.1 * abs(score.min()) + 1e-4, 0]
+    best = int(np.argmin(((moves[:, 0] - alike.mean(axis=0)) ** 2).sum(axis=1)))
+    misfit = _misfit_without_one(means[best])
+    if not (misfit < WORST_FIT and means[best].std() > LEAST_SPREAD):
         return None
     middle = np.array([width / 2, height / 2])
     there = np.array(apply_homography(homography, *(middle + moves[best, 0])))
@@ -181,3 +199,10 @@ def log_gain(patches: Array, baseline: Array) -> Array:
     usable = (patches < OVER_EXPOSED) & (baseline < OVER_EXPOSED) & (baseline > 0.05)
     ratio = np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4))
     return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])
+
+
+def plausible(matrix: Array) -> bool:
+    """Return whether a matrix (3, 3) is one between two cameras: mainly its diagonal, positive."""
+    diagonal = np.diag(matrix)
+    beside = np.abs(matrix - np.diag(diagonal)).sum(axis=1)
+    return bool((diagonal > 0.2).all() and (beside < 0.8 * diagonal).all())

@@ -76,7 +76,7 @@ def _away_from_tracer(left: Array) -> Array:
     spread = 1.4826 * np.median(np.abs(smooth - np.median(smooth)))
     dark = (smooth < -5.0 * spread - 0.01).astype(np.uint8)
     dark = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    reach = 2 * max(2, left.shape[1] // 40) + 1
+    reach = 2 * max(2, left.shape[1] // 25) + 1
     return 1.0 - cv2.dilate(dark, np.ones((reach, reach), np.uint8))
 
 

@@ -16,9 +16,12 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
-MOST_SANDS = 5
+MOST_SANDS = 6
+FEWEST_CELLS = 50
 SEPARATION = 3.0
 """Distance of two sands' looks, in their spreads, below which they are one sand."""
+LEAST_SPREAD = 0.05
+"""No sand's look is told more sharply than this: light and lens vary by so much [log]."""
 SMALLEST_SHARE = 0.004
 """Patches smaller than this share of the rig go to the sand around them."""
 INTERFACE_REACH = 3
@@ -43,35 +46,50 @@ def segment(colours: Array, texture: Array, seen: NDArray[np.bool_]) -> Labels:
     """Return which sand each cell holds, (nz, nx) from 0 up, the largest first.
 
     `colours` (nz, nx, 3) linear and `texture` (nz, nx) of the baseline; cells that are not `seen`
-    take the nearest sand. Features are the logs of texture, of brightness with its smooth part
-    removed, and of the share of blue; k-means with more classes than sands, then classes that are
-    not set apart by `SEPARATION` are one.
+    take the nearest sand. Features are the logs of texture, of brightness without what the lamps
+    vary, and of the share of blue; k-means with more classes than sands, then classes that are not
+    set apart by `SEPARATION` are one.
     """
-    features = _features(colours, texture, seen)
-    values = features[seen].astype(np.float32)
-    if len(values) < 50:
+    if seen.sum() < FEWEST_CELLS:
         return np.zeros(seen.shape, np.uint8)
-    cv2.setRNGSeed(7)
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
-    found = np.zeros((len(values), 1), np.int32)
-    cv2.kmeans(values, MOST_SANDS, found, criteria, 3, cv2.KMEANS_PP_CENTERS)
-    classes = _merged(values, found[:, 0])
+    mean = np.maximum(colours.mean(axis=2), 1e-4)
+    brightness, rough = np.log(mean), np.log(np.maximum(texture, 1e-3))
+    blue = np.log(np.maximum(colours[..., 2], 1e-4) / mean)
+    # texture and hue hardly depend on the lamps: they give the classes within which to judge light
+    first = _classes([rough, blue], seen)
+    even = brightness - _lamps(brightness, first, seen)
+    values, classes = _clustered([rough, 1.5 * even, blue], seen)
     labels = np.zeros(seen.shape, np.uint8)
-    labels[seen] = classes
+    labels[seen] = _merged(values, classes)
     return _sharpened(_tidy(labels, seen), colours, seen)
 
 
-def _features(colours: Array, texture: Array, seen: NDArray[np.bool_]) -> Array:
-    mean = np.maximum(colours.mean(axis=2), 1e-4)
-    brightness = np.log(mean)
+def _classes(planes: list[Array], seen: NDArray[np.bool_]) -> Array:
+    labels = np.zeros(seen.shape, int)
+    labels[seen] = _clustered(planes, seen)[1]
+    return labels
+
+
+def _clustered(planes: list[Array], seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return the features (n, k) of the seen cells and their classes (n,) by k-means."""
+    blurred = [_masked_median(plane.astype(np.float32), seen) for plane in planes]
+    values = np.stack(blurred, axis=-1)[seen].astype(np.float32)
+    classes = np.zeros((len(values), 1), np.int32)
+    cv2.setRNGSeed(7)
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
+    cv2.kmeans(values, MOST_SANDS, classes, criteria, 3, cv2.KMEANS_PP_CENTERS)
+    return values, classes[:, 0]
+
+
+def _lamps(brightness: Array, classes: Array, seen: NDArray[np.bool_]) -> Array:
+    """Return the smooth part of log brightness that all classes share: a quadratic in x and z."""
     rows, columns = np.indices(seen.shape)
     u, v = columns / seen.shape[1] - 0.5, rows / seen.shape[0] - 0.5
-    terms = np.stack([np.ones_like(u), u, u * u, v * v], axis=-1)
-    smooth = np.linalg.lstsq(terms[seen], brightness[seen], rcond=None)[0]
-    blue = np.log(np.maximum(colours[..., 2], 1e-4) / mean)
-    planes = [np.log(np.maximum(texture, 1e-3)), 1.5 * (brightness - terms @ smooth), blue]
-    blurred = [_masked_median(plane.astype(np.float32), seen) for plane in planes]
-    return np.stack(blurred, axis=-1)
+    smooth = np.stack([u, v, u * u, u * v, v * v], axis=-1)
+    members = classes[seen][:, None] == np.arange(MOST_SANDS)
+    design = np.column_stack([members, smooth[seen]])
+    found = np.linalg.lstsq(design, brightness[seen], rcond=None)[0]
+    return smooth @ found[MOST_SANDS:]
 
 
 def _masked_median(plane: Array, seen: NDArray[np.bool_]) -> Array:
@@ -92,7 +110,8 @@ def _merged(values: Array, classes: Array) -> Array:
         distance = {
             (a, b): float(
                 np.linalg.norm(
-                    (middle[a] - middle[b]) / np.maximum(0.5 * (spread[a] + spread[b]), 0.02)
+                    (middle[a] - middle[b])
+                    / np.maximum(0.5 * (spread[a] + spread[b]), LEAST_SPREAD)
                 )
             )
             for a, b in combinations(ids, 2)
@@ -159,8 +178,9 @@ def _sharpened(labels: Labels, colours: Array, seen: NDArray[np.bool_]) -> Label
 def fit_factors(signals: list[Array], labels: Labels) -> Factors:
     """Return the factors that make `signals` (each (nz, nx), NaN unseen) continuous.
 
-    A pair is a cell on either side of an interface, two cells away from it, so that neither mixes
-    sands. With s_a, s_b their signals, the log factors f minimise the sum of (ln s_a + f_a - ln s_b
+    A pair is two cells on either side of an interface, two and four cells away from it, so that
+    neither mixes sands; the signal is carried on to the interface from both sides, so that a slope
+    of concentration is no jump. With s_a, s_b the signals there, the log factors f minimise the sum of (ln s_a + f_a - ln s_b
     - f_b)^2, robustly; sands that no pair ties to the others keep the factor 1.
     """
     count = int(labels.max()) + 1
@@ -205,14 +225,18 @@ def _jumps(signals: list[Array], labels: Labels, strongest: Array) -> tuple[Arra
     """Return (first sand, second sand, ln s_first - ln s_second) of every pair with signal."""
     found = []
     for axis in (0, 1):
-        low, high = _shifted(labels, axis, 0, 4), _shifted(labels, axis, 4, 0)
-        inner_low, inner_high = _shifted(labels, axis, 1, 3), _shifted(labels, axis, 3, 1)
+        low, high, inner_low, inner_high, far_low, far_high = (
+            _shifted(labels, axis, n, 8 - n) for n in (2, 6, 3, 5, 0, 8)
+        )
         crossing = (low != high) & (inner_low == low) & (inner_high == high)
+        crossing &= (far_low == low) & (far_high == high)
         for signal in signals:
-            a, b = _shifted(signal, axis, 0, 4), _shifted(signal, axis, 4, 0)
-            strong = (a > LEAST_SIGNAL * strongest[low]) & (b > LEAST_SIGNAL * strongest[high])
-            chosen = crossing & strong & np.isfinite(a) & np.isfinite(b) & (a > 0) & (b > 0)
-            found.append((low[chosen], high[chosen], np.log(a[chosen]) - np.log(b[chosen])))
+            a, b, a_far, b_far = (_shifted(signal, axis, n, 8 - n) for n in (2, 6, 0, 8))
+            strong = np.minimum(a, a_far) > LEAST_SIGNAL * strongest[low]
+            strong &= np.minimum(b, b_far) > LEAST_SIGNAL * strongest[high]
+            chosen = crossing & strong  # NaN is never strong
+            logs = [np.log(plane[chosen]) for plane in (a, a_far, b, b_far)]
+            found.append((low[chosen], high[chosen], 2 * logs[0] - logs[1] - 2 * logs[2] + logs[3]))
     first, second, jump = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return first.astype(int), second.astype(int), jump
 

@@ -1,0 +1,162 @@
+"""A small laboratory for the tests: a rig, mottled sand, tracer, a chart, JPEG files."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from porotwin_core.rig import Rig
+from porotwin_imaging.colour_checker import REFERENCE
+
+SHARED = Path(__file__).resolve().parents[2].parent / 'shared'
+TRACER_PHOTOGRAPHS = SHARED / 'data' / 'fluidflower_tracer'
+
+WIDTH, HEIGHT = 0.9, 0.5
+PX_PER_M = 900.0
+LEFT, TOP = 40, 130
+
+
+@dataclass
+class Laboratory:
+    """Renders photographs of a 0.9 m x 0.5 m rig, 1 px = 1.1 mm, the sand's corner at (40, 130).
+
+    `transmission`: what stock leaves of red, green and blue light; `uptake` by sand;
+    `finer_below`: height [m] below which the sand is another one; 0: one sand.
+    """
+
+    transmission: tuple[float, float, float] = (0.35, 0.6, 0.45)
+    finer_below: float = 0.0
+    uptake: tuple[float, float] = (1.0, 1.0)
+    seed: int = 5
+    size: tuple[int, int] = (890, 620)
+    chart_at: tuple[int, int] = (60, 30)
+    _grains: NDArray[np.floating] = field(init=False)
+
+    def __post_init__(self) -> None:
+        generator = np.random.default_rng(self.seed)
+        rows, columns = self.size[1], self.size[0]
+        coarse = generator.normal(0, 1, (rows // 3 + 1, columns // 3 + 1)).astype(np.float32)
+        self._grains = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_CUBIC)
+
+    @property
+    def rig(self) -> Rig:
+        left, top = LEFT, TOP
+        right, bottom = LEFT + WIDTH * PX_PER_M, TOP + HEIGHT * PX_PER_M
+        x, y = self.chart_at
+        w, h = 145.0, 95.0
+        return Rig.model_validate(
+            {
+                'name': 'test',
+                'width_m': WIDTH,
+                'height_m': HEIGHT,
+                'depth_m': 0.01,
+                'porosity': 0.4,
+                'permeability_m2': 1e-9,
+                'viscosity_pa_s': 1e-3,
+                'density_kg_m3': 998.0,
+                'wells': {'injector': {'x_m': 0.3, 'z_m': 0.2}},
+                'camera': {
+                    'corners_px': [[left, top], [left, bottom], [right, bottom], [right, top]],
+                    'colour_checker_px': [[x, y], [x, y + h], [x + w, y + h], [x + w, y]],
+                },
+            }
+        )
+
+    def scene(self, concentration: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return linear red, green, blue of the rig with a map (nz, nx) of tracer."""
+        rows, columns = self.size[1], self.size[0]
+        light = np.full((rows, columns, 3), 0.3, np.float32) * [1.0, 0.9, 0.5]
+        bottom, right = int(TOP + HEIGHT * PX_PER_M), int(LEFT + WIDTH * PX_PER_M)
+        inside = (slice(TOP, bottom), slice(LEFT, right))
+        seen = cv2.resize(
+            np.ascontiguousarray(concentration[::-1], np.float32),
+            (right - LEFT, bottom - TOP),
+            interpolation=cv2.INTER_LINEAR,
+        )
+        height = HEIGHT - (np.arange(bottom - TOP) + 0.5) / PX_PER_M
+        fine = np.broadcast_to((height < self.finer_below)[:, None], seen.shape)
+        contrast = np.where(fine, 0.06, 0.25)
+        shade = np.clip(1 + contrast * self._grains[inside], 0.3, None)
+        tone = np.where(fine[..., None], [0.34, 0.26, 0.2], [0.2, 0.14, 0.1])
+        uptake = np.where(fine, self.uptake[1], self.uptake[0])
+        left = 1 - (1 - np.array(self.transmission)) * (seen * uptake)[..., None]
+        light[inside] = tone * shade[..., None] * left
+        self._chart(light)
+        return light.astype(np.float32)
+
+    def _chart(self, light: NDArray[np.floating]) -> None:
+        x, y = self.chart_at
+        light[y - 10 : y + 105, x - 10 : x + 155] = 0.012
+        for index in range(24):
+            row, column = divmod(index, 6)
+            top, left = y + 25 * row, x + 25 * column
+            light[top : top + 20, left : left + 20] = np.clip(REFERENCE[index], 0.005, 1)
+
+    def photograph(
+        self,
+        concentration: NDArray[np.floating],
+        *,
+        gain: float = 1.0,
+        slope: float = 0.0,
+        shift: tuple[float, float] = (0.0, 0.0),
+        noise: float = 1.0,
+        seed: int = 9,
+    ) -> bytes:
+        """Return the JPEG file: brighter by `gain`, `slope` across, moved by `shift` px."""
+        light = self.scene(concentration) * gain
+        light = light * (1 + slope * np.linspace(-0.5, 0.5, self.size[0]))[None, :, None]
+        move = np.array([[1.0, 0, shift[0]], [0, 1.0, shift[1]]])
+        light = cv2.warpAffine(
+            light.astype(np.float32), move, self.size, flags=cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        return encode(light, noise=noise, seed=seed)
+
+
+def encode(light: NDArray[np.floating], *, noise: float = 1.0, seed: int = 9) -> bytes:
+    """Return linear red, green, blue as a JPEG file in sRGB, with sensor noise."""
+    light = np.clip(light, 0, 1)
+    curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    levels = 255 * curve + np.random.default_rng(seed).normal(0, noise, light.shape)
+    pixels = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    _, data = cv2.imencode('.jpg', pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])
+    return data.tobytes()
+
+
+def plume(shape: tuple[int, int], x: float, z: float, radius: float) -> NDArray[np.floating]:
+    """Return a round plume of stock with a smooth rim, (nz, nx), in metres."""
+    nz, nx = shape
+    zz, xx = np.meshgrid(
+        (np.arange(nz) + 0.5) * HEIGHT / nz, (np.arange(nx) + 0.5) * WIDTH / nx, indexing='ij'
+    )
+    return 0.5 * (1 - np.tanh((np.hypot(xx - x, zz - z) - radius) / 0.01))
+
+
+@pytest.fixture(scope='session')
+def laboratory() -> Laboratory:
+    return Laboratory()
+
+
+@pytest.fixture
+def new_laboratory():
+    return Laboratory
+
+
+@pytest.fixture(scope='session')
+def make_plume():
+    return plume
+
+
+@pytest.fixture(scope='session')
+def make_jpeg():
+    return encode
+
+
+@pytest.fixture(scope='session')
+def tracer_photographs() -> Path:
+    if not (TRACER_PHOTOGRAPHS / 'tracer_3.jpg').is_file():
+        pytest.skip(f'needs the real photographs in {TRACER_PHOTOGRAPHS}')
+    return TRACER_PHOTOGRAPHS

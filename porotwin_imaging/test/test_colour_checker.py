@@ -1,0 +1,66 @@
+"""The Classic chart: its published colours, where it is, what it says."""
+
+import colour
+import numpy as np
+import pytest
+
+from porotwin_imaging import colour_checker
+from porotwin_imaging.colour_checker import REFERENCE
+
+CORNERS = np.array([[60.0, 30.0], [60, 125], [205, 125], [205, 30]])
+
+
+@pytest.fixture
+def picture(laboratory) -> np.ndarray:
+    return laboratory.scene(np.zeros((2, 2)))
+
+
+def test_reference_is_what_colour_science_publishes() -> None:
+    chart = colour.CCS_COLOURCHECKERS['ColorChecker24 - After November 2014']
+    xyz = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
+    published = colour.XYZ_to_RGB(
+        xyz, 'sRGB', illuminant=chart.illuminant, chromatic_adaptation_transform='Bradford'
+    )
+    np.testing.assert_allclose(REFERENCE, published, atol=1e-4)
+
+
+@pytest.mark.parametrize('error', [(0, 0), (12, -8), (-15, 10), (18, 14)])
+def test_the_chart_is_found_near_its_known_place(picture, error) -> None:
+    found = colour_checker.find(picture, CORNERS + error)
+    assert found is not None
+    assert found.moved_px == pytest.approx(np.hypot(*error), abs=2.5)
+    np.testing.assert_allclose(found.patches, np.clip(REFERENCE, 0.005, 1), atol=0.02)
+
+
+def test_a_picture_without_a_chart_has_none(picture) -> None:
+    grains = np.random.default_rng(4).uniform(0.2, 0.4, picture.shape).astype(np.float32)
+    assert colour_checker.find(grains, CORNERS) is None
+    assert colour_checker.find(np.full_like(picture, 0.3), CORNERS) is None
+    assert colour_checker.find(picture, CORNERS + [300, 250]) is None
+
+
+@pytest.mark.parametrize('patch', [0, 9, 18, 20])
+@pytest.mark.parametrize('value', [0.0, 1.0], ids=['covered', 'over-exposed'])
+def test_one_spoiled_patch_moves_neither_place_nor_colours(picture, patch, value) -> None:
+    row, column = divmod(patch, 6)
+    top, left = 30 + 25 * row, 60 + 25 * column
+    picture[top - 3 : top + 23, left - 3 : left + 23] = value
+    found = colour_checker.find(picture, CORNERS + [7, 5])
+    assert found is not None
+    matrix, kept = colour_checker.fit_matrix(found.patches, REFERENCE)
+    assert not kept[patch]
+    np.testing.assert_allclose(matrix, np.eye(3), atol=0.03)
+
+
+def test_the_matrix_of_a_camera_is_recovered() -> None:
+    camera = np.array([[0.8, 0.15, 0.02], [0.1, 0.7, 0.1], [0.0, 0.1, 0.6]])
+    matrix, kept = colour_checker.fit_matrix(REFERENCE @ camera.T, REFERENCE)
+    np.testing.assert_allclose(matrix @ camera, np.eye(3), atol=1e-6)
+    assert kept.all()
+
+
+def test_light_is_read_from_the_chart_despite_a_covered_patch() -> None:
+    gain = np.array([1.08, 1.1, 0.93])
+    later = REFERENCE * gain
+    later[20] = 0.0
+    np.testing.assert_allclose(colour_checker.log_gain(later, REFERENCE), np.log(gain), atol=1e-6)

@@ -1,0 +1,69 @@
+"""Sands told apart, and made continuous."""
+
+import numpy as np
+import pytest
+
+from porotwin_imaging import sands
+
+NZ, NX = 100, 180
+
+
+def layered() -> np.ndarray:
+    labels = np.zeros((NZ, NX), np.uint8)
+    labels[40:65] = 1
+    labels[85:] = 2
+    return labels
+
+
+def looks(labels: np.ndarray, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    brightness = np.array([0.12, 0.28, 0.19])[labels]
+    rough = np.array([0.2, 0.05, 0.11])[labels]
+    vignette = 1 - 0.3 * np.linspace(-1, 1, NX)[None, :] ** 2
+    grains = 1 + 0.2 * rough * generator.normal(size=labels.shape)
+    colours = (brightness * vignette * grains)[..., None] * [1.0, 0.7, 0.5]
+    return colours, rough * (1 + 0.1 * generator.normal(size=labels.shape))
+
+
+def test_layers_are_told_apart_under_a_vignette() -> None:
+    truth = layered()
+    found = sands.segment(*looks(truth), np.ones(truth.shape, bool))
+    assert found.max() == 2
+    # the largest sand is 0; match the others by what they cover most
+    same = np.zeros(truth.shape, bool)
+    for label in range(3):
+        same |= (found == label) & (truth == np.bincount(truth[found == label]).argmax())
+    assert same.mean() > 0.98
+
+
+def test_one_sand_is_one_sand() -> None:
+    truth = np.zeros((NZ, NX), np.uint8)
+    assert sands.segment(*looks(truth), np.ones(truth.shape, bool)).max() == 0
+
+
+def test_unseen_cells_take_the_nearest_sand() -> None:
+    truth = layered()
+    seen = np.ones(truth.shape, bool)
+    seen[50, :] = False
+    found = sands.segment(*looks(truth), seen)
+    assert (found[50] == found[48]).mean() > 0.98
+
+
+@pytest.mark.parametrize('factors', [(1.0, 1.5, 1.2), (1.0, 0.8, 1.0)])
+def test_factors_make_the_signal_continuous(factors) -> None:
+    labels = layered()
+    x, z = np.meshgrid(np.linspace(-1, 1, NX), np.linspace(-1, 1, NZ))
+    concentration = 0.5 * (1 - np.tanh((np.hypot(x, 0.5 * z) - 0.7) / 0.1))
+    signal = concentration / np.array(factors)[labels]
+    signal += np.random.default_rng(5).normal(0, 0.01, signal.shape)
+    found = sands.fit_factors([signal], labels)
+    relative = np.array(found.values) / found.values[0]
+    np.testing.assert_allclose(relative, np.array(factors) / factors[0], rtol=0.02)
+    assert found.jump_after < found.jump_before
+
+
+def test_an_interface_without_signal_does_not_count() -> None:
+    labels = layered()
+    signal = np.random.default_rng(5).normal(0, 0.01, labels.shape)
+    signal[10:30, 40:90] += 0.8  # tracer that touches no interface
+    assert sands.fit_factors([signal], labels).values == (1.0, 1.0, 1.0)
