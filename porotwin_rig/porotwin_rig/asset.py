@@ -160,7 +160,7 @@ class VirtualRig:
 
     def visible(self) -> FloatArray:
         """Return what a perfect camera would see at the mesh's vertices (nz + 1, nx + 1)."""
-        if 'stain' in self.effects:
+        if self.effects.number('stain', 'delay') > 0.0:
             return self._signal
         return self._dissolved()
 

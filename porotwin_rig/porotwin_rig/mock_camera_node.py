@@ -16,6 +16,9 @@ from porotwin_core.node import declare, run
 from porotwin_recording.photos import read_photos
 from porotwin_rig.faults import FAULTS, parse_faults
 
+SETTLE_S = 2.0
+"""Wait after a listener is seen: it may not have seen this camera yet."""
+
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
 
@@ -53,6 +56,7 @@ class MockCameraNode(Node):
         deadline = time.monotonic() + self._patience
         while not self._photo.get_subscription_count() and time.monotonic() < deadline:
             time.sleep(0.1)
+        time.sleep(SETTLE_S)
         for number, (stamp, path) in enumerate(self._states):
             time.sleep(self._period)
             if not self.context.ok():

@@ -40,8 +40,8 @@ ASPECT = 0.625
 CLOCK_PERIOD_S = 0.2
 """Wall time between repetitions of /clock, for nodes that start late."""
 
-SETTLE_S = 1.0
-"""Wait after everyone is there, for those that nobody can count, such as a recorder."""
+SETTLE_S = 2.0
+"""Wait after everyone is there: for a recorder, and for listeners that do not see this node yet."""
 
 
 class VirtualRigNode(Node):
@@ -56,8 +56,10 @@ class VirtualRigNode(Node):
         super().__init__('virtual_rig', **kwargs)
         self.set_parameters([Parameter('use_sim_time', value=True)])
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        self._interval = _positive(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
-        self._duration = _positive(self, 'duration_s', 4800.0, 'length of the experiment [s]')
+        interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
+        duration = declare(self, 'duration_s', 4800.0, 'length of the experiment [s]')
+        self._interval = _positive('photo_interval_s', interval)
+        self._duration = _positive('duration_s', duration)
         self._pace = _pace(declare(self, 'speed', 'max', 'max, or times faster than real time'))
         self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
         self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
@@ -233,10 +235,9 @@ class VirtualRigNode(Node):
         )
 
 
-def _positive(node: Node, name: str, default: float, description: str) -> float:
-    value = float(declare(node, name, default, description))
+def _positive(name: str, value: float) -> float:
     if not value > 0.0:
-        raise InputError(f"parameter '{name}' of {node.get_name()}: {value:g}; give a positive one")
+        raise InputError(f"parameter '{name}' of the virtual rig: {value:g}; give a positive one")
     return value
 
 

@@ -1,0 +1,258 @@
+"""What each effect does to the asset, against exact relations; and how wrong ones are refused."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import make_rig, rates
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
+from porotwin_core.units import from_ml_h
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.effects import KNOWN, parse_effects
+from porotwin_rig.sorption import dissolved_in_equilibrium
+
+CELL = 0.005
+TOLD = rates(injector=(500.0, 1.0), control1=200.0, producer=-700.0)
+
+
+def after(seconds: float, *effects: str, interval: float = 30.0, **told: object) -> VirtualRig:
+    """Return the rig with effects after some time of pumping."""
+    asset = VirtualRig(make_rig(), effects=parse_effects(';'.join(effects)), cell=CELL)
+    asset.set_rates(told.get('told', TOLD))  # type: ignore[arg-type]
+    for _ in range(round(seconds / interval)):
+        asset.advance(interval)
+    return asset
+
+
+def difference(one: VirtualRig, other: VirtualRig) -> float:
+    a, b = one.visible(), other.visible()
+    return float(np.linalg.norm(a - b) / np.linalg.norm(b))
+
+
+def centre(asset: VirtualRig) -> tuple[float, float]:
+    """Return the centre of the tracer's mass [m]."""
+    weight = asset.visible() * asset.mesh.box_area
+    total = weight.sum()
+    return (
+        float((weight * asset.mesh.x[None, :]).sum() / total),
+        float((weight * asset.mesh.z[:, None]).sum() / total),
+    )
+
+
+def test_retardation_slows_everything_by_its_factor() -> None:
+    retarded = after(900.0, 'retardation:retardation_factor=1.5', interval=45.0)
+    plain = after(600.0, interval=30.0)
+    assert difference(retarded, plain) < 0.03
+    assert retarded.total_mass() == pytest.approx(1.5 * plain.total_mass(), rel=1e-6)
+
+
+def test_porosity_and_retardation_cannot_be_told_apart_by_the_camera() -> None:
+    # but for the molecular diffusion, which acts on another amount of water
+    assert difference(after(600.0, 'porosity:factor=1.2'), after(600.0)) > 0.1
+    one = after(600.0, 'porosity:factor=1.2')
+    other = after(600.0, 'retardation:retardation_factor=1.2')
+    assert difference(one, other) < 0.01
+
+
+def test_decay_loses_what_the_ages_of_the_tracer_say() -> None:
+    rate, seconds = 2e-4, 900.0
+    asset = after(seconds, f'decay:rate={rate}')
+    left = from_ml_h(500.0) * (1.0 - math.exp(-rate * seconds)) / rate
+    assert asset.total_mass() == pytest.approx(left, rel=1e-5)
+    assert asset.decayed == pytest.approx(asset.injected - left, rel=1e-3)
+
+
+def test_rate_factor_is_the_same_as_telling_the_pump_so() -> None:
+    weaker = {**TOLD, 'injector': rates(injector=(450.0, 1.0))['injector']}
+    asset = after(300.0, 'rate:well=injector,factor=0.9')
+    assert difference(asset, after(300.0, told=weaker)) < 1e-12
+    assert asset.measured_rates()['injector'].rate == pytest.approx(from_ml_h(500.0))
+
+
+def test_pulsation_has_no_net_effect_over_a_whole_period() -> None:
+    asset = after(600.0, 'pulsation:well=injector,amplitude=0.3,period=300')
+    assert asset.injected == pytest.approx(from_ml_h(500.0) * 600.0, rel=1e-9)
+    half = after(150.0, 'pulsation:well=injector,amplitude=0.3,period=300')
+    assert half.injected == pytest.approx(from_ml_h(500.0) * (150.0 + 0.3 * 300.0 / math.pi))
+
+
+def test_pump_drift_wears_the_pump_out_linearly() -> None:
+    asset = after(600.0, 'pump_drift:well=injector,drift=-1e-4')
+    assert asset.injected == pytest.approx(from_ml_h(500.0) * (600.0 - 0.5e-4 * 600.0**2))
+
+
+def test_fast_exchange_with_resting_water_is_no_effect_and_slow_exchange_less_porosity() -> None:
+    fast = after(600.0, 'dual_porosity:immobile_fraction=0.1,exchange_rate=0.5')
+    assert difference(fast, after(600.0)) < 0.12  # the exchange in steps disperses a little
+    assert centre(fast) == pytest.approx(centre(after(600.0)), abs=2e-3)
+    slow = after(600.0, 'dual_porosity:immobile_fraction=0.1,exchange_rate=1e-9')
+    reduced = after(600.0, 'porosity:factor=0.9')
+    apart = np.linalg.norm(slow.visible() / 0.9 - reduced.visible())
+    assert apart < 0.03 * np.linalg.norm(reduced.visible())
+    assert slow.total_mass() == pytest.approx(slow.injected)
+
+
+def test_denser_tracer_sinks_and_lighter_tracer_rises() -> None:
+    _, plain = centre(after(450.0))
+    assert centre(after(450.0, 'buoyancy:density_difference=4'))[1] < plain - 0.005
+    assert centre(after(450.0, 'buoyancy:density_difference=-4'))[1] > plain + 0.005
+
+
+def test_settling_tracer_sinks_at_its_velocity_through_resting_water() -> None:
+    asset = after(600.0, 'settling:velocity=2e-5')
+    before = centre(asset)[1]
+    asset.set_rates({})
+    for _ in range(20):
+        asset.advance(60.0)
+    assert centre(asset)[1] == pytest.approx(before - 2e-5 * 1200.0, abs=5e-4)
+    assert asset.total_mass() == pytest.approx(asset.injected)
+
+
+def test_background_flow_carries_the_plume_along() -> None:
+    asset = after(600.0, 'background_flow:x_velocity=2e-6,z_velocity=-1e-6')
+    x, z = centre(asset)
+    asset.set_rates({})
+    for _ in range(20):
+        asset.advance(60.0)
+    moved_x, moved_z = centre(asset)
+    assert moved_x - x == pytest.approx(2e-6 / 0.375 * 1200.0, rel=0.01)
+    assert moved_z - z == pytest.approx(-1e-6 / 0.375 * 1200.0, rel=0.01)
+
+
+def test_moved_well_moves_its_plume() -> None:
+    short = rates(injector=(500.0, 1.0))
+    x, z = centre(after(60.0, told=short))
+    moved = centre(after(60.0, 'well_position:well=injector,dx=0.02,dz=-0.01', told=short))
+    assert moved == pytest.approx((x + 0.02, z - 0.01), abs=5e-4)
+
+
+def test_deeper_middle_takes_more_tracer_over_less_area() -> None:
+    plain, deep = after(600.0), after(600.0, 'depth:factor_centre=1.5')
+    assert deep.total_mass() == pytest.approx(plain.total_mass(), rel=1e-6)
+    assert (deep.visible() > 0.5).sum() < 0.85 * (plain.visible() > 0.5).sum()
+
+
+def test_leak_out_takes_tracer_along() -> None:
+    asset = after(900.0, 'leak:x=0.25,z=0.25,rate=-60')
+    assert asset.removed == pytest.approx(from_ml_h(60.0) * 900.0, rel=0.15)
+    assert asset.total_mass() == pytest.approx(asset.injected - asset.removed, rel=1e-12)
+
+
+def test_tight_streak_shadows_what_lies_behind_it() -> None:
+    wall = 'streak:x=0.32,z=0.05,x_end=0.32,z_end=0.45,permeability_factor=1e-3,width=0.01'
+    asset, plain = after(1800.0, wall), after(1800.0)
+    behind = asset.mesh.x > 0.34
+    shadowed, free = (rig.visible()[:, behind].sum() for rig in (asset, plain))
+    assert shadowed < 0.2 * free
+
+
+def test_tight_zone_is_flowed_round() -> None:
+    x, z = 0.30, 0.235
+    zone = f'heterogeneity:x={x},z={z},radius=0.03,permeability_factor=0.01'
+    asset, plain = after(900.0, zone), after(900.0)
+    mesh = asset.mesh
+    inside = np.hypot(mesh.x[None, :] - x, mesh.z[:, None] - z) < 0.02
+    assert asset.visible()[inside].mean() < 0.3
+    assert plain.visible()[inside].mean() > 0.9
+
+
+def test_layer_that_conducts_sideways_stretches_the_plume() -> None:
+    asset, plain = after(600.0, 'anisotropy:z_low=0,z_high=0.562,ratio=9'), after(600.0)
+    spans = []
+    for rig in (asset, plain):
+        rows, columns = np.nonzero(rig.visible() > 0.5)
+        spans.append(np.ptp(columns) / np.ptp(rows))
+    assert spans[0] > 2.0 * spans[1]
+
+
+def test_swaying_water_table_moves_tracer_and_brings_it_back() -> None:
+    asset = after(600.0)
+    swaying = after(600.0, 'water_table:amplitude=1e-3,period=1200')
+    assert difference(swaying, asset) > 0.02
+
+
+def test_viscous_tracer_makes_a_difference_and_keeps_its_mass() -> None:
+    asset = after(300.0, 'viscosity:viscosity_ratio=2')
+    assert difference(asset, after(300.0)) > 0.01
+    assert asset.total_mass() == pytest.approx(asset.injected)
+
+
+def test_dispersion_widens_the_front() -> None:
+    wide = after(300.0, 'dispersion:longitudinal_dispersivity=0.005,transverse_dispersivity=0.0005')
+    shares = [
+        ((field > 0.1) & (field < 0.9)).sum() / (field > 0.1).sum()
+        for field in (wide.visible(), after(300.0).visible())
+    ]
+    assert shares[0] > 2.0 * shares[1]
+    assert wide.total_mass() == pytest.approx(wide.injected, rel=1e-4)
+
+
+def test_sorption_equilibrium_is_met() -> None:
+    total = np.array([0.0, 1e-9, 1e-3, 0.2, 1.0])
+    dissolved = dissolved_in_equilibrium(total, 0.3, 0.6)
+    np.testing.assert_allclose(dissolved + 0.3 * dissolved**0.6, total, rtol=1e-9, atol=1e-15)
+
+
+def test_freundlich_sorption_hides_tracer_and_keeps_its_mass() -> None:
+    asset = after(150.0, 'freundlich:capacity=0.1,exponent=0.6')
+    assert asset.mobile_mass() < 0.95 * asset.total_mass()
+    assert asset.total_mass() == pytest.approx(asset.injected)
+
+
+def test_stain_lags_behind_the_tracer() -> None:
+    asset = after(300.0, 'stain:delay=120')
+    late = asset.visible().sum()
+    asset.set_rates({})
+    asset.advance(3000.0)
+    assert asset.visible().sum() > 1.2 * late
+
+
+@pytest.mark.parametrize('name', sorted(KNOWN))
+def test_neutral_parameters_are_no_effect(name: str) -> None:
+    if name in ('rate', 'well_position', 'pulsation', 'pump_drift'):
+        text = f'{name}:well=injector'
+    elif name in ('leak', 'heterogeneity', 'streak', 'reflection'):
+        text = f'{name}:x=0.3,z=0.3' + (',permeability_factor=1' if name == 'streak' else '')
+    else:
+        text = name
+    asset = VirtualRig(make_rig(), effects=parse_effects(text), cell=0.012)
+    plain = VirtualRig(make_rig(), cell=0.012)
+    for rig in (asset, plain):
+        rig.set_rates(TOLD)
+        for _ in range(4):
+            rig.advance(30.0)
+    # effects that shorten the steps read the field more often
+    assert difference(asset, plain) < 0.12
+
+
+@pytest.mark.parametrize(
+    ('text', 'complaint'),
+    [
+        ('magnetism:field=1', "'magnetism' is not known"),
+        ('decay:speed=1', "no parameter 'speed'"),
+        ('decay:rate=fast', 'wrong kind'),
+        ('rate:well=nowhere,factor=1', "unknown well 'nowhere'"),
+    ],
+)
+def test_wrong_effects_are_refused_by_name(text: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        VirtualRig(make_rig(), effects=parse_effects(text), cell=0.02)
+
+
+def test_text_without_values_is_refused() -> None:
+    with pytest.raises(InputError, match='PARAMETER=VALUE'):
+        parse_effects('decay:rate')
+
+
+def test_effects_as_text_and_as_descriptions_are_the_same() -> None:
+    assert parse_effects('rate:well=injector,factor=0.9; decay:rate=1e-4') == (
+        EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.9}),
+        EffectDescription(name='decay', parameters={'rate': 1e-4}),
+    )
+
+
+def test_unknown_well_is_refused() -> None:
+    with pytest.raises(InputError, match="unknown well 'nowhere'"):
+        VirtualRig(make_rig(), cell=0.02).set_rates(rates(nowhere=1.0))

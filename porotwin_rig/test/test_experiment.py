@@ -1,0 +1,94 @@
+"""Experiments written by the virtual rig are experiment folders, and hold what happened."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import make_rig, rates
+
+from porotwin_core.errors import InputError
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule
+from porotwin_recording.concentration import open_maps
+from porotwin_recording.experiment import read_experiment
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.effects import parse_effects
+from porotwin_rig.experiment import make_experiment, signals
+from porotwin_rig.observation import MapNoise
+
+PAUSE = rates(injector=(0.0, 1.0), producer=0.0)
+PUMP = rates(injector=(500.0, 1.0), producer=-500.0)
+TOLD = Schedule.from_rates([(0.0, PUMP), (130.0, PAUSE), (200.0, PUMP)])
+
+
+def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
+    rig = make_rig()
+    made = make_experiment(
+        tmp_path / 'run',
+        rig,
+        told=TOLD,
+        duration=300.0,
+        photo_interval=60.0,
+        seed=4,
+        noise=MapNoise(),
+        effects=parse_effects('decay:rate=1e-4'),
+        photo_width=320,
+        truth=tmp_path / 'truth.nc',
+    )
+    found = read_experiment(tmp_path / 'run')
+    assert found.rig.effects == ()  # the effects stay untold
+    assert found.rig.wells == rig.wells
+    assert found.rig.camera is not None
+    assert found.told == TOLD
+    assert found.maps is not None
+    np.testing.assert_array_equal(found.maps.times, np.arange(0.0, 301.0, 60.0))
+    assert [photo.role for photo in found.photos] == ['baseline'] + ['state'] * 5
+    assert found.photos[3].read()[:2] == b'\xff\xd8'
+    truth = open_maps(tmp_path / 'truth.nc', rig)
+    gap = np.linalg.norm(found.maps[-1] - truth[-1]) / np.linalg.norm(truth[-1])
+    assert gap == pytest.approx(made.noise_floor, rel=0.2)
+    assert made.injected == pytest.approx(from_ml_h(500.0) * 230.0)
+
+
+def test_without_noise_maps_are_the_truth(tmp_path: Path) -> None:
+    made = make_experiment(
+        tmp_path / 'run',
+        make_rig(),
+        told=TOLD,
+        duration=90.0,
+        photo_interval=30.0,
+        seed=4,
+        truth=tmp_path / 'truth.nc',
+    )
+    assert made.noise_floor == 0.0
+    maps = read_experiment(tmp_path / 'run').maps
+    assert maps is not None
+    np.testing.assert_array_equal(maps[:], open_maps(tmp_path / 'truth.nc', make_rig())[:])
+
+
+def test_clock_effect_shows_the_rig_at_another_time() -> None:
+    rig = make_rig()
+    grid = rig.grid(60, 40)
+    late = VirtualRig(rig, effects=parse_effects('clock:offset=90'), cell=0.01)
+    plain = VirtualRig(rig, cell=0.01)
+    shown = dict(signals(late, TOLD, times=[0.0, 60.0], grid=grid))
+    true = dict(signals(plain, TOLD, times=[0.0, 90.0, 150.0], grid=grid))
+    for stamp, moment in ((0.0, 90.0), (60.0, 150.0)):
+        apart = np.abs(shown[stamp] - true[moment]).sum() / true[moment].sum()
+        assert apart < 0.06  # the plain rig stops once more on its way
+    early = VirtualRig(rig, effects=parse_effects('clock:offset=-90'), cell=0.01)
+    assert next(signals(early, TOLD, times=[60.0], grid=grid))[1].max() == 0.0
+
+
+def test_folder_in_use_is_refused(tmp_path: Path) -> None:
+    (tmp_path / 'rig.yaml').write_text('name: mine')
+    with pytest.raises(InputError, match='already'):
+        make_experiment(tmp_path, make_rig(), told=TOLD, duration=60.0, photo_interval=30.0, seed=1)
+    assert (tmp_path / 'rig.yaml').read_text() == 'name: mine'
+
+
+def test_times_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='positive'):
+        make_experiment(
+            tmp_path / 'x', make_rig(), told=TOLD, duration=0.0, photo_interval=30.0, seed=1
+        )

@@ -1,0 +1,270 @@
+"""The virtual rig and the mock camera as real processes; this test plays the twin over DDS."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import make_rig, rates
+
+from porotwin_core.rig import load_rig, write_rig
+from porotwin_core.units import to_ml_h
+from porotwin_core.wells import Schedule
+from porotwin_recording.concentration import open_maps
+from porotwin_rig.experiment import make_experiment
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import CompressedImage  # noqa: E402
+
+from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_msgs.msg import CleanState, Outcome, Setpoint, WellRates  # noqa: E402
+from porotwin_msgs.srv import Control, Ping  # noqa: E402
+
+pytestmark = pytest.mark.graph
+
+PATIENCE = 60.0
+"""Longest wait for anything [s], on a busy machine."""
+
+
+@pytest.fixture(scope='module', autouse=True)
+def domain() -> Iterator[None]:
+    before = dict(os.environ)
+    os.environ['ROS_DOMAIN_ID'] = str(10 + (os.getpid() + 37) % 90)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    yield
+    os.environ.clear()
+    os.environ.update(before)
+
+
+class Twin:
+    """Plays the twin: keeps what it hears in order, answers photographs with setpoints."""
+
+    def __init__(self, answers: dict[float, dict[str, Any]]) -> None:
+        self.heard: list[tuple[str, float, Any]] = []
+        self.outcomes: dict[float, Outcome] = {}
+        self.finished = threading.Event()
+        self._answers = answers
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self.node = rclpy.create_node('twin', namespace='/porotwin', context=self._context)
+        self._control = self.node.create_client(Control, 'asset/control')
+        self.ping = self.node.create_client(Ping, 'asset/ping')
+        listen = self.node.create_subscription
+        listen(CompressedImage, 'camera/image/compressed', self._on_photo, qos.PHOTO)
+        listen(
+            CompressedImage,
+            'camera/baseline/compressed',
+            lambda message: self._hear('baseline', message),
+            qos.BASELINE,
+        )
+        listen(WellRates, 'wells/measured', lambda message: self._hear('rates', message), qos.FIELD)
+        listen(Clock, '/clock', self._on_clock, 10)
+        listen(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while self._context.ok() and self.node.handle is not None:
+            try:
+                self._executor.spin_once(timeout_sec=0.1)
+            except Exception:
+                return
+
+    def close(self) -> None:
+        rclpy.try_shutdown(context=self._context)
+        self._thread.join(5.0)
+
+    def _hear(self, kind: str, message: Any) -> None:
+        self.heard.append((kind, conversions.time_from_msg(message.header.stamp), message))
+
+    def _on_clock(self, message: Clock) -> None:
+        self.heard.append(('clock', conversions.time_from_msg(message.clock), message))
+
+    def _on_clean(self, message: CleanState) -> None:
+        self._hear('clean', message)
+        self.finished.set()
+
+    def _on_photo(self, message: CompressedImage) -> None:
+        self._hear('photo', message)
+        stamp = conversions.time_from_msg(message.header.stamp)
+        if stamp not in self._answers:
+            return
+        setpoint = Setpoint(
+            header=message.header,
+            sequence=len(self.heard),
+            valid_until=conversions.time_to_msg(stamp + 45.0),
+            wells=conversions.rates_to_msg(self._answers[stamp]),
+        )
+
+        def keep(future: Any) -> None:
+            self.outcomes[stamp] = future.result().outcome
+
+        self._control.call_async(Control.Request(setpoint=setpoint)).add_done_callback(keep)
+
+    def of(self, kind: str) -> list[tuple[float, Any]]:
+        return [(stamp, message) for heard, stamp, message in self.heard if heard == kind]
+
+
+def start(module: str, **parameters: object) -> subprocess.Popen[bytes]:
+    command = [sys.executable, '-m', f'porotwin_rig.{module}', '--ros-args']
+    command += ['-r', '__ns:=/porotwin']
+    for name, value in parameters.items():
+        command += ['-p', f'{name}:={value}']
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+def end(process: subprocess.Popen[bytes]) -> str:
+    try:
+        output, _ = process.communicate(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        output, _ = process.communicate()
+    return output.decode()
+
+
+GOOD = rates(injector=(500.0, 1.0), control1=200.0, producer=-700.0)
+TOO_MUCH = rates(injector=(500.0, 1.0), control1=900.0, producer=-1400.0)
+
+
+@pytest.fixture(scope='module')
+def lock_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Twin, str, Path]]:
+    """A run of two minutes whose photograph at 60 s is answered wrongly, that at 90 s not."""
+    folder = tmp_path_factory.mktemp('asset')
+    write_rig(make_rig(), folder / 'rig.yaml')
+    twin = Twin({0.0: GOOD, 30.0: GOOD, 60.0: TOO_MUCH, 120.0: GOOD})
+    process = start(
+        'virtual_rig_node',
+        rig=folder / 'rig.yaml',
+        duration_s=120.0,
+        photo_width_px=320,
+        lock_step_timeout_s=3.0,
+        wait_for_services='asset/ping',
+        truth=folder / 'truth.nc',
+        grid='60x40',
+    )
+    begun = time.monotonic()
+    while not twin.of('photo') and time.monotonic() - begun < PATIENCE:
+        time.sleep(0.05)
+    assert twin.ping.wait_for_service(5.0)
+    answer = twin.ping.call_async(Ping.Request())
+    twin.finished.wait(PATIENCE)
+    output = end(process)
+    assert process.returncode == 0, output
+    assert answer.result().name == 'virtual rig'
+    yield twin, output, folder
+    twin.close()
+
+
+def test_photographs_come_in_order_after_the_rates_that_led_to_them(
+    lock_step: tuple[Twin, str, Path],
+) -> None:
+    twin, _, _ = lock_step
+    assert [stamp for stamp, _ in twin.of('photo')] == [0.0, 30.0, 60.0, 90.0, 120.0]
+    assert [stamp for stamp, _ in twin.of('rates')] == [30.0, 60.0, 90.0, 120.0]
+    kinds = [(kind, stamp) for kind, stamp, _ in twin.heard if kind in ('photo', 'rates')]
+    assert kinds == sorted(kinds, key=lambda item: (item[1], item[0] == 'photo'))
+    assert len(twin.of('baseline')) == 1
+    photo = twin.of('photo')[0][1]
+    assert photo.header.frame_id == 'camera_optical'
+    assert bytes(photo.data[:2]) == b'\xff\xd8'
+
+
+def test_clock_never_goes_back_and_reaches_the_end(lock_step: tuple[Twin, str, Path]) -> None:
+    times = [stamp for stamp, _ in lock_step[0].of('clock')]
+    assert times == sorted(times)
+    assert times[-1] == 120.0
+
+
+def test_setpoint_is_pumped_from_its_photograph_on(lock_step: tuple[Twin, str, Path]) -> None:
+    twin, _, _ = lock_step
+    control1 = {
+        stamp: to_ml_h(conversions.rates_from_msg(message.wells)['control1'].rate)
+        for stamp, message in twin.of('rates')
+    }
+    # that of 30 s was good until 75 s: the refused one changes nothing, then safe rates
+    assert control1 == pytest.approx({30.0: 200.0, 60.0: 200.0, 90.0: 100.0, 120.0: 0.0})
+    producer = conversions.rates_from_msg(twin.of('rates')[0][1].wells)['producer']
+    assert to_ml_h(producer.rate) == pytest.approx(-0.99 * 700.0)
+
+
+def test_setpoint_beyond_the_limits_is_refused_with_a_reason(
+    lock_step: tuple[Twin, str, Path],
+) -> None:
+    twin, output, _ = lock_step
+    assert twin.outcomes[30.0].code == Outcome.OK
+    assert twin.outcomes[60.0].code == Outcome.INVALID_INPUT
+    assert "'control1'" in twin.outcomes[60.0].message
+    assert output.count('refused') == 1
+    assert 'no setpoint for the photograph at 90 s' in output
+
+
+def test_end_of_the_experiment_is_told(lock_step: tuple[Twin, str, Path]) -> None:
+    stamp, message = lock_step[0].of('clean')[-1]
+    assert stamp == 120.0
+    assert message.cause == CleanState.FINISHED
+
+
+def test_truth_is_kept_for_every_photograph(lock_step: tuple[Twin, str, Path]) -> None:
+    _, _, folder = lock_step
+    maps = open_maps(folder / 'truth.nc', load_rig(folder / 'rig.yaml'))
+    np.testing.assert_array_equal(maps.times, [0.0, 30.0, 60.0, 90.0, 120.0])
+    assert maps[0].max() == 0.0
+    assert maps[-1].sum() > maps[1].sum() > 0.0
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'complaint'),
+    [
+        ({'effects': 'magnetism'}, "'magnetism' is not known"),
+        ({'speed': 'quick'}, "speed 'quick'"),
+        ({'duration_s': -1.0}, 'duration_s'),
+    ],
+)
+def test_wrong_parameter_ends_with_one_line(
+    tmp_path: Path, parameters: dict[str, object], complaint: str
+) -> None:
+    write_rig(make_rig(), tmp_path / 'rig.yaml')
+    process = start('virtual_rig_node', rig=tmp_path / 'rig.yaml', **parameters)
+    output = end(process)
+    assert process.returncode == 2
+    lines = [line for line in output.splitlines() if line.strip()]
+    assert len(lines) == 1
+    assert complaint in lines[0]
+
+
+def test_mock_camera_publishes_a_folder_with_its_faults(tmp_path: Path) -> None:
+    make_experiment(
+        tmp_path / 'run',
+        make_rig(),
+        told=Schedule.from_rates([(0.0, GOOD)]),
+        duration=120.0,
+        photo_interval=30.0,
+        seed=2,
+        photo_width=320,
+    )
+    twin = Twin({})
+    process = start(
+        'mock_camera_node',
+        photos=tmp_path / 'run',
+        period_s=0.2,
+        faults='1:truncated,2:duplicate,3:missing',
+    )
+    output = end(process)
+    time.sleep(0.5)
+    photos = twin.of('photo')
+    twin.close()
+    assert process.returncode == 0, output
+    assert [stamp for stamp, _ in photos] == [30.0, 60.0, 90.0, 90.0]
+    assert len(photos[1][1].data) < 0.7 * len(photos[0][1].data)
+    assert len(twin.of('baseline')) == 1

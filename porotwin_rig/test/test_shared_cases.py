@@ -1,0 +1,45 @@
+"""The virtual rig against recordings of yet another simulator, effects included."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from porotwin_core.rig import EffectDescription
+from porotwin_recording.experiment import read_experiment
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.experiment import signals
+
+CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not CASES.is_dir(), reason=f'no shared cases at {CASES}'),
+]
+
+
+@pytest.mark.parametrize('number', [6, 12, 4])
+def test_recording_is_matched_down_to_its_noise(number: int) -> None:
+    folder = CASES / f'case_{number:03d}'
+    truth = yaml.safe_load((folder / 'truth.yaml').read_text())
+    recorded = read_experiment(folder)
+    assert recorded.maps is not None
+    assert recorded.told is not None
+    effects = [
+        EffectDescription(name=effect['name'], parameters=effect['parameters'])
+        for effect in truth['effects']
+    ]
+    asset = VirtualRig(recorded.rig, effects=effects)
+    times = recorded.maps.times[: len(recorded.maps) // 3]
+    error = size = 0.0
+    for (_, signal), seen in zip(
+        signals(asset, recorded.told, times=times, grid=recorded.maps.grid),
+        recorded.maps,
+        strict=False,
+    ):
+        known = np.isfinite(seen)
+        error += float(((signal - seen)[known] ** 2).sum())
+        size += float((seen[known] ** 2).sum())
+    # the edge blur of that camera weighs more on the small plumes of the first third
+    assert np.sqrt(error / size) < 1.5 * truth['figures']['noise_floor']
