@@ -54,19 +54,17 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     and one line.
     """
     rclpy.init()
-    try:
-        node = make_node()
-    except InputError as error:
-        print(f'error: {error}', file=sys.stderr)
-        sys.exit(2)
     executor = (
         SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads)
     )
-    executor.add_node(node)
     try:
+        node = make_node()
+        executor.add_node(node)
         executor.spin()
+    except InputError as error:
+        print(f'error: {error}', file=sys.stderr)
+        sys.exit(2)
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        pass  # told to stop, perhaps while still starting
     finally:
-        node.destroy_node()
         rclpy.try_shutdown()

@@ -1,8 +1,8 @@
 """The hub as a node: listens to the asset's states, asks the models, publishes and controls.
 
-Callbacks only store what arrives, in order; a worker thread takes one refreshed state after the
-other through `twin.Twin`. When states come faster than cycles, the newest is taken and the skipped
-ones are named.
+Callbacks only store what arrives; a worker thread takes one refreshed state after the other through
+`twin.Twin`. When states come faster than cycles, the newest is taken and the skipped are named.
+Topics keep no order between them, so an interruption counts by its stamp, not by its arrival.
 """
 
 import math
@@ -67,7 +67,9 @@ class HubNode(Node):
         self._setpoints = 0
         self._pending: NewState | None = None
         self._measured: dict[str, WellRate] | None = None
-        self._events: queue.Queue[Refreshed | CleanState] = queue.Queue()
+        self._states: queue.Queue[Refreshed] = queue.Queue()
+        self._interruptions: queue.Queue[CleanState] = queue.Queue()
+        self._last_stamp = -math.inf
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
         if self._limits is None:
@@ -98,7 +100,9 @@ class HubNode(Node):
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
         )
-        self.create_subscription(CleanState, 'asset/clean_state', self._events.put, qos.FIELD)
+        self.create_subscription(
+            CleanState, 'asset/clean_state', self._interruptions.put, qos.FIELD
+        )
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
 
     def _on_new_state(self, message: NewState) -> None:
@@ -124,20 +128,13 @@ class HubNode(Node):
         if state is None or state.sequence != message.sequence:
             self.get_logger().warning(f'state {message.sequence} is refreshed but did not arrive')
             return
-        self._events.put(Refreshed(state, self._measured))
+        self._states.put(Refreshed(state, self._measured))
 
     def _work(self) -> None:
         while self.context.ok():
-            event = self._events.get()
-            skipped = 0
-            while isinstance(event, Refreshed) and not self._events.empty():
-                newer = self._events.get()
-                skipped += 1
-                event = newer
-            if isinstance(event, CleanState):
-                self._twin.interrupt()
-                self.get_logger().info(f'time sequence interrupted: {event.reason}')
-                continue
+            event, skipped = self._states.get(), 0
+            while not self._states.empty():
+                event, skipped = self._states.get(), skipped + 1
             try:
                 self._cycle(event, skipped)
             except InputError as error:
@@ -146,6 +143,25 @@ class HubNode(Node):
                 # the loop outlives any one photograph
                 self.get_logger().error(f'state {event.state.sequence} failed: {error!r}')
                 self._diagnostics.report(DiagnosticStatus.ERROR, f'cycle failed: {error!r}')
+
+    def _follow(self, stamp: float) -> None:
+        """Make the loop forget what a state at `stamp` [s] does not follow from."""
+        if stamp <= self._last_stamp:
+            self._twin.interrupt()
+            self.get_logger().warning(f'time went back to {stamp:.3f} s: beginning anew')
+            self._last_stamp = -math.inf
+        early: list[CleanState] = []
+        while not self._interruptions.empty():
+            event = self._interruptions.get()
+            moment = conversions.time_from_msg(event.header.stamp)
+            if moment > stamp:
+                early.append(event)
+            elif moment > self._last_stamp:
+                self._twin.interrupt()
+                self.get_logger().info(f'time sequence interrupted: {event.reason}')
+        for event in early:
+            self._interruptions.put(event)
+        self._last_stamp = stamp
 
     def _cycle(self, refreshed: Refreshed, skipped: int) -> None:
         begun = time.perf_counter()
@@ -156,6 +172,7 @@ class HubNode(Node):
                 f'{self._grid} over {self._grid.width} x {self._grid.height} m; start both alike'
             )
         stamp = conversions.time_from_msg(refreshed.state.header.stamp)
+        self._follow(stamp)
         cycle = self._twin.cycle(Observation(stamp, concentration), refreshed.measured)
         if skipped:
             cycle.remarks.append(f'{skipped} older states skipped: cycles are slower than photos')

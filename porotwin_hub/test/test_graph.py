@@ -44,7 +44,7 @@ def test_every_parameter_given_is_one_that_the_node_declares(node: NodeDescripti
 
 @pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
 def test_every_executable_is_installed_by_its_package(node: NodeDescription) -> None:
-    text = (ROOT / node.package / 'setup.py').read_text()
+    text = (ROOT / node.package / 'setup.py').read_text().replace('{PACKAGE}', node.package)
     assert f'{node.executable} = {node.module}:main' in text
 
 

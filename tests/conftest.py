@@ -1,0 +1,42 @@
+"""What tests of the whole project share."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / 'shared'
+
+os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+
+_DOMAINS = iter(range(1, 101))
+
+
+@pytest.fixture
+def domain() -> int:
+    """A DDS domain that no other test of this process uses, and hardly one of another."""
+    return 1 + (os.getpid() + 17 * next(_DOMAINS)) % 100
+
+
+@pytest.fixture(scope='session')
+def real_photographs() -> Path:
+    """The real photographs of the large FluidFlower rig."""
+    folder = SHARED / 'data' / 'fluidflower_tracer'
+    if not folder.is_dir():
+        pytest.skip(f'the real photographs are not beside the checkout ({folder.parent.name})')
+    return folder
+
+
+@pytest.fixture
+def small_rig_file(tmp_path: Path) -> Iterator[Path]:
+    """The paper's rig, with the place of the rig in the virtual camera's photographs."""
+    from porotwin_core.rig import load_rig, write_rig
+    from porotwin_rig.camera import camera_before
+
+    rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+    rig = rig.model_copy(update={'camera': camera_before(rig, 800, 500).description()})
+    path = tmp_path / 'rig.yaml'
+    write_rig(rig, path)
+    return path

@@ -1,0 +1,122 @@
+"""A running graph for tests: real processes over real DDS, and an ear on what they say."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from porotwin_core import qos
+from porotwin_hub.graph import NAMESPACE, NodeDescription
+from porotwin_hub.processes import GraphProcesses
+from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
+
+TOPICS: dict[str, tuple[Any, Any]] = {
+    'asset/new_state': (NewState, qos.FIELD),
+    'asset/clean_state': (CleanState, qos.FIELD),
+    'tracer/predicted': (TracerField, qos.FIELD),
+    'wells/setpoint': (Setpoint, qos.SETPOINT),
+    'hub/cycle': (CycleReport, qos.FIELD),
+}
+
+
+class Ear:
+    """Keeps every message of `TOPICS`; `node` may be used to call services."""
+
+    def __init__(self, domain: int) -> None:
+        self.heard: dict[str, list[Any]] = {name: [] for name in TOPICS}
+        self._changed = threading.Condition()
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self.node = rclpy.create_node('ear', namespace=NAMESPACE, context=self._context)
+        for name, (message_type, profile) in TOPICS.items():
+            self.node.create_subscription(message_type, name, self._keep(name), profile)
+        threading.Thread(target=self._spin, daemon=True).start()
+
+    def _keep(self, name: str) -> Callable[[Any], None]:
+        def keep(message: Any) -> None:
+            with self._changed:
+                self.heard[name].append(message)
+                self._changed.notify_all()
+
+        return keep
+
+    def _spin(self) -> None:
+        executor = SingleThreadedExecutor(context=self._context)
+        executor.add_node(self.node)
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def wait_for(self, what: str, condition: Callable[[], bool], *, timeout: float) -> None:
+        """Return when `condition` holds; fail with `what` was waited for and what was heard."""
+        with self._changed:
+            deadline = time.monotonic() + timeout
+            while not condition():
+                left = deadline - time.monotonic()
+                counts = {name: len(messages) for name, messages in self.heard.items()}
+                assert left > 0, f'waited {timeout:g} s for {what}; heard {counts}'
+                self._changed.wait(min(left, 0.5))
+
+    def close(self) -> None:
+        """Stop listening."""
+        rclpy.try_shutdown(context=self._context)
+
+
+class RunningGraph:
+    """The processes, what they say on topics (`ear`) and what the supervisor tells (`told`)."""
+
+    def __init__(self, processes: GraphProcesses, ear: Ear, told: list[str]) -> None:
+        self.processes = processes
+        self.ear = ear
+        self.told = told
+        self.heard = ear.heard
+
+    def log(self, name: str) -> str:
+        """Return what a node has logged so far."""
+        return self.processes.log(name).read_text(encoding='utf-8', errors='replace')
+
+    def wait_for_messages(self, topic: str, count: int, *, timeout: float) -> list[Any]:
+        """Return the messages of `topic` when there are at least `count`."""
+        self.ear.wait_for(
+            f'{count} messages on {topic}', lambda: len(self.heard[topic]) >= count, timeout=timeout
+        )
+        return self.heard[topic]
+
+    def wait_for_log(self, name: str, text: str, *, timeout: float) -> str:
+        """Return the line of a node's log that holds `text`."""
+        found: list[str] = []
+
+        def there() -> bool:
+            found[:] = [line for line in self.log(name).splitlines() if text in line]
+            return bool(found)
+
+        self.ear.wait_for(f"'{text}' in the log of {name}", there, timeout=timeout)
+        return found[0]
+
+
+@contextmanager
+def running_graph(
+    nodes: list[NodeDescription], folder: Path, domain: int
+) -> Iterator[RunningGraph]:
+    """Start `nodes` in a DDS domain of their own; print their logs when the test fails."""
+    told: list[str] = []
+    environment = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    ear = Ear(domain)
+    try:
+        with GraphProcesses(nodes, folder, say=told.append, environment=environment) as processes:
+            graph = RunningGraph(processes, ear, told)
+            try:
+                yield graph
+            except BaseException:
+                for node in nodes:
+                    print(f'--- {node.name}\n{graph.log(node.name)[-2000:]}')
+                raise
+    finally:
+        ear.close()

@@ -1,0 +1,193 @@
+"""The whole twin as a user runs it: real processes, real DDS, photographs in, setpoints out."""
+
+import math
+import os
+import shutil
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from graph import running_graph
+
+from porotwin_core import conversions
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_hub.control import Limits
+from porotwin_hub.graph import (
+    GraphSettings,
+    NodeDescription,
+    live_graph,
+    operator_node,
+    twin_nodes,
+)
+from porotwin_msgs.srv import ConfirmRates
+from porotwin_rig.experiment import make_experiment
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+GRID = '94x56'
+START_S = 60.0
+"""A cold start of all nodes on a busy machine."""
+
+
+@pytest.fixture(scope='module')
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An experiment of five minutes on the virtual rig, photographed every 30 s."""
+    folder = tmp_path_factory.mktemp('session') / 'experiment'
+    rig = load_rig(Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+    rate = from_ml_h(500.0)
+    told = Schedule(
+        (
+            ScheduleRow(0.0, 'injector', WellRate(rate, 1.0)),
+            ScheduleRow(0.0, 'producer', WellRate(-rate)),
+        )
+    )
+    make_experiment(
+        folder, rig, told=told, duration=300.0, photo_interval=30.0, seed=11, photo_width=800
+    )
+    return folder
+
+
+def mock_camera(session: Path, **parameters: str | float) -> NodeDescription:
+    return NodeDescription(
+        'mock_camera',
+        'porotwin_rig',
+        'mock_camera_node',
+        {'photos': str(session), 'startup_timeout_s': START_S, **parameters},
+    )
+
+
+def twin_beside(session: Path, *, evaluations: int = 12) -> list[NodeDescription]:
+    settings = GraphSettings(rig=session / 'rig.yaml', grid=GRID, evaluations=evaluations)
+    return [*twin_nodes(settings), operator_node(settings, asset=True)]
+
+
+def test_a_camera_session_leads_to_setpoints(session: Path, tmp_path: Path, domain: int) -> None:
+    limits = Limits.of(load_rig(session))
+    nodes = [*twin_beside(session), mock_camera(session, period_s=2.0)]
+    with running_graph(nodes, tmp_path, domain) as graph:
+        setpoints = graph.wait_for_messages('wells/setpoint', 8, timeout=START_S + 60.0)
+        reports = graph.wait_for_messages('hub/cycle', 8, timeout=30.0)
+        states = graph.heard['asset/new_state']
+        stamps = {conversions.time_from_msg(state.header.stamp) for state in states}
+        for setpoint in setpoints:
+            assert conversions.time_from_msg(setpoint.header.stamp) in stamps
+            assert limits.violations(conversions.rates_from_msg(setpoint.wells)) == []
+            valid = conversions.time_from_msg(setpoint.valid_until)
+            assert valid == conversions.time_from_msg(setpoint.header.stamp) + 90.0
+        errors = [report.prediction_error for report in reports[2:]]
+        assert all(0.0 < error < 0.5 for error in errors), errors
+        assert 'setpoint 1' in graph.log('operator')
+        seen, _ = conversions.tracer_from_msg(states[-1].tracer)
+        assert np.nanmax(seen) > 0.5
+
+
+def test_photographs_that_cannot_be_used_cost_one_line_each(
+    session: Path, tmp_path: Path, domain: int
+) -> None:
+    camera = mock_camera(session, period_s=1.0, faults='2:truncated,4:half_size,5:black')
+    with running_graph([*twin_beside(session), camera], tmp_path, domain) as graph:
+        states = graph.wait_for_messages('asset/new_state', 6, timeout=START_S + 60.0)
+        stamps = [round(conversions.time_from_msg(state.header.stamp)) for state in states]
+        assert not {90, 150, 180} & set(stamps)
+        log = graph.log('imaging').splitlines()
+        for moment in ('90.000', '150.000', '180.000'):
+            lines = [line for line in log if moment in line and 'left out' in line]
+            assert len(lines) == 1, (moment, lines)
+        graph.wait_for_messages('hub/cycle', 5, timeout=30.0)
+
+
+def test_a_killed_solver_is_found_again(session: Path, tmp_path: Path, domain: int) -> None:
+    nodes = [*twin_beside(session), mock_camera(session, period_s=4.0)]
+    with running_graph(nodes, tmp_path, domain) as graph:
+        graph.wait_for_messages('tracer/predicted', 2, timeout=START_S + 60.0)
+        os.kill(graph.processes.process('solver').pid, signal.SIGKILL)
+        before = len(graph.heard['hub/cycle'])
+        graph.ear.wait_for(
+            'a forecast by the restarted solver',
+            lambda: any(
+                not report.remarks and math.isfinite(report.objective)
+                for report in graph.heard['hub/cycle'][before + 1 :]
+            ),
+            timeout=60.0,
+        )
+        assert any('solver ended' in line for line in graph.told)
+
+
+def test_an_unknown_well_in_rig_yaml_is_named_at_once(
+    session: Path, tmp_path: Path, domain: int
+) -> None:
+    data = yaml.safe_load((session / 'rig.yaml').read_text())
+    data['control']['wells'] = ['control1', 'control9']
+    wrong = tmp_path / 'rig.yaml'
+    wrong.write_text(yaml.safe_dump(data))
+    settings = GraphSettings(rig=wrong, grid=GRID)
+    with running_graph(twin_nodes(settings), tmp_path, domain) as graph:
+        graph.ear.wait_for(
+            'all four nodes to refuse', lambda: len(graph.processes.failed) == 4, timeout=START_S
+        )
+        for name, line in graph.processes.failed.items():
+            assert "unknown well 'control9'" in line, name
+
+
+def test_the_operator_confirms_what_was_set(session: Path, tmp_path: Path, domain: int) -> None:
+    nodes = [*twin_beside(session), mock_camera(session, period_s=2.0)]
+    with running_graph(nodes, tmp_path, domain) as graph:
+        setpoint = graph.wait_for_messages('wells/setpoint', 1, timeout=START_S + 60.0)[0]
+        client = graph.ear.node.create_client(ConfirmRates, 'operator/confirm')
+        assert client.wait_for_service(10.0)
+
+        def answer(request: ConfirmRates.Request) -> ConfirmRates.Response:
+            future = client.call_async(request)
+            graph.ear.wait_for('an answer of the operator', future.done, timeout=10.0)
+            return future.result()
+
+        good = answer(ConfirmRates.Request(sequence=setpoint.sequence))
+        assert (good.outcome.code, good.outcome.message) == (0, '')
+        unknown = answer(ConfirmRates.Request(sequence=999))
+        assert 'setpoint 999 is not known' in unknown.outcome.message
+
+
+def test_real_photographs_become_maps_predictions_and_setpoints(
+    real_photographs: Path, tmp_path: Path, domain: int
+) -> None:
+    rig = yaml.safe_load((real_photographs / 'rig.yaml').read_text())
+    rig['control'] = {
+        'wells': ['lower'],
+        'fixed': {'upper': {'rate_ml_h': 2250.0, 'concentration': 1.0}},
+        'max_rate_ml_h': 2250.0,
+        'max_total_rate_ml_h': 2250.0,
+        'disallowed_zone_m': [[0.0, 1.05], [2.8, 1.05], [2.8, 1.25], [0.0, 1.25]],
+    }
+    (tmp_path / 'rig.yaml').write_text(yaml.safe_dump(rig))
+    watched = tmp_path / 'photos'
+    watched.mkdir()
+    shutil.copy(real_photographs / 'imaging.csv', watched)
+    settings = GraphSettings(
+        rig=tmp_path / 'rig.yaml', photos=watched, grid='140x75', evaluations=8
+    )
+    with running_graph(live_graph(settings), tmp_path, domain) as graph:
+        graph.wait_for_log('solver', 'ready', timeout=START_S)
+        for name in ('tracer_1.jpg', 'tracer_0.jpg', 'tracer_2.jpg'):  # out of order
+            data = (real_photographs / name).read_bytes()
+            half = len(data) // 2
+            with (watched / name).open('wb') as file:  # slowly: only whole files may be read
+                file.write(data[:half])
+                file.flush()
+                time.sleep(1.5)
+                file.write(data[half:])
+        states = graph.wait_for_messages('asset/new_state', 2, timeout=90.0)
+        setpoints = graph.wait_for_messages('wells/setpoint', 2, timeout=60.0)
+        graph.wait_for_messages('tracer/predicted', 2, timeout=60.0)
+        assert [conversions.time_from_msg(s.header.stamp) for s in states] == [1800.0, 9000.0]
+        first, grid = conversions.tracer_from_msg(states[0].tracer)
+        x, z = np.meshgrid(grid.x, grid.z)
+        plume = np.nan_to_num(first) > 0.3
+        assert x[plume].mean() == pytest.approx(1.7, abs=0.2)  # round the upper well
+        assert z[plume].mean() == pytest.approx(0.7, abs=0.2)
+        rates = conversions.rates_from_msg(setpoints[-1].wells)
+        assert rates['upper'] == WellRate(from_ml_h(2250.0), 1.0)
