@@ -63,7 +63,7 @@ class Settings:
     reported_shift_px: float = 2.0
     correlated_samples: float = 1.6
     averaging_reach: float = 5.0
-    light_error: float = 1e-3
+    light_error: float = 1.5e-3
     suspicious_residual_px: float = 0.35
 
 

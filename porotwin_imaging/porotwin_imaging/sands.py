@@ -61,7 +61,7 @@ def segment(colours: Array, texture: Array, seen: NDArray[np.bool_]) -> Labels:
     values, classes = _clustered([rough, 1.5 * even, blue], seen)
     labels = np.zeros(seen.shape, np.uint8)
     labels[seen] = _merged(values, classes)
-    return _sharpened(_tidy(labels, seen), colours, seen)
+    return _tidy(_sharpened(_tidy(labels, seen), colours, seen), seen)
 
 
 def _classes(planes: list[Array], seen: NDArray[np.bool_]) -> Array:
@@ -180,8 +180,8 @@ def fit_factors(signals: list[Array], labels: Labels) -> Factors:
 
     A pair is two cells on either side of an interface, two and four cells away from it, so that
     neither mixes sands; the signal is carried on to the interface from both sides, so that a slope
-    of concentration is no jump. With s_a, s_b the signals there, the log factors f minimise the sum of (ln s_a + f_a - ln s_b
-    - f_b)^2, robustly; sands that no pair ties to the others keep the factor 1.
+    of concentration is no jump. With s_a, s_b the signals there, the log factors f minimise the sum
+    of (ln s_a + f_a - ln s_b - f_b)^2, robustly; sands that no pair ties to the others keep 1.
     """
     count = int(labels.max()) + 1
     strongest = _strongest(signals, labels, count)

@@ -16,12 +16,12 @@ TRACER_PHOTOGRAPHS = SHARED / 'data' / 'fluidflower_tracer'
 
 WIDTH, HEIGHT = 0.9, 0.5
 PX_PER_M = 900.0
-LEFT, TOP = 40, 130
+LEFT, TOP = 40, 150
 
 
 @dataclass
 class Laboratory:
-    """Renders photographs of a 0.9 m x 0.5 m rig, 1 px = 1.1 mm, the sand's corner at (40, 130).
+    """Renders photographs of a 0.9 m x 0.5 m rig, 1 px = 1.1 mm, the sand's corner at (40, 150).
 
     `transmission`: what stock leaves of red, green and blue light; `uptake` by sand;
     `finer_below`: height [m] below which the sand is another one; 0: one sand.
@@ -31,8 +31,8 @@ class Laboratory:
     finer_below: float = 0.0
     uptake: tuple[float, float] = (1.0, 1.0)
     seed: int = 5
-    size: tuple[int, int] = (890, 620)
-    chart_at: tuple[int, int] = (60, 30)
+    size: tuple[int, int] = (890, 640)
+    chart_at: tuple[int, int] = (60, 25)
     _grains: NDArray[np.floating] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ import pytest
 from porotwin_imaging import colour_checker
 from porotwin_imaging.colour_checker import REFERENCE
 
-CORNERS = np.array([[60.0, 30.0], [60, 125], [205, 125], [205, 30]])
+CORNERS = np.array([[60.0, 25.0], [60, 120], [205, 120], [205, 25]])
 
 
 @pytest.fixture
@@ -36,16 +36,16 @@ def test_a_picture_without_a_chart_has_none(picture) -> None:
     grains = np.random.default_rng(4).uniform(0.2, 0.4, picture.shape).astype(np.float32)
     assert colour_checker.find(grains, CORNERS) is None
     assert colour_checker.find(np.full_like(picture, 0.3), CORNERS) is None
-    assert colour_checker.find(picture, CORNERS + [300, 250]) is None
+    assert colour_checker.find(picture, CORNERS + np.array([300, 250])) is None
 
 
 @pytest.mark.parametrize('patch', [0, 9, 18, 20])
 @pytest.mark.parametrize('value', [0.0, 1.0], ids=['covered', 'over-exposed'])
 def test_one_spoiled_patch_moves_neither_place_nor_colours(picture, patch, value) -> None:
     row, column = divmod(patch, 6)
-    top, left = 30 + 25 * row, 60 + 25 * column
+    top, left = 25 + 25 * row, 60 + 25 * column
     picture[top - 3 : top + 23, left - 3 : left + 23] = value
-    found = colour_checker.find(picture, CORNERS + [7, 5])
+    found = colour_checker.find(picture, CORNERS + np.array([7, 5]))
     assert found is not None
     matrix, kept = colour_checker.fit_matrix(found.patches, REFERENCE)
     assert not kept[patch]

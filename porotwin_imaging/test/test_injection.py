@@ -12,10 +12,8 @@ POROSITY_DEPTH_AREA = 4e-8
 
 def plumes() -> list[np.ndarray]:
     z, x = np.mgrid[-1:1:80j, -1:1:120j]
-    return [
-        0.5 * (1 - np.tanh((np.hypot(x, z) - radius) / width))
-        for radius, width in ((0.2, 0.05), (0.3, 0.1), (0.4, 0.2), (0.5, 0.1), (0.6, 0.3), (0.7, 0.2))
-    ]  # fmt: skip
+    shapes = ((0.2, 0.05), (0.3, 0.1), (0.4, 0.2), (0.5, 0.1), (0.6, 0.3), (0.7, 0.2))
+    return [0.5 * (1 - np.tanh((np.hypot(x, z) - radius) / width)) for radius, width in shapes]
 
 
 def test_injected_volume_counts_stock_only() -> None:

@@ -27,7 +27,7 @@ def test_drift_and_gradient_are_found_around_tracer(gain: float, tracer: float) 
 
 def test_colour_of_the_light_may_change() -> None:
     _, ratio = scene(tracer=0.3, gain=1.0, slope=0.0)
-    found = drift(ratio + [0.05, 0.0, -0.05], np.ones((NZ, NX)), None)
+    found = drift(ratio + np.array([0.05, 0.0, -0.05]), np.ones((NZ, NX)), None)
     np.testing.assert_allclose(found.log_gain.mean(axis=(0, 1)), [0.05, 0, -0.05], atol=0.003)
 
 

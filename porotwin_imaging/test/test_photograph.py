@@ -1,0 +1,56 @@
+"""Files of photographs: whole, broken, dark, too bright."""
+
+import cv2
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_imaging import photograph
+
+
+def pixels() -> np.ndarray:
+    return np.random.default_rng(1).integers(60, 180, (240, 360, 3), dtype=np.uint8)
+
+
+def encoded(kind: str, picture: np.ndarray) -> bytes:
+    return cv2.imencode(kind, picture)[1].tobytes()
+
+
+@pytest.mark.parametrize('kind', ['.jpg', '.png', '.tif'])
+def test_size_and_wholeness_by_format(kind: str) -> None:
+    data = encoded(kind, pixels())
+    assert photograph.is_whole(data)
+    assert photograph.size(data) == (360, 240)
+    assert not photograph.is_whole(data[: len(data) // 2])
+
+
+@pytest.mark.parametrize('reduction', [1, 2, 4, 8])
+def test_coarser_decoding_keeps_the_picture(reduction: int) -> None:
+    smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
+    found = photograph.decode(encoded('.jpg', smooth), reduction)
+    assert (found.width, found.height) == (360, 240)
+    assert found.pixels.shape == (240 // reduction, 360 // reduction, 3)
+    coarse = cv2.resize(smooth, found.pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
+    assert np.abs(found.pixels.astype(int) - coarse).max() <= 6
+
+
+def test_a_camera_that_pads_its_files_is_read() -> None:
+    assert photograph.is_whole(encoded('.jpg', pixels()) + b'\0' * 16)
+
+
+@pytest.mark.parametrize(
+    ('data', 'complaint'),
+    [
+        (b'', 'not a JPEG'),
+        (b'hello', 'not a JPEG'),
+        (encoded('.jpg', pixels())[:9000], 'truncated'),
+        (encoded('.jpg', pixels())[:400] + b'\xff\xd9', 'broken|black|over-exposed|not a JPEG'),
+        (encoded('.jpg', pixels() // 40), 'black'),
+        (encoded('.jpg', np.full((240, 360, 3), 255, np.uint8)), 'over-exposed'),
+    ],
+    ids=['empty', 'text', 'truncated', 'headless', 'black', 'white'],
+)
+def test_what_shows_nothing_is_refused_in_one_line(data: bytes, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint) as error:
+        photograph.decode(data)
+    assert '\n' not in str(error.value)

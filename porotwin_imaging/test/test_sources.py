@@ -1,0 +1,168 @@
+"""A watched folder: whole files, once, in order."""
+
+import os
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.sources import Device, Folder
+
+GENERATOR = np.random.default_rng(2)
+
+
+def jpeg() -> bytes:
+    pixels = GENERATOR.integers(0, 255, (40, 60, 3), dtype=np.uint8)
+    return cv2.imencode('.jpg', pixels)[1].tobytes()
+
+
+class Clock:
+    """A clock that tests turn by hand."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Watch:
+    """A folder with its clock; `look` is one poll, half a second later."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.clock = path, Clock()
+        self.folder = Folder(path, patience=5.0, clock=self.clock)
+        self.problems: list[str] = []
+
+    def look(self, times: int = 1) -> list[tuple[str, str]]:
+        found = []
+        for _ in range(times):
+            self.clock.now += 0.5
+            photos, problems = self.folder.poll()
+            found += [(photo.name, photo.role) for photo in photos]
+            self.problems += [problem.reason for problem in problems]
+        return found
+
+    def put(self, name: str, data: bytes, age: float = 0.0) -> None:
+        (self.path / name).write_bytes(data)
+        os.utime(self.path / name, (1000.0 + age, 1000.0 + age))
+
+
+@pytest.fixture
+def watch(tmp_path) -> Watch:
+    return Watch(tmp_path)
+
+
+def test_photographs_come_once_the_first_as_baseline(watch) -> None:
+    watch.put('b.jpg', jpeg(), age=2)
+    watch.put('a.jpg', jpeg(), age=1)
+    watch.put('notes.txt', b'no photograph')
+    assert watch.look(3) == [('a.jpg', 'baseline'), ('b.jpg', 'state')]
+    watch.put('c.png', cv2.imencode('.png', np.zeros((9, 9, 3), np.uint8))[1].tobytes(), age=3)
+    assert watch.look(3) == [('c.png', 'state')]
+    os.utime(watch.path / 'a.jpg', (2000.0, 2000.0))
+    assert watch.look(3) == []
+    assert watch.problems == []
+
+
+def test_a_file_that_is_written_slowly_comes_when_it_is_whole(watch) -> None:
+    data = jpeg()
+    for end in range(100, len(data), 400):
+        watch.put('slow.jpg', data[:end], age=end)
+        assert watch.look() == []
+    watch.put('slow.jpg', data, age=9999)
+    assert watch.look(2) == [('slow.jpg', 'baseline')]
+
+
+def test_a_newer_file_waits_for_an_older_one_but_not_for_ever(watch) -> None:
+    data = jpeg()
+    watch.put('1.jpg', data[:500], age=1)
+    watch.put('2.jpg', jpeg(), age=2)
+    assert watch.look(4) == []
+    watch.put('1.jpg', data, age=1)
+    assert watch.look(2) == [('1.jpg', 'baseline'), ('2.jpg', 'state')]
+    watch.put('3.jpg', data[:500], age=3)
+    watch.put('4.jpg', jpeg(), age=4)
+    assert watch.look(30) == [('4.jpg', 'state')]
+    assert len(watch.problems) == 1
+    assert "'3.jpg' is truncated or broken" in watch.problems[0]
+    watch.put('3.jpg', data, age=5)
+    assert watch.look(2) == [('3.jpg', 'state')]
+
+
+def test_the_protocol_gives_roles_and_times_and_may_grow(tmp_path) -> None:
+    photos = tmp_path / 'photos'
+    photos.mkdir()
+    watch = Watch(photos)
+    protocol = tmp_path / 'imaging.csv'
+    protocol.write_text('time_s,path,role\n0,photos/x.jpg,baseline\n30,photos/a.jpg,state\n')
+    watch.put('a.jpg', jpeg())
+    watch.put('x.jpg', jpeg(), age=1)
+    assert watch.look(3) == [('x.jpg', 'baseline'), ('a.jpg', 'state')]
+    protocol.write_text(protocol.read_text() + '60,photos/b.jpg,baseline\n')
+    watch.put('b.jpg', jpeg())
+    assert watch.look(3) == [('b.jpg', 'baseline')]
+
+
+def test_a_protocol_with_a_wrong_line_is_named(watch) -> None:
+    (watch.path / 'imaging.csv').write_text('time_s,path,role\nsoon,a.jpg,state\n')
+    watch.look()
+    assert 'write time_s,path,role' in watch.problems[0]
+
+
+def test_a_folder_that_goes_away_is_waited_for(watch) -> None:
+    watch.put('a.jpg', jpeg())
+    shutil.move(watch.path, watch.path.with_name('away'))
+    assert watch.look(2) == []
+    shutil.move(watch.path.with_name('away'), watch.path)
+    assert watch.look(2) == [('a.jpg', 'baseline')]
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path) -> None:
+    with pytest.raises(InputError, match='no such folder'):
+        Folder(tmp_path / 'nowhere')
+
+
+def test_looking_at_many_old_files_reads_none_of_them(watch, monkeypatch) -> None:
+    for number in range(300):
+        watch.put(f'{number:03d}.jpg', jpeg(), age=number)
+    assert len(watch.look(3)) == 300
+    monkeypatch.setattr(Path, 'read_bytes', lambda _: pytest.fail('read a file again'))
+    assert watch.look(3) == []
+
+
+def test_a_camera_that_is_not_there_is_refused() -> None:
+    with pytest.raises(InputError, match='cannot be opened'):
+        Device('/dev/video99')
+
+
+def test_a_camera_gives_photographs_stamped_at_exposure(monkeypatch) -> None:
+    class Camera:
+        def __init__(self, _: object) -> None:
+            self.taken = 0
+
+        def isOpened(self) -> bool:  # noqa: N802
+            return True
+
+        def set(self, *_: object) -> bool:
+            return True
+
+        def grab(self) -> bool:
+            return True
+
+        def read(self) -> tuple[bool, np.ndarray | None]:
+            self.taken += 1
+            return self.taken != 2, np.full((30, 40, 3), 10 * self.taken, np.uint8)
+
+    monkeypatch.setattr(cv2, 'VideoCapture', Camera)
+    moments = iter([7.0, 8.0, 9.0])
+    camera = Device('0', clock=lambda: next(moments))
+    first, _ = camera.poll()
+    none, problems = camera.poll()
+    last, _ = camera.poll()
+    assert [(p.time, p.role) for p in (*first, *last)] == [(7.0, 'baseline'), (9.0, 'state')]
+    assert none == []
+    assert 'gave no picture' in problems[0].reason
