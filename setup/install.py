@@ -149,6 +149,10 @@ def ros_versions() -> str:
     return '\n'.join(line for line in lines if line.startswith('ros-'))
 
 
+def compile_kernels() -> None:
+    run([str(PYTHON), '-m', 'porotwin_cli.kernels'])
+
+
 STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
     ('environment', 'virtual environment', make_environment, []),
     (
@@ -167,6 +171,7 @@ STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
         ],
     ),
     ('links', 'our packages on its path', link_packages, PACKAGES),
+    ('kernels', 'numerical kernels, compiled once (about 1 minute)', compile_kernels, PACKAGES),
 ]
 
 

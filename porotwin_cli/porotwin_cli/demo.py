@@ -40,6 +40,13 @@ def command(
     costa: Annotated[
         bool, typer.Option(help='Train COSTA on other experiments first, and use it.')
     ] = True,
+    setting: Annotated[
+        str,
+        typer.Option(
+            help='Physics-based model: fast, or upwind, too diffusive as the paper has it.'
+        ),
+    ] = 'upwind',
+    photo_width: Annotated[int, typer.Option(help='Of the photographs [px].', min=400)] = 1600,
     page: Annotated[bool, typer.Option(help='Serve a page to watch.')] = True,
     output: Annotated[Path | None, typer.Option(help='Folder for everything it makes.')] = None,
     as_json: Json = False,
@@ -54,52 +61,68 @@ def command(
     started = time.monotonic()
     folder = run_folder(output, 'demo')
     say(f'demo: {minutes:g} min of the small rig, into {folder}')
-    rig_file = _prepare_rig(folder)
-    calibration, model = _prepare_camera_and_model(rig_file, folder, seed=seed, costa=costa)
+    rig_file = _prepare_rig(folder, photo_width)
+    calibration, model = _prepare_camera_and_model(
+        rig_file, folder, seed=seed, costa=costa, setting=setting, photo_width=photo_width
+    )
     settings = GraphSettings(
         rig=rig_file,
         calibration=calibration,
         model=model,
+        setting=setting,
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
         page='127.0.0.1:8765' if page else '',
         use_sim_time=True,
     )
-    _run_loop(settings, folder, minutes=minutes, speed=speed, seed=seed)
+    _run_loop(settings, folder, minutes=minutes, speed=speed, seed=seed, photo_width=photo_width)
     figures = _account(load_rig(rig_file), folder)
     figures['duration_s'] = time.monotonic() - started
     _show(figures, folder, as_json)
 
 
-def _prepare_rig(folder: Path) -> Path:
+def _prepare_rig(folder: Path, photo_width: int) -> Path:
     """Write rig.yaml with the place of the rig in the virtual camera's photographs."""
     from porotwin_rig.camera import camera_before
 
     rig = load_rig(small_rig())
-    rig = rig.model_copy(update={'camera': camera_before(rig).description()})
+    camera = camera_before(rig, photo_width).description()
+    rig = rig.model_copy(update={'camera': camera})
     write_rig(rig, folder / 'rig.yaml')
     return folder / 'rig.yaml'
 
 
 def _prepare_camera_and_model(
-    rig_file: Path, folder: Path, *, seed: int, costa: bool
+    rig_file: Path, folder: Path, *, seed: int, costa: bool, setting: str, photo_width: int
 ) -> tuple[Path, Path | None]:
     """Return the calibration of the camera and, when asked for, a trained COSTA model."""
     from porotwin_cli.rehearsal import calibration_run, train_costa
 
     rig = load_rig(rig_file)
     say('calibrating the camera with a known injection ...')
-    calibration = calibration_run(rig, folder, seed=seed)
+    calibration = calibration_run(rig, folder, seed=seed, photo_width=photo_width)
     if not costa:
         return calibration, None
     say('training COSTA on experiments with other schedules ...')
     return calibration, train_costa(
-        rig, folder, calibration, photo_interval=PHOTO_INTERVAL_S, seed=seed
+        rig,
+        folder,
+        calibration,
+        photo_interval=PHOTO_INTERVAL_S,
+        seed=seed,
+        setting=setting,
+        photo_width=photo_width,
     )
 
 
 def _run_loop(
-    settings: GraphSettings, folder: Path, *, minutes: float, speed: str, seed: int
+    settings: GraphSettings,
+    folder: Path,
+    *,
+    minutes: float,
+    speed: str,
+    seed: int,
+    photo_width: int,
 ) -> None:
     """Start the graph, show its progress, and return when the experiment is over.
 
@@ -118,6 +141,7 @@ def _run_loop(
             'duration_s': minutes * 60.0,
             'seed': seed,
             'speed': speed,
+            'photo_width_px': photo_width,
             'truth': str(folder / 'truth.nc'),
         },
     )

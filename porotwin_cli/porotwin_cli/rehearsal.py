@@ -23,13 +23,14 @@ from porotwin_imaging.chain import Imaging
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.experiment import make_experiment
 
+ARCHITECTURE = 'local'
+"""Learns from few experiments; the paper's own network needs many (see `./porotwin train`)."""
+
 CALIBRATION_MINUTES = 40.0
 CALIBRATION_PHOTOS = 8
 TRAINING_MINUTES = 20.0
 TRAINING_WELLS = (('injector', 'control2'), ('control1', 'control3'), ('control2', 'injector'))
 """Of each training experiment: the well that injects tracer, and the one that injects water."""
-
-PHOTO_WIDTH_PX = 1600
 
 
 def _balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Schedule:
@@ -43,7 +44,7 @@ def _balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Sch
     return Schedule(tuple(told))
 
 
-def calibration_run(rig: Rig, folder: Path, *, seed: int) -> Path:
+def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> Path:
     """Photograph a known injection with the demo's camera and return its calibration file."""
     duration = CALIBRATION_MINUTES * 60.0
     make_experiment(
@@ -53,7 +54,7 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int) -> Path:
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,
-        photo_width=PHOTO_WIDTH_PX,
+        photo_width=photo_width,
     )
     recording = open_recording(folder / 'calibration_run')
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
@@ -69,7 +70,9 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int) -> Path:
     return folder / 'calibration' / 'calibration.yaml'
 
 
-def training_runs(rig: Rig, folder: Path, *, photo_interval: float, seed: int) -> list[Path]:
+def training_runs(
+    rig: Rig, folder: Path, *, photo_interval: float, seed: int, photo_width: int
+) -> list[Path]:
     """Photograph experiments with other schedules than the one to come; return their folders."""
     paths = []
     with progress() as bar:
@@ -85,7 +88,7 @@ def training_runs(rig: Rig, folder: Path, *, photo_interval: float, seed: int) -
                 duration=TRAINING_MINUTES * 60.0,
                 photo_interval=photo_interval,
                 seed=seed,
-                photo_width=PHOTO_WIDTH_PX,
+                photo_width=photo_width,
             )
             paths.append(path)
             bar.advance(task)
@@ -117,14 +120,17 @@ def train_costa(
     *,
     photo_interval: float,
     seed: int,
-    architecture: str = 'local',
+    setting: str,
+    photo_width: int,
 ) -> Path:
     """Train COSTA on the training runs as the camera sees them; return the model's folder."""
     grid = rig.default_grid()
-    runs = training_runs(rig, folder, photo_interval=photo_interval, seed=seed)
+    runs = training_runs(
+        rig, folder, photo_interval=photo_interval, seed=seed, photo_width=photo_width
+    )
     frames = [imaged(open_recording(run), grid, calibration) for run in runs]
-    dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, setting='fast')
-    settings = training_settings(architecture)
+    dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, setting=setting)
+    settings = training_settings(ARCHITECTURE)
     with progress() as bar:
         task = bar.add_task('training COSTA', total=settings.epochs)
 

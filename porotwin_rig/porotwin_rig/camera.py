@@ -25,6 +25,10 @@ CHART_HEIGHT = CHART_WIDTH * 4.0 / 6.0
 TERMS = ('horizontal_bulge', 'vertical_bulge', 'horizontal_stretch', 'vertical_stretch')
 
 
+ASPECT = 0.625
+"""Height of a photograph relative to its width, unless something else is asked for."""
+
+
 @dataclass(frozen=True)
 class SceneLayout:
     """What lies in front of the camera, in metres of the rig's frame (x right, z up).
@@ -146,8 +150,10 @@ class VirtualCamera:
         )
 
 
-def camera_before(rig: Rig, width_px: int = 1600, height_px: int = 1000) -> VirtualCamera:
-    """Return a camera that has the whole of `rig` in its view."""
+def camera_before(rig: Rig, width_px: int = 1600, height_px: int | None = None) -> VirtualCamera:
+    """Return a camera that has the whole of `rig` in its view; 16:10 where no height is given."""
+    if height_px is None:
+        height_px = round(width_px * ASPECT)
     return VirtualCamera(SceneLayout(rig.width_m, rig.height_m), width_px, height_px)
 
 

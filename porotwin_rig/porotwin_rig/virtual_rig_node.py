@@ -34,9 +34,6 @@ from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
 from porotwin_rig.session import AssetSession
 
-ASPECT = 0.625
-"""Height of a photograph relative to its width."""
-
 CLOCK_PERIOD_S = 0.2
 """Wall time between repetitions of /clock, for nodes that start late."""
 
@@ -86,7 +83,7 @@ class VirtualRigNode(Node):
         delivery = declare(self, 'producer_delivery', 0.99, 'what the producer delivers (paper)')
         producer = rig.control.producer if rig.control is not None else None
         pumps = Pumps({producer: delivery}) if producer is not None else Pumps()
-        camera = camera_before(rig, width, round(width * ASPECT))
+        camera = camera_before(rig, width)
         photographer = Photographer(rig, camera=camera, seed=seed)
         if rig.camera is not None and rig.camera != photographer.rig.camera:
             self.get_logger().warning('rig.yaml has the rig elsewhere in the photographs')
