@@ -17,11 +17,15 @@ _PICKLES = (b'\x80', b'PK\x03\x04')
 """How Python pickles and torch.save archives begin."""
 
 
+_KEY = 'porotwin'
+
+
 def write_tensors(
     path: Path, tensors: Mapping[str, NDArray], file_format: str, description: Mapping[str, Any]
 ) -> None:
     """Write tensors and their JSON description to `path`, whole or not at all."""
-    metadata = {'format': file_format, 'description': json.dumps(description)}
+    # one entry only: safetensors writes several in an order of chance
+    metadata = {_KEY: json.dumps({'format': file_format, **description})}
     part = path.with_name(f'.{path.name}.{os.getpid()}.part')
     contiguous = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
     try:
@@ -52,10 +56,13 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
             metadata = file.metadata() or {}
     except safetensors.SafetensorError as error:
         raise InputError(f'{path}: not a safetensors file ({error})') from None
-    if metadata.get('format') != file_format:
-        found = metadata.get('format', 'another program')
-        raise InputError(f'{path}: made as {found}, needs {file_format}; train or build it again')
+    if _KEY not in metadata:
+        raise InputError(f'{path}: made by another program, needs {file_format}')
     try:
-        return json.loads(metadata['description'])
-    except (KeyError, json.JSONDecodeError):
+        description = json.loads(metadata[_KEY])
+        found = description.pop('format')
+    except (AttributeError, KeyError, json.JSONDecodeError):
         raise InputError(f'{path}: its description is damaged; make it again') from None
+    if found != file_format:
+        raise InputError(f'{path}: made as {found}, needs {file_format}; train or build it again')
+    return description

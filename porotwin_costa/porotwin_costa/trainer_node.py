@@ -5,6 +5,7 @@ everything is asynchronous, one pair at a time. After `retrain_every` new pairs 
 `costa/train`, whose success puts the new model to work.
 """
 
+import atexit
 import tempfile
 import time
 from collections import deque
@@ -28,7 +29,7 @@ from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
 
 _PART = 10
-"""Pairs that are written together; a crash costs at most one fewer."""
+"""Pairs that are written together; a crash costs one fewer at most."""
 
 
 class TrainerNode(Node):
@@ -72,6 +73,8 @@ class TrainerNode(Node):
 
     def _folder(self, text: str) -> Path:
         if text:
+            # told to stop, the trainer keeps what is complete
+            atexit.register(self._write)
             return Path(text)
         self._temporary = tempfile.TemporaryDirectory(prefix='porotwin_costa_')
         return Path(self._temporary.name)
@@ -177,6 +180,8 @@ class TrainerNode(Node):
         self._training_due = self._training_due or retrain
 
     def _write(self) -> None:
+        if not self._collector.untaken:
+            return
         try:
             self._collector.take().append_to(self._dataset)
         except InputError as error:
@@ -210,12 +215,6 @@ class TrainerNode(Node):
             f'trained on {result.samples} pairs, {result.epochs} epochs, '
             f'validation loss {result.validation_loss:.3f}'
         )
-
-    def destroy_node(self) -> None:
-        """Write what is complete, then go."""
-        if self._collector.untaken:
-            self._write()
-        super().destroy_node()
 
 
 def main() -> None:

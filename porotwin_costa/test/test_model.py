@@ -67,10 +67,10 @@ def test_saved_model_comes_back_bit_for_bit(trained, dataset, tmp_path):
 
 
 def test_saving_twice_gives_the_same_bytes(trained, tmp_path):
-    for name in 'ab':
+    for name in 'abcdef':
         trained.save(tmp_path / name)
-    assert (tmp_path / 'a').read_bytes() == (tmp_path / 'b').read_bytes()
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
+    assert len(list(tmp_path.iterdir())) == 6
 
 
 def test_correction_has_the_grid_and_comes_from_the_network(trained, dataset):
@@ -186,6 +186,9 @@ def test_files_of_another_kind_are_refused(tmp_path, dataset):
         CorrectiveModel.load(foreign)
     with pytest.raises(InputError, match='costa-dataset'):
         CorrectiveModel.load(pairs)
+    safetensors.numpy.save_file({'a': np.zeros(3)}, foreign, {'porotwin': '[1'})
+    with pytest.raises(InputError, match='description is damaged'):
+        CorrectiveModel.load(foreign)
     with pytest.raises(InputError, match='cannot be read'):
         CorrectiveModel.load(tmp_path / 'absent.safetensors')
 

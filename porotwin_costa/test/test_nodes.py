@@ -332,6 +332,7 @@ def test_trainer_collects_pairs_and_has_costa_trained(
                 )
                 sequence += 1
                 time.sleep(0.02)
+        time.sleep(0.5)  # the last state first: topics may overtake each other
         clean.publish(CleanState(cause=CleanState.FINISHED, reason='over'))
         # the solver is started last: pairs wait for it
         services = _solver(client, model)
@@ -357,13 +358,14 @@ def test_trainer_collects_pairs_and_has_costa_trained(
 def test_wrong_parameters_end_the_node_with_one_line(domain, rig_file, tmp_path):
     broken = tmp_path / 'model.safetensors'
     broken.write_bytes(b'no model')
-    for module, wrong in (
-        ('costa_node', {'rig': tmp_path / 'none.yaml'}),
-        ('costa_node', {'rig': rig_file, 'model': broken}),
-        ('costa_node', {'rig': rig_file, 'architecture': 'cubist'}),
-    ):
-        process = _start(module, **wrong)
-        _, errors = process.communicate(timeout=PATIENCE)
+    processes = [
+        _start('costa_node', rig=tmp_path / 'none.yaml'),
+        _start('costa_node', rig=rig_file, model=broken),
+        _start('costa_node', rig=rig_file, architecture='cubist'),
+    ]
+    for process, complaint in zip(processes, ('none.yaml', 'safetensors', 'cubist'), strict=True):
+        _, errors = process.communicate(timeout=2 * PATIENCE)
         assert process.returncode == 2
         assert errors.count('error: ') == 1
+        assert complaint in errors
         assert 'Traceback' not in errors
