@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags_array
-from scipy.sparse.linalg import SuperLU, splu
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries
+from porotwin_solver.pressure import PressureSolver, pressure_solver
 
 
 @dataclass(frozen=True)
@@ -126,16 +126,8 @@ class Flow:
         self.transmissibility = transmissibilities(grid, conductance, boundaries)
         self.closed = 'open' not in boundaries.model_dump().values()
         self.pin = float(self.transmissibility.x.max()) if self.closed else 0.0
-        self._factor: SuperLU = splu(
-            pressure_matrix(self.transmissibility, pin=self.pin),
-            permc_spec='MMD_AT_PLUS_A',
-            diag_pivot_thresh=0.0,
-            options={'SymmetricMode': True},
-        )
-
-    def solve(self, source: FloatArray) -> FloatArray:
-        """Return the pressure [Pa] of a `source` per cell [m^3/s]; both flat."""
-        return self._factor.solve(source)
+        matrix = pressure_matrix(self.transmissibility, pin=self.pin)
+        self.solve: PressureSolver = pressure_solver(matrix, grid.shape)
 
     def flux(self, source: FloatArray, driven: FaceField | None = None) -> FaceField:
         """Return the flux [m^3/s] through every face.

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -19,21 +18,34 @@ from porotwin_solver.refinement import coarsen, refine
 from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND
 from porotwin_solver.view import View
 
-SettingName = Literal['fast', 'accurate', 'upwind']
+FINE_CELLS = 200_000
+"""Cells up to which the accurate setting refines a grid."""
+
+FINEST = 4
+"""Most cells along each side into which it divides a cell; a power of two."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A scheme of `transport`, and how much finer than asked for it runs."""
+    """A scheme of `transport`, and whether it runs on a finer grid than asked for."""
 
     scheme: int
-    refinement: int
+    refines: bool
+
+    def refinement(self, grid: Grid) -> int:
+        """Return into how many parts along each side the cells of `grid` are divided."""
+        factor = 1
+        while (
+            self.refines and factor < FINEST and grid.nx * grid.nz * (2 * factor) ** 2 <= FINE_CELLS
+        ):
+            factor *= 2
+        return factor
 
 
 SETTINGS: dict[str, Setting] = {
-    'fast': Setting(SUPERBEE, 1),
-    'accurate': Setting(THIRD_ORDER, 2),
-    'upwind': Setting(UPWIND, 1),
+    'fast': Setting(SUPERBEE, refines=False),
+    'accurate': Setting(THIRD_ORDER, refines=True),
+    'upwind': Setting(UPWIND, refines=False),
 }
 """The live loop and the optimiser; simulation, training, diagnosis; the paper's diffusive model."""
 
@@ -83,8 +95,8 @@ class Model:
         self.effects = described
         self.believed, self.view = apply_effects(believed_physics(rig, grid), View(), described)
         physics = self.believed
-        if chosen.refinement > 1:
-            fine = grid.refined(chosen.refinement)
+        if (factor := chosen.refinement(grid)) > 1:
+            fine = grid.refined(factor)
             physics, _ = apply_effects(believed_physics(rig, fine), View(), described)
         self.engine = Engine(physics, scheme=chosen.scheme, coupled=self.believed)
         self._storage = self.believed.porosity * self.believed.retardation_factor

@@ -1,0 +1,282 @@
+"""Speed and accuracy of the solver on this machine, beside two rivals in the same run.
+
+80 min of the paper's small rig with rates that change at every photograph. The rivals are a plain
+model, written here as one would first write it (two-point flux, implicit first-order upwind, a
+sparse LU factor for each), and FiPy, where it is installed.
+"""
+
+import resource
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix, diags_array
+from scipy.sparse.linalg import splu
+
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import Rig, Well
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, WellRate, WellRates
+from porotwin_solver.adjoint import gradient
+from porotwin_solver.flow import FaceField, pressure_matrix, transmissibilities
+from porotwin_solver.model import Model
+from porotwin_solver.openings import Openings
+from porotwin_solver.physics import Physics, believed_physics
+from porotwin_solver.simulation import simulate
+
+INTERVAL = 30.0
+FRAMES = 160
+CHECKED = (2100.0, 4800.0)
+REFERENCE = (748, 448)
+FIPY_FRAMES = 4
+
+Row = dict[str, Any]
+
+
+def bench_rig() -> Rig:
+    """Return the paper's small rig with its five wells."""
+    return Rig(
+        name='small',
+        width_m=0.934,
+        height_m=0.562,
+        depth_m=0.010,
+        porosity=0.375,
+        permeability_m2=6.57e-10,
+        viscosity_pa_s=1.0e-3,
+        density_kg_m3=998.0,
+        wells={
+            'injector': Well(x_m=0.235, z_m=0.235),
+            'producer': Well(x_m=0.660, z_m=0.160),
+            'control1': Well(x_m=0.120, z_m=0.420),
+            'control2': Well(x_m=0.500, z_m=0.375),
+            'control3': Well(x_m=0.760, z_m=0.460),
+        },
+    )
+
+
+def bench_schedule() -> Schedule:
+    """Return rates that change at every photograph, the same in every run."""
+    rng = np.random.default_rng(2022)
+    told = []
+    for frame in range(FRAMES):
+        water = rng.random(3) * 150.0
+        rates = {f'control{k + 1}': WellRate(from_ml_h(rate), 0.0) for k, rate in enumerate(water)}
+        rates['injector'] = WellRate(from_ml_h(500.0), 1.0)
+        rates['producer'] = WellRate(from_ml_h(-500.0 - water.sum()))
+        told.append((frame * INTERVAL, rates))
+    return Schedule.from_rates(told)
+
+
+class PlainModel:
+    """Two-point flux, implicit upwind, sparse LU: a new factor for every new flow."""
+
+    def __init__(self, physics: Physics) -> None:
+        self.physics, self._openings = physics, Openings(physics)
+        conductance = physics.depth * physics.permeability / physics.viscosity
+        self._trans = transmissibilities(physics.grid, conductance, physics.boundaries)
+        self._pressure = splu(pressure_matrix(self._trans, pin=0.0))
+
+    def flux(self, rates: WellRates) -> FaceField:
+        """Return the flux [m^3/s] of `rates`: one solve."""
+        source = self._openings.sources(rates).net
+        pressure = self._pressure.solve(source.ravel()).reshape(source.shape)
+        flux = FaceField.zeros(self.physics.grid)
+        flux.x[:, 1:-1] = -np.diff(pressure, axis=1)
+        flux.z[1:-1] = -np.diff(pressure, axis=0)
+        flux.z[-1] = pressure[-1]
+        return flux * self._trans
+
+    def predict(self, concentration: FloatArray, rates: WellRates, step: float) -> FloatArray:
+        """Return the map (nz, nx) after one implicit step [s]."""
+        flux, sources = self.flux(rates), self._openings.sources(rates)
+        storage, nx = self.physics.storage, self.physics.grid.nx
+        leaving = (
+            np.maximum(flux.x[:, 1:], 0.0)
+            - np.minimum(flux.x[:, :-1], 0.0)
+            + np.maximum(flux.z[1:], 0.0)
+            - np.minimum(flux.z[:-1], 0.0)
+            + sources.outflow
+        )
+        from_west = np.maximum(flux.x[:, :-1], 0.0)
+        from_east = np.maximum(-flux.x[:, 1:], 0.0)
+        from_west[:, 0] = from_east[:, -1] = 0.0
+        matrix = diags_array(
+            [
+                -np.maximum(flux.z[1:-1], 0.0).ravel(),
+                -from_west.ravel()[1:],
+                (storage / step + leaving).ravel(),
+                -from_east.ravel()[:-1],
+                -np.maximum(-flux.z[1:-1], 0.0).ravel(),
+            ],
+            offsets=[-nx, -1, 0, 1, nx],
+        )
+        right = storage / step * concentration + sources.tracer
+        return splu(csc_matrix(matrix)).solve(right.ravel()).reshape(concentration.shape)
+
+
+def plain_maps(rig: Rig, schedule: Schedule, grid: Grid) -> FloatArray:
+    """Return the plain model's maps at CHECKED."""
+    model = PlainModel(believed_physics(rig, grid))
+    state: FloatArray = np.zeros(grid.shape)
+    maps = []
+    for frame in range(FRAMES):
+        state = model.predict(state, schedule.at(frame * INTERVAL), INTERVAL)
+        if (frame + 1) * INTERVAL in CHECKED:
+            maps.append(state)
+    return np.array(maps)
+
+
+def fipy_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float | None:
+    """Return the CPU time [s] of FiPy for one interval, flow and transport; None without FiPy.
+
+    Pressure and implicit upwind transport with its default solvers, the mesh and the terms made
+    beforehand.
+    """
+    try:
+        from fipy import (
+            CellVariable,
+            DiffusionTerm,
+            FaceVariable,
+            Grid2D,
+            ImplicitSourceTerm,
+            TransientTerm,
+            UpwindConvectionTerm,
+        )
+    except ImportError:
+        return None
+    physics = believed_physics(rig, grid)
+    openings = Openings(physics)
+    mesh = Grid2D(dx=grid.dx, dy=grid.dz, nx=grid.nx, ny=grid.nz)
+    area = grid.cell_area
+    conductance = float((physics.depth * physics.permeability / physics.viscosity)[0, 0])
+    pressure = CellVariable(mesh=mesh)
+    pressure.constrain(0.0, mesh.facesTop)
+    tracer = CellVariable(mesh=mesh, hasOld=True)
+    source, injected, produced = (CellVariable(mesh=mesh) for _ in range(3))
+    velocity = FaceVariable(mesh=mesh, rank=1)
+    flow = DiffusionTerm(coeff=conductance) + source == 0.0
+    capacity = float((physics.storage / area)[0, 0])
+    transport = TransientTerm(coeff=capacity) + UpwindConvectionTerm(coeff=velocity) == (
+        injected - ImplicitSourceTerm(coeff=produced)
+    )
+    begin = time.process_time()
+    for frame in range(FIPY_FRAMES):
+        told = openings.sources(schedule.at(frame * INTERVAL))
+        source.setValue(told.net.ravel() / area)
+        injected.setValue(told.tracer.ravel() / area)
+        produced.setValue(told.outflow.ravel() / area)
+        flow.solve(var=pressure)
+        velocity.setValue(-conductance * pressure.faceGrad)
+        tracer.updateOld()
+        transport.solve(var=tracer, dt=INTERVAL)
+    return (time.process_time() - begin) / FIPY_FRAMES
+
+
+def timed(work: Callable[[], FloatArray]) -> tuple[FloatArray, float]:
+    """Return what `work` returns and the CPU time [s] that it took."""
+    begin = time.process_time()
+    result = work()
+    return result, time.process_time() - begin
+
+
+def errors(maps: FloatArray, reference: FloatArray) -> list[float]:
+    """Return the relative L2 error of every map against the means of a finer one."""
+    found = []
+    for values, fine in zip(maps, reference, strict=True):
+        exact = conservative_resample(fine, values.shape)
+        found.append(float(np.linalg.norm(values - exact) / np.linalg.norm(exact)))
+    return found
+
+
+def run() -> list[Row]:
+    """Return one row per model: CPU time for 80 min, its share of the plain model's, errors."""
+    rig, schedule = bench_rig(), bench_schedule()
+    grid = rig.grid(187, 112)
+    for setting in ('fast', 'accurate'):  # compiled kernels are on disk from here on
+        simulate(rig, schedule, CHECKED[:1], grid=rig.grid(12, 7), setting=setting)
+    reference = simulate(rig, schedule, CHECKED, grid=rig.grid(*REFERENCE), setting='accurate')
+    plain, plain_seconds = timed(lambda: plain_maps(rig, schedule, grid))
+
+    def row(name: str, on: Grid, seconds: float, maps: FloatArray | None) -> Row:
+        early, late = errors(maps, reference) if maps is not None else (None, None)
+        return {
+            'model': name,
+            'grid': str(on),
+            'cpu_s': round(seconds, 3),
+            'share_of_plain': round(seconds / plain_seconds, 4),
+            'error_35_min': None if early is None else round(early, 4),
+            'error_80_min': None if late is None else round(late, 4),
+        }
+
+    rows = [row('plain: upwind, implicit, LU', grid, plain_seconds, plain)]
+    if (interval := fipy_seconds(rig, schedule, grid)) is not None:
+        rows.append(row(f'FiPy, from {FIPY_FRAMES} intervals', grid, interval * FRAMES, None))
+    for setting, size in (
+        ('fast', (187, 112)),
+        ('accurate', (187, 112)),
+        ('upwind', (187, 112)),
+        ('fast', (94, 56)),
+        ('upwind', (374, 225)),
+        ('fast', (374, 225)),
+    ):
+        on = rig.grid(*size)
+        found, seconds = timed(
+            lambda on=on, setting=setting: simulate(  # type: ignore[misc]
+                rig, schedule, CHECKED, grid=on, setting=setting
+            )
+        )
+        rows.append(row(setting, on, seconds, found))
+    rows.append(
+        row('fast, gradient by 800 rates', grid, _gradient_seconds(rig, schedule, grid), None)
+    )
+    rows.extend(_interval_rows(rig, schedule, grid, plain_seconds))
+    return rows
+
+
+def _gradient_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float:
+    times = np.arange(1, FRAMES + 1) * INTERVAL
+
+    def cost(_: int, seen: FloatArray) -> tuple[float, FloatArray]:
+        return float(seen.sum()), np.ones_like(seen)
+
+    begin = time.process_time()
+    gradient(rig, schedule, times, cost, grid=grid, setting='fast')
+    return time.process_time() - begin
+
+
+def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: float) -> list[Row]:
+    """Return the time of one interval after 40 min: what the live loop waits for."""
+    rows = []
+    for setting, size in (('fast', grid), ('fast', rig.grid(747, 450))):
+        model = Model(rig, size, setting=setting)
+        coarse = simulate(rig, schedule, [2400.0], grid=grid, setting='fast')[0]
+        state = conservative_resample(coarse, size.shape)
+        model.prepare()
+        rates = schedule.at(2400.0)
+        _, seconds = timed(lambda: model.predict(state, rates, INTERVAL))  # noqa: B023
+        rows.append(
+            {
+                'model': f'{setting}, one interval of 30 s',
+                'grid': str(size),
+                'cpu_s': round(seconds, 4),
+                'share_of_plain': round(seconds * FRAMES / plain_seconds, 4),
+                'error_35_min': None,
+                'error_80_min': None,
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    """Print the table, and the largest memory of the process."""
+    rows = run()
+    for row in rows:
+        print('  '.join(f'{key}={value}' for key, value in row.items()))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
+    print(f'largest memory {peak:.0f} MB', file=sys.stderr)
+
+
+if __name__ == '__main__':
+    main()
