@@ -167,14 +167,15 @@ def draw_case(number: int, seed: int) -> BlindCase:
     turn = number % 10
     effects: tuple[EffectDescription, ...] = ()
     withheld: tuple[str, ...] = ()
+    right: tuple[str, ...] = ('unexplained',)
     if turn == 0:
         kind, right = 'none', ('none',)
     elif turn == 1:
-        kind, right = 'outside', ('unexplained',)
+        kind = 'outside'
         name = list(OUTSIDE)[int(generator.integers(len(OUTSIDE)))]
         effects = (_described(name, OUTSIDE[name], generator, wells),)
     elif turn == 2:
-        kind, right = 'left out', ('unexplained',)
+        kind = 'left out'
         names = ('heterogeneity', 'clock', 'viscosity', 'illumination', 'buoyancy')
         name = names[(number // 10) % len(names)]
         effects, withheld = (_described(name, LIBRARY[name], generator, wells),), (name,)

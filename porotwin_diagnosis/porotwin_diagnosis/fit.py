@@ -22,6 +22,15 @@ TILE = 5
 
 
 @dataclass(frozen=True)
+class Margin:
+    """How two fits compare: `advantage` of the first in standard deviations of the difference of
+    squared residuals over tiles, and the whitened `distance` of their predictions per cell."""
+
+    advantage: float
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Effects fitted together: `turns` of all their knobs, and what they leave.
 
@@ -138,6 +147,28 @@ class Fitter:
             for sample, shown in zip(self.samples, maps, strict=True)
         ]
         return float(np.sqrt(np.mean(np.square(errors))))
+
+    def margin(self, one: Fit, other: Fit) -> Margin:
+        """Return by how much `one` explains the recordings better than `other`.
+
+        The noise is common to both, so that their difference is known far better than either
+        misfit; residuals of a tile, over all times, count as one observation.
+        """
+        differences, distance, cells = [], 0.0, 0
+        pairs = zip(
+            self.residuals(one.effects, WIDTH),
+            self.residuals(other.effects, WIDTH),
+            self.samples,
+            strict=True,
+        )
+        for first, second, sample in pairs:
+            differences.append(_tile_sums((second**2 - first**2)[None]).ravel())
+            distance += float(np.sum((first - second) ** 2))
+            cells += sum(sample.active)
+        all_tiles = np.concatenate(differences)
+        spread = float(np.sqrt(np.sum(all_tiles**2)))
+        advantage = float(all_tiles.sum()) / spread if spread > 0 else 0.0
+        return Margin(advantage, float(np.sqrt(distance / max(cells, 1))))
 
     def with_covariance(self, fit: Fit) -> Fit:
         """Return `fit` with the covariance of its turns, residuals of a tile counting as one."""

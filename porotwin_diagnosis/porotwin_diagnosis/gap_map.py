@@ -61,12 +61,10 @@ def map_gap(recording: Recording) -> GapMap:
     grid = recording.grid
     coarse = recording.rig.grid(max(4, grid.nx // COARSENING), max(4, grid.nz // COARSENING))
     model = Model(recording.rig, coarse, setting='fast')
-    frames = np.unique(np.linspace(0, len(recording.times) - 1, STEPS + 1).round().astype(int))
-    maps = [_filled(recording.concentration[frame], coarse) for frame in frames]
+    times, maps = observed_maps(recording, coarse, STEPS + 1)
     energy = np.zeros(coarse.shape)
     moments: list[tuple[float, float, float]] = []
-    for (before, after), (first, last) in zip(pairwise(maps), pairwise(frames), strict=True):
-        start, end = float(recording.times[first]), float(recording.times[last])
+    for (before, after), (start, end) in zip(pairwise(maps), pairwise(times), strict=True):
         predicted = before
         for low, high, rates in recording.schedule.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
@@ -80,6 +78,16 @@ def map_gap(recording: Recording) -> GapMap:
     if fine.shape != grid.shape:
         fine = conservative_resample(strength, grid.shape)
     return GapMap(fine, _spots(strength, coarse), _phases(moments, recording.schedule))
+
+
+def observed_maps(
+    recording: Recording, grid: Grid, count: int
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return at most `count` times and observed maps, evenly spread, without NaN, on `grid`."""
+    frames = np.linspace(0, len(recording.times) - 1, count).round().astype(int)
+    frames = np.unique(frames)
+    maps = [_filled(recording.concentration[frame], grid) for frame in frames]
+    return recording.times[frames], maps
 
 
 def _filled(frame: FloatArray, grid: Grid) -> FloatArray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
 
 from porotwin_core.grid import FloatArray
@@ -133,12 +134,13 @@ def _grain_width(maps: FloatArray, full: NDArray[np.bool_]) -> float:
 
 def measure_blur(observed: FloatArray, predicted: FloatArray, noise: Noise) -> float:
     """Return the blur [cells] that brings `predicted` nearest to `observed`, both (nt, nz, nx)."""
-    widths = np.array([0.0, 0.3, 0.45, 0.6, 0.75, 0.9])
-    errors = []
-    for width in widths:
-        blurred = blur(predicted, float(width))
-        errors.append(float(np.nanmean((noise.expected(blurred) - observed) ** 2)))
-    return float(widths[int(np.argmin(errors))])
+
+    def error(width: float) -> float:
+        difference = noise.expected(blur(predicted, width)) - observed
+        return float(np.nanmean(difference**2))
+
+    found = minimize_scalar(error, bounds=(0.0, 1.2), method='bounded', options={'xatol': 0.03})
+    return float(found.x) if found.fun < error(0.0) else 0.0
 
 
 def blur(maps: FloatArray, width: float) -> FloatArray:

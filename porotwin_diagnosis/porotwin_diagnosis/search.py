@@ -17,7 +17,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library
 from porotwin_diagnosis.evidence import Sample, coarsened
-from porotwin_diagnosis.fit import Fit, Fitter
+from porotwin_diagnosis.fit import Fit, Fitter, Margin
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.scan import starts
 
@@ -34,7 +34,7 @@ REFINED, JUDGED, PAIR_BASES, PARTNERS = 5, 3, 2, 4
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
 
 NEAR = 1.5
-"""Fits whose misfit is above this many times the best one's go no further, the second one's does."""
+"""Fits whose misfit is above this many times the best one's go no further (but the second)."""
 
 EXPLAINED = 1.3
 """Misfit below which a screening fit leaves nothing to look for."""
@@ -45,13 +45,16 @@ EDGE_BLUR = 0.55
 
 @dataclass
 class Findings:
-    """All fits at the finest level each has reached; `null` is the model without any effect."""
+    """All fits at the finest level each has reached; `null` is the model without any effect.
+
+    `margins` compares the best single effect with every one of `singles`, itself first.
+    """
 
     null: Fit
     screened: list[Fit]
     singles: list[Fit] = field(default_factory=list)
     pairs: list[Fit] = field(default_factory=list)
-    judge: Fitter | None = None
+    margins: list[Margin] = field(default_factory=list)
     runs: int = 0
 
 
@@ -90,13 +93,14 @@ class Search:
         self.progress('running the model as it is', 0.0)
         null = self.judging.judged((), np.zeros(0))
         screened = self._screen()
-        findings = Findings(null, screened, judge=self.judging)
+        findings = Findings(null, screened)
         pairs = self._pairs(screened) if score(screened[0]) > EXPLAINED else []
         findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.55, 0.8)
         best = findings.singles[0]
         promising = [pair for pair in pairs if score(pair) < 0.9 * score(screened[0])]
         if score(best) > EXPLAINED and promising:
             findings.pairs = self._finer(promising[:JUDGED], 0.8, 0.95)
+        findings.margins = [self.judging.margin(best, fit) for fit in findings.singles]
         forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
         findings.runs = sum(forward.runs for forward in forwards)
         return findings

@@ -6,14 +6,13 @@ on simulated gaps without simulating again; see `calibration`.
 
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
 import numpy as np
 
-from porotwin_diagnosis.fit import Fit, Fitter
+from porotwin_diagnosis.fit import Fit, Margin
 from porotwin_diagnosis.search import Findings, score
 
 NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
@@ -26,9 +25,10 @@ class Thresholds:
     `quiet`: misfit of a model that explains a recording down to its noise. `worth`: an effect must
     bring the misfit below this share to be kept; `pair_worth` the same for a second one.
     `open`: misfit above which the best model leaves too much. `share_open`: the same as a share of
-    what the model without effect leaves. `sharpness`: power with which probabilities fall
-    with misfit. `same`: whitened distance of two predictions that no camera could tell apart.
-    `scale`, `shift`: logistic map of raw log-odds to seen frequency.
+    what the model without effect leaves. `sharpness`: fall of log-odds per standard deviation of
+    advantage, `steepness` per power of misfit. `same`: largest whitened distance of two
+    predictions that cannot be told apart. `scale`,
+    `shift`: logistic map of raw log-odds to seen frequency.
     """
 
     quiet: float = 1.3
@@ -36,8 +36,9 @@ class Thresholds:
     pair_worth: float = 0.8
     open: float = 1.5
     share_open: float = 0.45
-    sharpness: float = 12.0
-    same: float = 0.3
+    sharpness: float = 1.0
+    steepness: float = 12.0
+    same: float = 0.06
     scale: float = 1.0
     shift: float = 0.0
 
@@ -125,6 +126,14 @@ def _alone(findings: Findings) -> dict[str, float]:
     return scores
 
 
+def _lead(fit: Fit, margin: Margin, best: float, limits: Thresholds) -> float:
+    """Return the log-odds by which the best effect leads `fit`; none where they show the same."""
+    if margin.distance < limits.same:
+        return 0.0
+    behind = limits.steepness * math.log(max(score(fit) / best, 1.0))
+    return max(behind, limits.sharpness * max(margin.advantage, 0.0))
+
+
 def _ladder(findings: Findings) -> float:
     """Return by what factor scores fall from screening to judgement, for those that made it."""
     screened = {fit.label: score(fit) for fit in findings.screened}
@@ -133,10 +142,21 @@ def _ladder(findings: Findings) -> float:
 
 
 def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
-    scores = _alone(findings)
-    scores[NONE] = score(findings.null)
-    least = min(scores.values())
-    weights = {name: (least / value) ** limits.sharpness for name, value in scores.items()}
+    """Return the probability of every effect alone, and of none, the most probable first.
+
+    Among judged effects by their advantage over each other; the others, which stayed behind before,
+    by the misfit with which they did.
+    """
+    odds: dict[str, float] = {}
+    best = score(findings.singles[0])
+    for fit, margin in zip(findings.singles, findings.margins, strict=True):
+        odds.setdefault(fit.members[0].effect, -_lead(fit, margin, best, limits))
+    ladder = _ladder(findings)
+    for fit in findings.screened:
+        behind = math.log(max(score(fit) * ladder / best, 1.05))
+        odds.setdefault(fit.members[0].effect, -limits.steepness * behind)
+    odds[NONE] = -limits.steepness * math.log(max(score(findings.null) / best, 1.0))
+    weights = {name: math.exp(max(value, -60.0)) for name, value in odds.items()}
     total = sum(weights.values())
     shares = {name: weight / total for name, weight in weights.items()}
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
@@ -150,28 +170,11 @@ def _by_strength(model: Fit, findings: Findings) -> tuple[str, ...]:
 
 
 def _inseparable(model: Fit, findings: Findings, limits: Thresholds, name: str) -> tuple[str, ...]:
-    if len(model.members) > 1 or findings.judge is None:
+    """Return the judged effects whose best fits show the camera the same as that of `name`."""
+    if len(model.members) > 1:
         return ()
-    others = [fit for fit in findings.singles if fit.members[0].effect != name]
     return tuple(
         fit.members[0].effect
-        for fit in others
-        if score(fit) < 1.1 * score(model) and distance(findings.judge, model, fit) < limits.same
+        for fit, margin in zip(findings.singles, findings.margins, strict=True)
+        if fit.members[0].effect != name and margin.distance < limits.same
     )
-
-
-def distance(fitter: Fitter, one: Fit, other: Fit) -> float:
-    """Return how far two fits' predictions lie apart, in noise deviations per cell with tracer."""
-    total, count = 0.0, 0
-    pairs: Sequence[tuple] = list(
-        zip(
-            fitter.residuals(one.effects, 1.5),
-            fitter.residuals(other.effects, 1.5),
-            fitter.samples,
-            strict=True,
-        )
-    )
-    for a, b, sample in pairs:
-        total += float(np.sum((a - b) ** 2))
-        count += sum(sample.active)
-    return math.sqrt(total / max(count, 1))

@@ -1,0 +1,82 @@
+"""The diagnosis from a folder to a report, on recordings of an independent simulator."""
+
+import json
+
+import netCDF4
+import numpy as np
+import pytest
+from conftest import recorded
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription, load_rig
+from porotwin_diagnosis.diagnose import diagnose
+from porotwin_diagnosis.gap_map import map_gap
+from porotwin_recording.recording import open_recording
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_wrong_porosity_is_named_and_the_rig_mended(denser_sand, tmp_path):
+    stages = []
+    diagnose(
+        denser_sand,
+        tmp_path / 'out',
+        apply=True,
+        progress=lambda stage, share: stages.append((stage, share)),
+    )
+    said = json.loads((tmp_path / 'out' / 'diagnosis.json').read_text())
+    assert said['verdict'] == 'porosity'
+    assert said['error']['gap_closed'] > 0.8
+    assert said['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88, abs=0.01)
+    assert said['where']['centre'] is None
+    page = (tmp_path / 'out' / 'report.html').read_text()
+    assert page.count('data:image/png;base64,') == 2
+    assert 'http' not in page.replace('http-equiv', '')
+    with netCDF4.Dataset(tmp_path / 'out' / 'fields.nc') as fields:
+        observed = fields['observed'][:]
+        after = np.linalg.norm(fields['predicted_after'][:] - observed)
+        before = np.linalg.norm(fields['predicted_before'][:] - observed)
+        assert fields['gap'].shape == observed.shape[1:]
+    assert after < 0.6 * before
+    assert after / np.linalg.norm(observed) == pytest.approx(said['error']['after'], rel=0.01)
+    mended = load_rig(tmp_path / 'out' / 'rig.yaml')
+    assert [effect.name for effect in mended.effects] == ['porosity']
+    assert stages[-1] == ('done', 1.0)
+    shares = [share for _, share in stages]
+    assert shares == sorted(shares)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet, tmp_path):
+    result = diagnose(quiet, tmp_path / 'out', setting='upwind')
+    assert result.verdict.name == 'numerical_diffusion'
+    assert result.numerics.model_diffusion > 1e-8
+    assert result.summary['error']['gap_closed'] > 0.8
+
+
+def test_gap_arises_at_the_leak_and_not_where_the_flow_carries_it(tmp_path):
+    leak = EffectDescription(name='leak', parameters={'x': 0.33, 'z': 0.3, 'rate': -80.0})
+    gap = map_gap(open_recording(recorded(tmp_path / 'recording', leak)))
+    spots = gap.spots[:2]
+    assert min(np.hypot(spot.x - 0.33, spot.z - 0.3) for spot in spots) < 0.1
+    assert sum(phase.share for phase in gap.phases) == pytest.approx(1.0, abs=0.01)
+    assert {phase.state for phase in gap.phases} <= {'injecting', 'resting', 'chasing'}
+
+
+def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
+    from conftest import SMALL, schedule
+
+    from porotwin_rig.experiment import make_experiment
+
+    make_experiment(
+        tmp_path / 'short',
+        SMALL,
+        told=schedule(),
+        duration=300,
+        photo_interval=60,
+        seed=1,
+        grid=SMALL.grid(47, 28),
+    )
+    with pytest.raises(InputError, match='too few'):
+        diagnose(tmp_path / 'short', tmp_path / 'out')

@@ -1,0 +1,69 @@
+"""Fits: free-running, to the first part, judged on the last."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.candidates import Knob, library
+from porotwin_diagnosis.evidence import read_sample
+from porotwin_diagnosis.fit import Fitter
+from porotwin_diagnosis.forward import Forward
+from porotwin_recording.recording import open_recording
+
+
+@pytest.fixture(scope='module')
+def fitter(denser_sand):
+    return Fitter([Forward(read_sample(open_recording(denser_sand)))], soft=0.3)
+
+
+def candidate(fitter, label):
+    return next(c for c in library(fitter.samples) if c.label == label)
+
+
+def test_knob_turns_and_values_are_inverse():
+    for knob in (Knob('a', 'm', 2.0, 0.3), Knob('b', '-', 2.0, 0.3, low=0.1, log=True)):
+        assert knob.value(knob.turn(3.7)) == pytest.approx(3.7)
+    assert Knob('c', '-', 1.0, 0.1, low=1.0).value(-5.0) == 1.0
+
+
+def test_porosity_is_found_in_data_of_another_simulator(fitter):
+    fit = fitter.fit((candidate(fitter, 'porosity'),))
+    null = fitter.judged((), np.zeros(0))
+    assert fit.effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.012)
+    assert fit.held_out < 0.45 * null.held_out
+    fit = fitter.with_covariance(fit)
+    assert 0 < np.sqrt(fit.covariance[0, 0]) * 0.015 < 0.02
+
+
+def test_held_out_frames_take_no_part_in_the_fit(fitter, denser_sand):
+    sample = read_sample(open_recording(denser_sand))
+    sample.observed[sample.fitted :] = 0.5
+    spoiled = Fitter([Forward(sample)], soft=0.3)
+    a = fitter.fit((candidate(fitter, 'porosity'),))
+    b = spoiled.fit((candidate(spoiled, 'porosity'),))
+    assert np.allclose(a.turns, b.turns)
+    assert b.held_out > 3 * a.held_out
+
+
+def test_retardation_and_porosity_are_one_product_for_the_camera(fitter):
+    slow = EffectDescription(name='retardation', parameters={'retardation_factor': 1.1})
+    porous = EffectDescription(name='porosity', parameters={'factor': 1.1})
+    maps = [fitter.forwards[0].maps((effect,)) for effect in (slow, porous)]
+    assert np.abs(maps[0] - maps[1]).max() < 1e-3
+
+
+def test_margin_favours_the_right_effect(fitter):
+    right = fitter.fit((candidate(fitter, 'porosity'),))
+    wrong = fitter.fit((candidate(fitter, 'saturation'),))
+    margin = fitter.margin(right, wrong)
+    assert margin.advantage > 1.5
+    assert fitter.margin(wrong, right).advantage == pytest.approx(-margin.advantage)
+    assert fitter.margin(right, right).distance == 0.0
+
+
+def test_model_without_effect_leaves_only_noise_of_a_quiet_recording(quiet):
+    sample = read_sample(open_recording(quiet))
+    judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
+    null = judge.judged((), np.zeros(0))
+    assert null.fitted < 1.2
+    assert null.held_out < 1.2

@@ -1,0 +1,76 @@
+"""Verdicts as a function of misfits, and their confidence."""
+
+import math
+
+import numpy as np
+import pytest
+
+from porotwin_diagnosis.candidates import Candidate, Knob
+from porotwin_diagnosis.fit import Fit, Margin
+from porotwin_diagnosis.search import Findings
+from porotwin_diagnosis.verdict import Thresholds, decide
+
+LIMITS = Thresholds()
+
+
+def fit(*effects, misfit):
+    members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in effects)
+    size = len(members)
+    return Fit(members, np.ones(size), misfit, misfit, 0.1, 0.1, np.zeros((size, size)))
+
+
+def findings(null, *singles, pairs=(), margins=None):
+    fits = [fit(name, misfit=value) for name, value in singles]
+    margins = margins or [Margin(0.0, 0.0)] + [Margin(20.0, 3.0)] * (len(fits) - 1)
+    return Findings(
+        fit(misfit=null), fits, fits, [fit(*names, misfit=m) for names, m in pairs], margins
+    )
+
+
+def test_nothing_is_said_of_a_recording_that_the_model_explains():
+    verdict = decide(findings(0.95, ('registration', 0.93), ('rate', 0.94)), LIMITS)
+    assert verdict.name == 'none'
+    assert verdict.confidence > 0.8
+    assert verdict.members == ()
+
+
+def test_an_effect_that_closes_the_gap_alone_is_named():
+    verdict = decide(findings(5.0, ('decay', 0.9), ('illumination', 2.4)), LIMITS)
+    assert (verdict.name, verdict.members) == ('decay', ('decay',))
+    assert verdict.confidence > 0.8
+
+
+def test_a_gap_that_nothing_closes_is_unexplained():
+    verdict = decide(findings(6.0, ('rate', 4.0), ('clock', 4.1)), LIMITS)
+    assert verdict.name == 'unexplained'
+    assert verdict.members == ()
+
+
+def test_two_effects_that_show_the_camera_the_same_are_declared_inseparable():
+    margins = [Margin(0.0, 0.0), Margin(0.2, 0.01), Margin(9.0, 0.8)]
+    found = findings(3.0, ('porosity', 0.7), ('retardation', 0.7), ('depth', 0.8), margins=margins)
+    verdict = decide(found, LIMITS)
+    assert verdict.inseparable == ('retardation',)
+    assert verdict.confidence > 0.8
+
+
+def test_rivals_that_explain_as_well_but_differ_lower_the_confidence():
+    margins = [Margin(0.0, 0.0), Margin(0.1, 0.9)]
+    verdict = decide(findings(3.0, ('leak', 0.9), ('rate', 0.9), margins=margins), LIMITS)
+    assert verdict.inseparable == ()
+    assert verdict.confidence < 0.7
+
+
+def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():
+    alone = (('rate', 1.6), ('saturation', 4.0))
+    pair = decide(findings(6.0, *alone, pairs=[(('saturation', 'rate'), 0.8)]), LIMITS)
+    assert pair.members == ('rate', 'saturation')
+    single = decide(findings(6.0, *alone, pairs=[(('saturation', 'rate'), 1.5)]), LIMITS)
+    assert single.members in (('rate',), ())
+
+
+@pytest.mark.parametrize('misfit', [0.7, 1.2, 2.0, 5.0])
+def test_confidence_is_a_probability(misfit):
+    verdict = decide(findings(6.0, ('rate', misfit), ('clock', misfit)), LIMITS)
+    assert 0.0 < verdict.confidence < 1.0
+    assert math.isclose(sum(verdict.probabilities.values()), 1.0)
