@@ -18,7 +18,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import WellRates
 from porotwin_costa.dataset import TIME_STEP_TOLERANCE, Frames, PredictFn, mean_rates
-from porotwin_costa.model import Correction
+from porotwin_costa.model import APPLIED, Correction
 
 CorrectFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
 """(previous, sigma [1/s], rates, time_step [s]) -> corrected concentration."""
@@ -76,13 +76,14 @@ class Evaluation:
         for name in dict.fromkeys(frame.experiment for frame in self.frames):
             own = Evaluation(tuple(f for f in self.frames if f.experiment == name), ())
             lines.append(
-                f'{name:26.26} {len(own.frames):6d}   {own.mean("predicted"):13.4f}'
+                f'{name[-26:]:26} {len(own.frames):6d}   {own.mean("predicted"):13.4f}'
                 f' {own.mean("corrected"):7.4f}   {own.frames[-1].free_predicted:13.4f}'
                 f' {own.frames[-1].free_corrected:7.4f}'
             )
-        withheld = sum(not frame.status.startswith('applied') for frame in self.frames)
+        withheld = [frame.status for frame in self.frames if frame.status != APPLIED]
         if withheld:
-            lines.append(f'correction withheld in {withheld} of {len(self.frames)} frames')
+            count = f'{len(withheld)} of {len(self.frames)} frames'
+            lines.append(f'no correction in {count}, first because: {withheld[0]}')
         return '\n'.join(lines)
 
     def write_csv(self, path: Path) -> None:
