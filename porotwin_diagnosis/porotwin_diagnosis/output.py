@@ -10,7 +10,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_diagnosis.candidates import LOCAL
 from porotwin_diagnosis.fit import Fit
-from porotwin_diagnosis.search import score
+from porotwin_diagnosis.search import Findings, score
 from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED
 
 if TYPE_CHECKING:
@@ -117,7 +117,6 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
     best: dict[str, Fit] = {}
     for fit in [*result.findings.singles, *result.findings.screened]:
         best.setdefault(fit.members[0].effect, fit)
-    reference = score(result.findings.null)
     rows: list[dict[str, Any]] = []
     for name, fit in best.items():
         rows.append(
@@ -125,7 +124,7 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
                 'name': name,
                 'probability': round(verdict.probabilities.get(name, 0.0), 4),
                 'parameters': _parameters(fit, name),
-                **_alone(fit, errors, reference),
+                **_alone(fit, errors, result.findings),
             }
         )
     for name in verdict.members:
@@ -165,11 +164,11 @@ def _numerical_row(result: 'Diagnosis', errors: dict[str, float]) -> dict[str, A
     }
 
 
-def _alone(fit: Fit, errors: dict[str, float], reference: float) -> dict[str, float]:
-    """Return the errors of one effect alone, from its misfit relative to that of the model."""
+def _alone(fit: Fit, errors: dict[str, float], findings: Findings) -> dict[str, float]:
+    """Return the errors of one effect alone, as far as it went relative to the model without."""
     before, floor = errors['before'], errors['noise_floor']
-    share = min(score(fit) / max(reference, 1e-9), 1.0)
-    after = max(before * share, min(floor, before))
+    null = findings.null if fit in findings.singles else findings.screened_null
+    after = before * fit.error / max(null.error, 1e-9)
     closed = (before - after) / (before - floor) if before - floor > 1e-4 else 0.0
     return {
         'error_before': before,

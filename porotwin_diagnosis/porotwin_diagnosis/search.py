@@ -36,6 +36,9 @@ REFINED, JUDGED, PAIR_BASES, PARTNERS = 5, 3, 2, 4
 NEAR = 1.5
 """Fits whose misfit is above this many times the best one's go no further (but the second)."""
 
+HOPELESS = 2.0
+"""Fits of coarse residuals that leave this many times the best one's misfit are not finished."""
+
 EXPLAINED = 1.3
 """Misfit below which a screening fit leaves nothing to look for."""
 
@@ -45,12 +48,14 @@ EDGE_BLUR = 0.55
 
 @dataclass
 class Findings:
-    """All fits at the finest level each has reached; `null` is the model without any effect.
+    """All fits at the finest level each has reached; `null` and
+    `screened_null` are the model without any effect, judged and as screened.
 
     `margins` compares the best single effect with every one of `singles`, itself first.
     """
 
     null: Fit
+    screened_null: Fit
     screened: list[Fit]
     singles: list[Fit] = field(default_factory=list)
     pairs: list[Fit] = field(default_factory=list)
@@ -93,7 +98,7 @@ class Search:
         self.progress('running the model as it is', 0.0)
         null = self.judging.judged((), np.zeros(0))
         screened = self._screen()
-        findings = Findings(null, screened)
+        findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
         pairs = self._pairs(screened) if score(screened[0]) > EXPLAINED else []
         findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.55, 0.8)
         best = findings.singles[0]
@@ -111,10 +116,15 @@ class Search:
             for candidate in library(self.samples)
             if candidate.effect not in self.excluded and candidate.effect not in LOCAL
         ]
-        fits = []
+        fits: list[Fit] = []
         for index, candidate in enumerate(candidates):
-            self.progress(f'trying {candidate.label}', 0.02 + 0.25 * index / len(candidates))
+            self.progress(f'trying {candidate.label}', 0.02 + 0.15 * index / len(candidates))
             fits.append(self._best_start(candidate))
+        limit = HOPELESS * min(map(score, fits))
+        for index, fit in enumerate(fits):
+            if score(fit) < limit:
+                self.progress(f'fitting {fit.label}', 0.17 + 0.12 * index / len(fits))
+                fits[index] = self.screening.fit(fit.members, start=fit.turns, coarse_steps=0)
         for effect in sorted(set(LOCAL) - self.excluded):
             self.progress(f'looking for a place of {effect}', 0.29)
             fits.extend(self._local(effect))
@@ -122,7 +132,7 @@ class Search:
 
     def _best_start(self, candidate: Candidate) -> Fit:
         tried = [
-            self.screening.fit((candidate,), start=np.array(first, dtype=float))
+            self.screening.fit((candidate,), start=np.array(first, dtype=float), fine_steps=0)
             for first in candidate.starts or ((0.0,) * len(candidate.knobs),)
         ]
         return min(tried, key=score)

@@ -22,8 +22,9 @@ def fit(*effects, misfit):
 def findings(null, *singles, pairs=(), margins=None):
     fits = [fit(name, misfit=value) for name, value in singles]
     margins = margins or [Margin(0.0, 0.0)] + [Margin(20.0, 3.0)] * (len(fits) - 1)
+    without = fit(misfit=null)
     return Findings(
-        fit(misfit=null), fits, fits, [fit(*names, misfit=m) for names, m in pairs], margins
+        without, without, fits, fits, [fit(*names, misfit=m) for names, m in pairs], margins
     )
 
 
