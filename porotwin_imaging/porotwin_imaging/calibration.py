@@ -85,11 +85,13 @@ class Calibration:
     scale_error: float = UNCALIBRATED_ERROR
 
     def factor_map(self, grid: Grid) -> Array:
-        """Return each cell's factor (nz, nx), by the sand that covers its middle."""
+        """Return each cell's factor (nz, nx): the mean over the sands in it."""
         if self.sands is None:
             return np.full(grid.shape, self.factors[0])
-        labels = cv2.resize(self.sands, (grid.nx, grid.nz), interpolation=cv2.INTER_NEAREST)
-        return np.array(self.factors)[np.minimum(labels[::-1], len(self.factors) - 1)]
+        factors = np.array(self.factors)[np.minimum(self.sands, len(self.factors) - 1)]
+        return np.asarray(cv2.resize(factors, (grid.nx, grid.nz), interpolation=cv2.INTER_AREA))[
+            ::-1
+        ]
 
 
 def load_calibration(path: Path | str) -> Calibration:

@@ -91,8 +91,8 @@ def texture(colours: Array) -> Array:
 def _water(colours: Array) -> Mask:
     """Return the band between the rig's top and the sand's surface, bolts included.
 
-    Water is smooth where sand has grains. The surface in each column is the lowest smooth place of
-    the smooth band along the top, moved to the strongest change of colour nearby.
+    Water is smooth where sand has grains. The surface in each column is the strongest
+    unbroken edge of colour below the smooth band along the top.
     """
     rough = texture(colours)
     rows, columns = rough.shape
@@ -110,28 +110,38 @@ def _water(colours: Array) -> Mask:
     depth = np.where(band.any(axis=0), rows - 1 - np.argmax(band[::-1], axis=0), -1)
     known = depth >= 0
     depth = np.interp(np.arange(columns), np.flatnonzero(known), depth[known])
-    # objects in the water hide its lower part from view: take the neighbours' depth
-    depth = cv2.dilate(depth.astype(np.float32)[None, :], np.ones((1, columns // 10 | 1)))[0]
-    surface = _nearest_edge(colours, depth)
+    surface = _surface(colours, depth)
     return np.arange(rows)[:, None] <= surface[None, :]
 
 
-def _nearest_edge(colours: Array, depth: Array) -> Array:
-    """Return the rows of the strongest change of log colour at most 4 % of the height from `depth`.
+def _surface(colours: Array, depth: Array) -> Array:
+    """Return the rows of the sand's surface: the strongest unbroken edge of colour below `depth`.
 
-    The rows are smoothed by a running maximum and median, so that the mask covers the surface.
+    Of all lines from side to side that go up or down by at most a row from column to column and
+    stay within an eighth of the height below `depth` (objects in the water hide more of it), the
+    one along which colour changes most, found by dynamic programming.
     """
-    rows = colours.shape[0]
-    reach = max(4, rows // 25)
-    logs = np.log(cv2.blur(colours, (9, 1)) + 1e-3)
+    rows, columns = colours.shape[:2]
     lag = 3
-    change = np.zeros(colours.shape[:2], np.float32)
+    logs = np.log(cv2.blur(colours, (9, 1)) + 1e-3)
+    change = np.zeros((rows, columns), np.float32)
     change[lag:-lag] = np.abs(logs[2 * lag :] - logs[: -2 * lag]).sum(axis=2)
-    distance = np.abs(np.arange(rows)[:, None] - depth[None, :])
-    edge = np.argmax(np.where(distance <= reach, change, -1.0), axis=0).astype(np.float32)
-    lower = np.maximum(edge, depth.astype(np.float32))[None, :]
-    covered = cv2.dilate(lower, np.ones((1, 9), np.uint8))
-    return covered[0] + 2 * lag
+    below = np.arange(rows)[:, None] - depth[None, :]
+    change = np.where((below >= 0) & (below <= rows // 8), np.minimum(change, 3.0), -3.0)
+    total = change.copy()
+    came_from = np.zeros((rows, columns), np.int8)
+    for column in range(1, columns):
+        before = total[:, column - 1]
+        choices = np.stack([np.roll(before, 1), before, np.roll(before, -1)])
+        came_from[:, column] = choices.argmax(axis=0) - 1
+        total[:, column] += choices.max(axis=0)
+    surface = np.empty(columns, np.float32)
+    row = int(total[:, -1].argmax())
+    for column in range(columns - 1, -1, -1):
+        surface[column] = row
+        row = min(max(row + came_from[row, column], 0), rows - 1)
+    covered = cv2.dilate(surface[None, :], np.ones((1, 9), np.uint8))
+    return np.asarray(covered)[0] + 2 * lag
 
 
 def _objects(colours: Array, hidden: Mask, width: float) -> Mask:
