@@ -36,6 +36,7 @@ def progress() -> AbstractContextManager[Progress]:
         MofNCompleteColumn(),
         TimeRemainingColumn(),
         console=Console(stderr=True),
+        transient=True,
     )
 
 

@@ -1,0 +1,163 @@
+"""The commands as a user types them: results, help, and one line for what is wrong."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+from porotwin_cli.app import app
+from porotwin_cli.workspace import small_rig
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.recording import open_recording
+from porotwin_rig.experiment import make_experiment
+from typer.testing import CliRunner
+
+COMMANDS = sorted(str(command.name) for command in app.registered_commands)
+
+
+def porotwin(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-m', 'porotwin_cli', *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=200,
+    )
+
+
+@pytest.fixture(scope='module')
+def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three minutes of the small rig on a coarse grid, with photographs."""
+    folder = tmp_path_factory.mktemp('made') / 'experiment'
+    rig = load_rig(small_rig())
+    rate = from_ml_h(500.0)
+    told = Schedule(
+        (
+            ScheduleRow(0.0, 'injector', WellRate(rate, 1.0)),
+            ScheduleRow(0.0, 'producer', WellRate(-rate)),
+        )
+    )
+    make_experiment(
+        folder,
+        rig,
+        told=told,
+        duration=180.0,
+        photo_interval=30.0,
+        seed=3,
+        grid=rig.grid(94, 56),
+        photo_width=800,
+    )
+    return folder
+
+
+@pytest.mark.parametrize('command', [name for name in COMMANDS if name != 'test'])
+def test_every_command_has_help_with_an_example(command: str) -> None:
+    result = CliRunner().invoke(app, [command, '--help'], prog_name='porotwin')
+    assert result.exit_code == 0
+    assert f'Example: ./porotwin {command}' in ' '.join(result.stdout.split())
+
+
+def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
+    result = porotwin('simulate', experiment, '--output', tmp_path / 'model.nc', '--json')
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)['grid'] == '94x56'
+    recording = open_recording(experiment)
+    with netCDF4.Dataset(tmp_path / 'model.nc') as dataset:
+        model = np.asarray(dataset['concentration'][:])
+    observed = np.asarray(recording.concentration)
+    assert model.shape == observed.shape
+    error = np.linalg.norm(model[-1] - observed[-1]) / np.linalg.norm(observed[-1])
+    assert error < 0.1
+
+
+def test_simulate_with_an_effect_differs(experiment: Path, tmp_path: Path) -> None:
+    effect = 'rate:well=injector,factor=0.5'
+    for name, extra in (('plain', []), ('weak', ['--effect', effect])):
+        arguments = ['--output', tmp_path / f'{name}.nc', '--times', '0:180:90', *extra]
+        assert porotwin('simulate', experiment, *arguments).returncode == 0
+    masses = []
+    for name in ('plain', 'weak'):
+        with netCDF4.Dataset(tmp_path / f'{name}.nc') as dataset:
+            masses.append(float(np.sum(dataset['concentration'][-1])))
+    assert masses[1] == pytest.approx(0.5 * masses[0], rel=0.05)
+
+
+def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'maps.nc'
+    result = porotwin('image', experiment, '--output', output, '--grid', '94x56', '--json')
+    assert result.returncode == 0, result.stderr
+    answer = json.loads(result.stdout)
+    assert len(answer['maps']) == 6
+    assert answer['refused'] == []
+    with netCDF4.Dataset(output) as dataset:
+        seen = np.ma.filled(dataset['concentration'][-1].astype(float), np.nan)
+    assert np.nanmax(seen) > 0.5
+
+
+def test_a_folder_survives_the_way_through_a_bag(experiment: Path, tmp_path: Path) -> None:
+    assert porotwin('import', experiment, tmp_path / 'bag').returncode == 0
+    result = porotwin('export', tmp_path / 'bag', tmp_path / 'again', '--json')
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)['photographs'] == 7
+    before, after = open_recording(experiment), open_recording(tmp_path / 'again')
+    np.testing.assert_array_equal(after.concentration, before.concentration)
+    assert [p.read() for p in after.photos] == [p.read() for p in before.photos]
+    assert after.schedule.at(100.0) == before.schedule.at(100.0)
+
+
+@pytest.mark.slow
+def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> None:
+    rig = experiment / 'rig.yaml'
+    common = ['--grid', '94x56', '--setting', 'upwind', '--architecture', 'local', '--epochs', '2']
+    trained = porotwin('train', experiment, '--rig', rig, '--output', tmp_path / 'm', *common)
+    assert trained.returncode == 0, trained.stderr
+    arguments = ['--setting', 'upwind', '--output', tmp_path / 'evaluation', '--json']
+    result = porotwin('evaluate', tmp_path / 'm', experiment, *arguments)
+    assert result.returncode == 0, result.stderr
+    errors = json.loads(result.stdout)
+    assert 0 < errors['corrected'] <= 1.5 * errors['predicted']
+    assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'named'),
+    [
+        (['simulate', 'nowhere', '--output', 'x.nc'], 'nowhere'),
+        (['export', 'nowhere', 'there'], 'nowhere'),
+        (['replay', 'nowhere'], 'nowhere'),
+        (['image', 'nowhere', '--output', 'x.nc'], 'nowhere'),
+        (['up', '--rig', 'nowhere.yaml', '--photos', '.'], 'nowhere.yaml'),
+        (['bench', 'nothing'], "'nothing'"),
+        (['evaluate', 'nowhere', 'there'], 'nowhere'),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments: list[str], named: str) -> None:
+    result = porotwin(*arguments)
+    assert result.returncode == 2, result.stderr
+    assert named in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stdout == ''
+
+
+def test_an_unknown_effect_or_grid_is_refused(experiment: Path, tmp_path: Path) -> None:
+    for arguments, named in (
+        (['--effect', 'magic:x=1'], "'magic'"),
+        (['--grid', 'huge'], "'huge'"),
+        (['--times', 'now'], "'now'"),
+    ):
+        result = porotwin('simulate', experiment, '--output', tmp_path / 'x.nc', *arguments)
+        assert result.returncode == 2, result.stderr
+        assert named in result.stderr
+    assert not (tmp_path / 'x.nc').exists()
+
+
+def test_up_wants_exactly_one_source_of_photographs(experiment: Path) -> None:
+    result = porotwin('up', '--rig', experiment / 'rig.yaml')
+    assert result.returncode == 2
+    assert 'either --photos FOLDER or --camera DEVICE' in result.stderr
