@@ -426,6 +426,7 @@ def _weights_back(
         physics.mobile_water,
         pairs.level,
         pairs.start,
+        pairs.other,
         pair_bar,
         scaled[0],
         scaled[1],

@@ -8,7 +8,7 @@ Sides of a cell are numbered west 0, east 1, south 2, north 3; `k ^ 1` is the si
 import numpy as np
 
 from porotwin_solver.compiled import compiled, starting_level
-from porotwin_solver.diffusion_kernels import superbase
+from porotwin_solver.diffusion_kernels import faster, find, superbase
 from porotwin_solver.transport_kernels import slope
 
 
@@ -505,16 +505,14 @@ def exchange_adjoint(
 
 
 @compiled
-def weights_adjoint(xx, xz, zz, water, level, start, weight_bar, xx_bar, xz_bar, zz_bar, water_bar):
-    """Add the derivatives by the tensor and the volume of water of every cell to theirs.
-
-    Lists the pairs in the order of `list_exchanges`, whose `weight` they belong to.
-    """
+def weights_adjoint(
+    xx, xz, zz, water, level, start, other, weight_bar, xx_bar, xz_bar, zz_bar, water_bar
+):
+    """Add the derivatives by the tensor and the volume of water of every cell to theirs."""
     from_side = np.empty((3, 2), np.int64)
     amounts = np.empty(3)
     nz, nx = xx.shape
     flat = level.ravel()
-    place = start[:-1].copy()
     for i in range(nz):
         for j in range(nx):
             superbase(xx[i, j], xz[i, j], zz[i, j], from_side, amounts)
@@ -525,11 +523,10 @@ def weights_adjoint(xx, xz, zz, water, level, start, weight_bar, xx_bar, xz_bar,
                 for side in (-1, 1):
                     m, n = i + side * from_side[k, 1], j + side * from_side[k, 0]
                     if 0 <= m < nz and 0 <= n < nx:
-                        owner, partner = i * nx + j, m * nx + n
-                        if flat[owner] < flat[partner]:
-                            owner = partner
-                        total += weight_bar[place[owner]]
-                        place[owner] += 1
+                        one, another = i * nx + j, m * nx + n
+                        owner = faster(one, another, flat)
+                        partner = one + another - owner
+                        total += weight_bar[find(other, start[owner], start[owner + 1], partner)]
                 water_bar[i, j] += 0.5 * amounts[k] * total
                 amount_bar = 0.5 * water[i, j] * total
                 # the two vectors of the superbase whose product is -amounts[k]

@@ -20,6 +20,11 @@ def tape_length(reach: NDArray[np.int64]) -> int:
     return int((with_level << np.arange(len(reach))).sum())
 
 
+DRY = 1e-20
+"""Concentration below which a cell keeps what it has: far below round-off, and the tails of the
+plume stay short. Nothing is lost."""
+
+
 @compiled
 def starting_level(step, top):
     """Return the lowest level whose cells begin a step at the finest step `step` of 2**top.

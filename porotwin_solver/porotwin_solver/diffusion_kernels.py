@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from porotwin_solver.compiled import compiled, sort_by_pace, starting_level
+from porotwin_solver.compiled import DRY, compiled, sort_by_pace, starting_level
 
 
 @compiled
@@ -63,23 +63,49 @@ def list_exchanges(xx, xz, zz, water, storage, time_step, largest):
     level = np.empty((nz, nx), np.int8)
     flat = level.ravel()
     order, reach = sort_by_pace(total / storage.ravel(), time_step, largest, flat)
-    start = np.zeros(size + 1, np.int32)
+    # the two cells of a pair usually both name it: it is listed once, by its faster cell
+    room = np.zeros(size + 1, np.int32)
     for k in range(count):
-        owner = first[k] if flat[first[k]] >= flat[second[k]] else second[k]
-        start[owner + 1] += 1
+        room[faster(first[k], second[k], flat) + 1] += 1
     for k in range(size):
-        start[k + 1] += start[k]
-    place = start[:-1].copy()
+        room[k + 1] += room[k]
+    stop = room[:-1].copy()
     other = np.empty(count, np.int32)
     sorted_volume = np.empty(count)
     for k in range(count):
-        owner, partner = first[k], second[k]
-        if flat[owner] < flat[partner]:
-            owner, partner = partner, owner
-        other[place[owner]] = partner
-        sorted_volume[place[owner]] = volume[k]
-        place[owner] += 1
-    return start, other, sorted_volume, level, order, reach
+        owner = faster(first[k], second[k], flat)
+        partner = first[k] + second[k] - owner
+        place = find(other, room[owner], stop[owner], partner)
+        if place == stop[owner]:
+            other[place] = partner
+            sorted_volume[place] = 0.0
+            stop[owner] += 1
+        sorted_volume[place] += volume[k]
+    start = np.zeros(size + 1, np.int32)
+    for k in range(size):
+        start[k + 1] = start[k] + stop[k] - room[k]
+        for place in range(stop[k] - room[k]):
+            other[start[k] + place] = other[room[k] + place]
+            sorted_volume[start[k] + place] = sorted_volume[room[k] + place]
+    pairs = start[size]
+    return start, other[:pairs].copy(), sorted_volume[:pairs].copy(), level, order, reach
+
+
+@compiled
+def faster(one, another, level):
+    """Return the one of two cells that has the higher level; of equals the first by number."""
+    if level[one] != level[another]:
+        return one if level[one] > level[another] else another
+    return min(one, another)
+
+
+@compiled
+def find(other, begin, end, partner):
+    """Return where `partner` stands in `other[begin:end]`, or `end`."""
+    for place in range(begin, end):
+        if other[place] == partner:
+            return place
+    return end
 
 
 @compiled
@@ -91,13 +117,15 @@ def exchange(c, storage, time_step, start, other, weight, level, order, reach, t
     for step in range(1 << top):
         for place in range(reach[starting_level(step, top)]):
             k = order[place]
+            here = c[k]
             length = time_step / (1 << level[k])
             for pair in range(start[k], start[k + 1]):
-                difference = c[other[pair]] - c[k]
-                if difference != 0.0:
+                partner = other[pair]
+                difference = c[partner] - here
+                if abs(difference) > DRY:
                     moved = length * weight[pair] * difference
                     gain[k] += moved
-                    gain[other[pair]] -= moved
+                    gain[partner] -= moved
         for place in range(reach[starting_level(step + 1, top)]):
             k = order[place]
             if len(tape) > 0:

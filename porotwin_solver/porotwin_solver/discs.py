@@ -1,9 +1,13 @@
 """How the disc of a well, at its true position, shares out over the cells of a grid."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+
+CellArray = NDArray[np.integer]
+"""Flat indices of cells."""
 
 
 def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray:
@@ -21,7 +25,7 @@ def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray
     return flat * z + under_arc(x) - under_arc(flat)
 
 
-def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[FloatArray, FloatArray]:
+def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[CellArray, FloatArray]:
     """Return the cells that the disc about (`x`, `z`) [m] touches and their shares of its area.
 
     The shares are exact areas of overlap of circle and cell, relative to the part of the disc that
@@ -51,7 +55,7 @@ def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[FloatArr
     return cells[touched], area[touched] / area[touched].sum()
 
 
-def _touched(centre: float, radius: float, size: float, count: int) -> np.ndarray:
+def _touched(centre: float, radius: float, size: float, count: int) -> CellArray:
     low = max(int(np.floor((centre - radius) / size)), 0)
     high = min(int(np.floor((centre + radius) / size)), count - 1)
     return np.arange(low, high + 1)

@@ -4,7 +4,7 @@ import numpy as np
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import WellRates
-from porotwin_solver.discs import disc_shares
+from porotwin_solver.discs import CellArray, disc_shares
 from porotwin_solver.physics import Opening, Physics
 from porotwin_solver.transport import Sources
 
@@ -14,7 +14,7 @@ class Openings:
 
     def __init__(self, physics: Physics) -> None:
         self.physics = physics
-        self._shares: dict[Opening, FloatArray] = {}
+        self._shares: dict[Opening, tuple[CellArray, FloatArray]] = {}
 
     def told(self, rates: WellRates) -> list[tuple[Opening, float, float]]:
         """Return opening, rate [m^3/s] and injected concentration of all that is open.
@@ -37,22 +37,26 @@ class Openings:
         Raises:
             InputError: a rate for a well that the rig does not have.
         """
-        inflow, tracer, outflow = (np.zeros(self.physics.grid.shape) for _ in range(3))
+        shape = self.physics.grid.shape
+        inflow, tracer, outflow = (np.zeros(shape) for _ in range(3))
         for opening, rate, concentration in self.told(rates):
-            share = self.share(opening)
+            cells, parts = self._shares_of(opening)
             if rate > 0:
-                inflow += rate * share
-                tracer += rate * concentration * share
+                inflow.ravel()[cells] += rate * parts
+                tracer.ravel()[cells] += rate * concentration * parts
             else:
-                outflow -= rate * share
+                outflow.ravel()[cells] -= rate * parts
         return Sources(inflow, tracer, outflow)
 
     def share(self, opening: Opening) -> FloatArray:
         """Return the share of `opening` that lies in every cell, (nz, nx), in all one."""
+        cells, parts = self._shares_of(opening)
+        share: FloatArray = np.zeros(self.physics.grid.shape)
+        share.ravel()[cells] = parts
+        return share
+
+    def _shares_of(self, opening: Opening) -> tuple[CellArray, FloatArray]:
         if opening not in self._shares:
             grid = self.physics.grid
-            share = np.zeros(grid.nz * grid.nx)
-            cells, parts = disc_shares(grid, opening.x, opening.z, opening.radius)
-            share[cells] = parts
-            self._shares[opening] = share.reshape(grid.shape)
+            self._shares[opening] = disc_shares(grid, opening.x, opening.z, opening.radius)
         return self._shares[opening]

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from porotwin_solver.compiled import compiled, sort_by_pace, starting_level
+from porotwin_solver.compiled import DRY, compiled, sort_by_pace, starting_level
 
 
 @compiled
@@ -145,9 +145,11 @@ def advection(
     taped = 0
     rate_x[:] = 0.0
     rate_z[:] = 0.0
+    wet = reached_cells(c, tracer)
     for step in range(1 << top):
         leave(
             c,
+            wet,
             flux_x,
             flux_z,
             inflow,
@@ -171,6 +173,7 @@ def advection(
                 taped += 1
         arrive(
             c,
+            wet,
             flux_x,
             flux_z,
             tracer,
@@ -189,8 +192,21 @@ def advection(
 
 
 @compiled
+def reached_cells(c, tracer):
+    """Return, flat, 1 where tracer is or comes in; `leave` adds the cells that it goes on to."""
+    nz, nx = c.shape
+    wet = np.zeros(nz * nx, np.uint8)
+    for i in range(nz):
+        for j in range(nx):
+            if c[i, j] >= DRY or tracer[i, j] > 0.0:
+                wet[i * nx + j] = 1
+    return wet
+
+
+@compiled
 def leave(
     c,
+    wet,
     flux_x,
     flux_z,
     inflow,
@@ -209,10 +225,14 @@ def leave(
     """Evaluate the faces through which the first `active` cells let out, for one of their steps."""
     nz, nx = c.shape
     for place in range(active):
-        i, j = divmod(order[place], nx)
+        k = order[place]
+        if wet[k] == 0:
+            continue
+        i = k // nx
+        j = k - i * nx
         here = c[i, j]
         fw, fe, fs, fn = flux_x[i, j], flux_x[i, j + 1], flux_z[i, j], flux_z[i + 1, j]
-        if here == 0.0:
+        if here < DRY:
             if fw < 0.0:
                 rate_x[i, j] = 0.0
             if fe > 0.0:
@@ -222,7 +242,8 @@ def leave(
             if fn > 0.0:
                 rate_z[i + 1, j] = 0.0
             continue
-        length = time_step / (1 << level[i, j])
+        own = level[i, j]
+        length = time_step / (1 << own)
         to_w, to_e, to_s, to_n = 0.0, 0.0, 0.0, 0.0
         if scheme != 0:
             to_w, to_e, to_s, to_n = cell_corrections(
@@ -230,20 +251,28 @@ def leave(
             )
         if fw < 0.0:
             rate_x[i, j] = fw * (here + to_w)
-            if j > 0 and level[i, j - 1] < level[i, j]:
-                amount_x[i, j] += length * rate_x[i, j]
+            if j > 0:
+                wet[k - 1] = 1
+                if level[i, j - 1] < own:
+                    amount_x[i, j] += length * rate_x[i, j]
         if fe > 0.0:
             rate_x[i, j + 1] = fe * (here + to_e)
-            if j < nx - 1 and level[i, j + 1] < level[i, j]:
-                amount_x[i, j + 1] += length * rate_x[i, j + 1]
+            if j < nx - 1:
+                wet[k + 1] = 1
+                if level[i, j + 1] < own:
+                    amount_x[i, j + 1] += length * rate_x[i, j + 1]
         if fs < 0.0:
             rate_z[i, j] = fs * (here + to_s)
-            if i > 0 and level[i - 1, j] < level[i, j]:
-                amount_z[i, j] += length * rate_z[i, j]
+            if i > 0:
+                wet[k - nx] = 1
+                if level[i - 1, j] < own:
+                    amount_z[i, j] += length * rate_z[i, j]
         if fn > 0.0:
             rate_z[i + 1, j] = fn * (here + to_n)
-            if i < nz - 1 and level[i + 1, j] < level[i, j]:
-                amount_z[i + 1, j] += length * rate_z[i + 1, j]
+            if i < nz - 1:
+                wet[k + nx] = 1
+                if level[i + 1, j] < own:
+                    amount_z[i + 1, j] += length * rate_z[i + 1, j]
 
 
 @compiled
@@ -255,6 +284,8 @@ def cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):
     east = c[i, j + 1] if j < nx - 1 else here
     south = c[i - 1, j] if i > 0 else here
     north = c[i + 1, j] if i < nz - 1 else here
+    if west == here and east == here and south == here and north == here:
+        return 0.0, 0.0, 0.0, 0.0
     low, high = here, here
     if fw > 0.0:
         beyond = west if j > 0 else 0.0
@@ -294,6 +325,7 @@ def cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):
 @compiled
 def arrive(
     c,
+    wet,
     flux_x,
     flux_z,
     tracer,
@@ -315,7 +347,11 @@ def arrive(
     """
     nz, nx = c.shape
     for place in range(active):
-        i, j = divmod(order[place], nx)
+        k = order[place]
+        if wet[k] == 0:
+            continue
+        i = k // nx
+        j = k - i * nx
         own = level[i, j]
         length = time_step / (1 << own)
         gain = length * (tracer[i, j] - outflow[i, j] * c[i, j])
