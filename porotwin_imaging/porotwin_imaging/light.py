@@ -24,7 +24,7 @@ REACH = 0.25
 """Largest difference of log ratio between the checker and the sand that is taken for light."""
 ROUNDS = 6
 """Reweightings before the surroundings of tracer are left out, and after."""
-MOST_CELLS = 20_000
+MOST_CELLS = 12_000
 """The drift varies slowly: of a finer map a regular subset of cells is enough."""
 _BIN = 0.01
 
