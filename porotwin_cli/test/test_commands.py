@@ -8,6 +8,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from porotwin_cli.app import app
 from porotwin_cli.workspace import small_rig
@@ -16,7 +17,6 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.recording import open_recording
 from porotwin_rig.experiment import make_experiment
-from typer.testing import CliRunner
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 

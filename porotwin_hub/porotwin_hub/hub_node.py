@@ -9,6 +9,7 @@ import math
 import queue
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +36,9 @@ from porotwin_msgs.msg import (
     TracerField,
     WellRates,
 )
+
+REMEMBERED = 16
+"""States, and words that one is complete, kept until the other arrives."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,9 @@ class HubNode(Node):
         self._twin = self._make_twin(rig)
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
-        self._pending: NewState | None = None
+        self._arrived: dict[int, NewState] = {}
+        self._complete: deque[int] = deque(maxlen=REMEMBERED)
+        self._matching = threading.Lock()
         self._measured: dict[str, WellRate] | None = None
         self._states: queue.Queue[Refreshed] = queue.Queue()
         self._interruptions: queue.Queue[CleanState] = queue.Queue()
@@ -106,7 +112,8 @@ class HubNode(Node):
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
 
     def _on_new_state(self, message: NewState) -> None:
-        self._pending = message
+        self._arrived[message.sequence] = message
+        self._match()
 
     def _on_measured(self, message: WellRates) -> None:
         try:
@@ -124,11 +131,17 @@ class HubNode(Node):
         self._measured = rates
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
-        state, self._pending = self._pending, None
-        if state is None or state.sequence != message.sequence:
-            self.get_logger().warning(f'state {message.sequence} is refreshed but did not arrive')
-            return
-        self._states.put(Refreshed(state, self._measured))
+        self._complete.append(message.sequence)
+        self._match()
+
+    def _match(self) -> None:
+        """Queue every state that is here and complete, whichever of the two was told first."""
+        with self._matching:
+            for sequence in [n for n in self._complete if n in self._arrived]:
+                self._complete.remove(sequence)
+                self._states.put(Refreshed(self._arrived.pop(sequence), self._measured))
+            for sequence in [*self._arrived][:-REMEMBERED]:
+                del self._arrived[sequence]
 
     def _work(self) -> None:
         while self.context.ok():
