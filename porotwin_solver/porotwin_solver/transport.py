@@ -31,7 +31,7 @@ from porotwin_solver.compiled import NO_TAPE
 from porotwin_solver.flow import FaceField
 from porotwin_solver.transport_kernels import advection, paces
 
-COURANT = 0.7
+COURANT = 0.5
 """Largest share of a cell's pore volume that may leave it within one of its steps."""
 
 UPWIND, SUPERBEE, THIRD_ORDER = 0, 1, 2
