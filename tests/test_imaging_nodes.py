@@ -1,0 +1,106 @@
+"""Camera and imaging as nodes: a folder in, states of the asset out, whatever the camera does."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from graph import running_graph
+from porotwin_core.rig import Rig, write_rig
+from porotwin_hub.graph import NodeDescription
+from porotwin_msgs.msg import CleanState
+from porotwin_rig.camera import camera_before
+from porotwin_rig.render import Photographer
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+
+def photographer(name: str = 'small', seed: int = 3) -> Photographer:
+    rig = Rig.model_validate(
+        {
+            'name': name,
+            'width_m': 0.934,
+            'height_m': 0.562,
+            'depth_m': 0.01,
+            'porosity': 0.375,
+            'permeability_m2': 6.57e-10,
+            'viscosity_pa_s': 1e-3,
+            'density_kg_m3': 998.0,
+            'wells': {'injector': {'x_m': 0.3, 'z_m': 0.28}},
+        }
+    )
+    return Photographer(rig, camera=camera_before(rig, 1000, 640), seed=seed)
+
+
+def plume(radius: float) -> np.ndarray:
+    z, x = np.mgrid[0:0.562:112j, 0:0.934:187j]
+    return (np.hypot(x - 0.3, z - 0.28) < radius).astype(float)
+
+
+def put(folder: Path, name: str, data: bytes) -> None:
+    """Write a photograph as a careful camera does: under another name, then renamed."""
+    (folder / f'.{name}').write_bytes(data)
+    shutil.move(folder / f'.{name}', folder / name)
+
+
+def test_good_photographs_become_states_and_bad_ones_diagnostics(
+    tmp_path: Path, domain: int
+) -> None:
+    camera = photographer()
+    photos = tmp_path / 'photos'
+    photos.mkdir()
+    write_rig(camera.rig, tmp_path / 'rig.yaml')
+    nodes = [
+        NodeDescription(
+            'imaging',
+            'porotwin_imaging',
+            'imaging_node',
+            {'rig': str(tmp_path / 'rig.yaml'), 'grid': '93x56'},
+        ),
+        NodeDescription(
+            'camera', 'porotwin_imaging', 'camera_node', {'photos': str(photos), 'patience': 2.0}
+        ),
+    ]
+    with running_graph(nodes, tmp_path / 'run', domain) as graph:
+        diagnostics: list[DiagnosticStatus] = []
+        graph.ear.node.create_subscription(
+            DiagnosticArray, '/diagnostics', lambda array: diagnostics.extend(array.status), 10
+        )
+        put(photos, '00.jpg', camera.baseline())
+        graph.wait_for_log('imaging', 'baseline:', timeout=60)
+        first = camera.photograph(plume(0.05), time=30.0)
+        put(photos, '01.jpg', first)
+        states: list[Any] = graph.wait_for_messages('asset/new_state', 1, timeout=60)
+        assert graph.heard['asset/clean_state'][0].cause == CleanState.START
+
+        put(photos, '02.jpg', first)  # a camera that hangs
+        graph.wait_for_log('imaging', 'duplicate', timeout=20)
+        put(photos, '03.jpg', photographer(seed=99).photograph(plume(0.05), time=50.0))
+        graph.wait_for_log('imaging', 'does not match the baseline', timeout=20)
+        put(photos, '04.jpg', first[: len(first) // 2])
+        graph.wait_for_log('camera', 'truncated or broken', timeout=20)
+        put(photos, '05.jpg', camera.photograph(plume(0.06), time=60.0))
+        graph.wait_for_messages('asset/new_state', 2, timeout=20)
+        put(photos, '06.jpg', camera.photograph(plume(0.06), time=45.0))
+        graph.wait_for_log('imaging', 'out of order', timeout=20)
+        put(photos, '07.jpg', camera.photograph(plume(0.07), time=90.0))
+        graph.wait_for_messages('asset/new_state', 3, timeout=20)
+        put(photos, '08.jpg', camera.photograph(plume(0.08), time=390.0))
+        graph.wait_for_messages('asset/new_state', 4, timeout=20)
+
+        assert [state.sequence for state in states] == [0, 1, 2, 3]
+        np.testing.assert_allclose([s.time_step for s in states], [0, 30, 30, 0], atol=1e-3)
+        assert [clean.cause for clean in graph.heard['asset/clean_state']] == [
+            CleanState.START,
+            CleanState.INTERRUPTED,
+        ]
+        mass = [np.nansum(state.tracer.concentration) for state in states]
+        assert all(after > before for before, after in zip(mass, mass[1:], strict=False))
+        assert not states[0].calibrated
+        assert 0 < states[0].noise < 0.1
+        complaints = [one.message for one in diagnostics if one.level == DiagnosticStatus.ERROR]
+        for text in ('duplicate', 'does not match', 'truncated or broken', 'out of order'):
+            assert sum(text in complaint for complaint in complaints) == 1
