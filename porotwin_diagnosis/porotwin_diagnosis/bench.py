@@ -5,12 +5,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from porotwin_recording.recording import open_recording
-
 from porotwin_diagnosis.blind_cases import draw_case
 from porotwin_diagnosis.blind_check import make_recording
 from porotwin_diagnosis.diagnose import examine
 from porotwin_diagnosis.rival import sparse_regression
+from porotwin_recording.recording import open_recording
 
 CASES = (0, 5, 6, 9, 16, 27)
 """Cases of the blind check: nothing, a zone, a shifted picture, porosity, dispersion, decay."""

@@ -39,6 +39,12 @@ FRONT_TOLERANCE = 0.12
 BACKGROUND_TOLERANCE = 0.004
 """What quantisation and clipping leave unsure of a smoothed tracer-free map."""
 
+LEAST_REMAINDER = 0.2
+"""Share of the sum of squares that at least counts, however noisy the empty rig is."""
+
+ACTIVE, NEVER = 0.03, 0.012
+"""Smoothed map above which a cell holds tracer; below which it never did."""
+
 FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
 FEWEST_FRAMES = 8
 
@@ -98,8 +104,26 @@ class Sample:
     def active(self) -> tuple[int, int]:
         """How many compared cells hold tracer, in the fitted and in the held-out frames."""
         c = np.stack([gaussian_filter(frame, WIDTH) for frame in self.filled])
-        counts = np.count_nonzero(c[:, ::STRIDE, ::STRIDE] > 0.03, axis=(1, 2))
+        counts = np.count_nonzero(c[:, ::STRIDE, ::STRIDE] > ACTIVE, axis=(1, 2))
         return int(counts[: self.fitted].sum()), int(counts[self.fitted :].sum())
+
+    @cached_property
+    def quiet(self) -> tuple[float, float]:
+        """The sum of squares that noise alone leaves where there is no tracer: fitted, held out.
+
+        Measured where there never is any, and counted for every compared cell without tracer.
+        """
+        c = np.stack([gaussian_filter(frame, WIDTH) for frame in self.filled])
+        c = c[:, ::STRIDE, ::STRIDE]
+        empty = self.whitened(np.zeros_like(self.filled))[:, c.max(axis=0) < NEVER]
+        if empty.size < 100:
+            return 0.0, 0.0
+        power = float(np.mean(empty**2))
+        without = np.count_nonzero(c <= ACTIVE, axis=(1, 2))
+        return (
+            power * float(without[: self.fitted].sum()),
+            power * float(without[self.fitted :].sum()),
+        )
 
     def whitened(
         self, predicted: FloatArray, *, width: float = WIDTH, soft: float = 0.0
@@ -186,15 +210,15 @@ def _spread(indices: NDArray[np.intp], count: int) -> NDArray[np.intp]:
 def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
     """Return the root mean square of whitened residuals per cell with tracer: fitted, held out.
 
-    About 1 where a model explains all but noise; the whole rig counts, the cells with tracer
-    divide, so that an empty rig does not dilute a gap.
+    About 1 or less where a model explains all but noise. The whole rig counts, less the noise of
+    tracer-free cells, and the cells with tracer divide: an empty rig does not dilute a gap.
     """
     sums, counts = np.zeros(2), np.zeros(2)
     for sample, residual in zip(samples, residuals, strict=True):
-        sums += [
-            float(np.sum(residual[: sample.fitted] ** 2)),
-            float(np.sum(residual[sample.fitted :] ** 2)),
-        ]
+        parts = (residual[: sample.fitted], residual[sample.fitted :])
+        for index, (part, quiet) in enumerate(zip(parts, sample.quiet, strict=True)):
+            total = float(np.sum(part**2))
+            sums[index] += max(total - quiet, LEAST_REMAINDER * total)
         counts += sample.active
     fitted, held_out = np.sqrt(sums / np.maximum(counts, 1))
     return float(fitted), float(held_out)
