@@ -6,9 +6,11 @@ import typer
 
 from porotwin_cli import (
     bench,
+    blind_check,
     calibrate,
     convert,
     demo,
+    diagnose,
     evaluate,
     image,
     record,
@@ -39,6 +41,8 @@ app.command('record')(record.command)
 app.command('replay')(replay.command)
 app.command('train')(train.command)
 app.command('evaluate')(evaluate.command)
+app.command('diagnose')(diagnose.command)
+app.command('blind-check')(blind_check.command)
 app.command('bench')(bench.command)
 app.command('test', context_settings={'ignore_unknown_options': True, 'help_option_names': []})(
     test.command

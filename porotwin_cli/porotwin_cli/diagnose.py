@@ -1,0 +1,49 @@
+"""./porotwin diagnose: the sim-to-real gap of a recording."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.output import Json, print_json, progress, say
+from porotwin_core.rig import load_rig
+
+
+def command(
+    recordings: Annotated[list[Path], typer.Argument(help='Experiment folders or MCAP bags.')],
+    output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json, fields.nc.')],
+    rig: Annotated[
+        Path | None, typer.Option(help='rig.yaml, if not that of the recording.')
+    ] = None,
+    apply: Annotated[
+        bool, typer.Option(help='Also write rig.yaml with the effects found.')
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Say where the gap between model and rig lies, which effect causes it, how far it shrinks.
+
+    Several recordings of the same rig are judged together. The report is a page with pictures.
+
+    Example: ./porotwin diagnose runs/monday --output monday-diagnosis
+    """
+    from porotwin_diagnosis.diagnose import diagnose
+    from porotwin_recording.recording import open_recording
+
+    for recording in recordings:
+        open_recording(recording)  # complain before a progress bar is drawn
+    with progress() as bar:
+        task = bar.add_task('diagnosis', total=100)
+        result = diagnose(
+            recordings,
+            output,
+            rig=load_rig(rig) if rig is not None else None,
+            apply=apply,
+            progress=lambda stage, share: bar.update(
+                task, completed=round(100 * share), description=stage
+            ),
+        )
+    if as_json:
+        print_json({'output': output, **result.summary})
+        return
+    print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
+    say(f'read {output / "report.html"}')
