@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_imaging import colour_checker, light, photograph, validity
+from porotwin_imaging import colour_checker, light, photograph, recognition, validity
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.geometry import Geometry
@@ -40,6 +40,8 @@ LINEAR_LIGHT = np.where(
 """Linear light of the 256 grey levels of sRGB."""
 
 
+MOST_HIDDEN = 0.4
+"""Share of the sand that may be covered or damaged in a photograph that is still read."""
 FEWEST_SAMPLES_ACROSS = 5
 """Samples each way from which a cell's own scatter says how noisy it is."""
 
@@ -98,7 +100,8 @@ class Measurement:
     """A photograph compared with the baseline, on the map's cells, before any scaling.
 
     `log_ratio` (nz, nx, 3 = red, green, blue): log of the light relative to the baseline's, the
-    light's drift removed; `variance` (nz, nx, 3) of it; `seen` (nz, nx); `drift`: what was removed.
+    light's drift removed; `variance` (nz, nx, 3) of it; `seen` (nz, nx); `drift`: what was removed;
+    `suspicious`: whether a person should look at it.
     """
 
     log_ratio: Array
@@ -107,6 +110,7 @@ class Measurement:
     drift: light.Light
     alignment: Alignment
     remarks: list[str]
+    suspicious: bool
 
 
 @dataclass
@@ -214,7 +218,7 @@ class Imaging:
             values.astype(np.float32),
             noise.astype(np.float32),
             self.calibrated,
-            measured.alignment.residual > self.settings.suspicious_residual_px,
+            measured.suspicious,
             status + measured.remarks,
             watch.timings,
             measured.alignment,
@@ -250,18 +254,19 @@ class Imaging:
         with watch.stage('remap'):
             sampled = self.sampling.sample(picture.pixels, alignment.homography)
         with watch.stage('average'):
-            log_ratio, variance, share = self._compare(sampled, self._baseline)
+            log_ratio, variance, sums = self._compare(sampled, self._baseline)
+            seen, covered = self._seen(sums)
         with watch.stage('light'):
             gain, remarks = self._checker_gain(picture.pixels, alignment, self._baseline)
-            seen = share > self.settings.least_valid_share
-            drift = light.drift(log_ratio, np.where(seen, share, 0.0), gain)
+            drift = light.drift(log_ratio, np.where(seen, sums.share, 0.0), gain)
         return Measurement(
             log_ratio - drift.log_gain,
             variance,
             seen,
             drift,
             alignment,
-            self._remarks(alignment) + remarks,
+            self._remarks(alignment) + remarks + covered,
+            alignment.residual > self.settings.suspicious_residual_px or bool(covered),
         )
 
     @property
@@ -335,8 +340,8 @@ class Imaging:
 
     def _compare(
         self, sampled: NDArray[np.uint8], baseline: _Baseline
-    ) -> tuple[Array, Array, Array]:
-        """Return log ratio (nz, nx, 3) to the baseline, its variance, and the share of cells seen.
+    ) -> tuple[Array, Array, CellSums]:
+        """Return log ratio (nz, nx, 3) to the baseline, its variance, and the sums they are from.
 
         Colours are those of the chart's reference: what the checker's matrix makes of the camera's,
         which on means over cells is the same as on every pixel. The ratio of sums over a cell
@@ -355,7 +360,28 @@ class Imaging:
         error = self._scatter(sums) * (self.settings.correlated_samples / samples)
         state, before = (light @ baseline.matrix.T for light in (sums.state, sums.baseline))
         variance = error @ (baseline.matrix**2).T / np.maximum(state, 1e-4) ** 2
-        return _log_ratio(state, before), variance + baseline.fluctuation, sums.share
+        return _log_ratio(state, before), variance + baseline.fluctuation, sums
+
+    def _seen(self, sums: CellSums) -> tuple[NDArray[np.bool_], list[str]]:
+        """Return which cells (nz, nx) show their sand, and a remark where some should and do not.
+
+        Raises:
+            InputError: most of the sand is covered, or the file is damaged.
+        """
+        usual = sums.share > self.settings.least_valid_share
+        lost = recognition.hidden(sums, self.sampling.factor) & usual
+        share = float(lost.sum() / max(1, usual.sum()))
+        if share > MOST_HIDDEN:
+            raise InputError(
+                f'photograph does not show the grains of the baseline on {100 * share:.0f} % of '
+                'the sand: a damaged file, or something before the camera'
+            )
+        if not lost.any():
+            return usual, []
+        remark = (
+            f'{100 * share:.1f} % of the sand is covered or damaged in the photograph: left out'
+        )
+        return usual & ~lost, [remark]
 
     def _scatter(self, sums: CellSums) -> Array:
         """Return the mean square of what the ratio to the baseline leaves in a cell's samples.

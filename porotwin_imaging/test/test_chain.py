@@ -80,6 +80,35 @@ def encode(light: np.ndarray) -> bytes:
     return cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
 
+@pytest.mark.parametrize('grid', [(90, 50), (400, 222)])
+def test_a_hand_before_the_camera_is_no_tracer(laboratory, make_plume, grid) -> None:
+    chain = Imaging(laboratory.rig, laboratory.rig.grid(*grid), calibration=CALIBRATION)
+    chain.set_baselines([laboratory.photograph(NOTHING, seed=1)])
+    truth = make_plume(SHAPE, 0.6, 0.25, 0.1)
+    light = laboratory.scene(truth)
+    light[300:640, 150:300] = [0.1, 0.06, 0.04]
+    found = chain.concentration(encode(light))
+    hand = (slice(0, int(0.55 * grid[1])), slice(int(0.15 * grid[0]), int(0.27 * grid[0])))
+    assert np.isnan(found.values[hand]).all()
+    assert error(found.values, truth) < 0.05
+    assert found.suspicious
+    assert any('is covered or' in line for line in found.status)
+
+
+def test_a_file_damaged_in_its_middle_is_refused_or_left_out(imaging, laboratory) -> None:
+    data = bytearray(laboratory.photograph(NOTHING, seed=3))
+    middle = len(data) // 2
+    data[middle : middle + 3000] = bytes(3000)
+    with pytest.raises(InputError, match='does not show the grains'):
+        imaging.concentration(bytes(data))
+    data = bytearray(laboratory.photograph(NOTHING, seed=3))
+    late = int(0.85 * len(data))
+    data[late : late + 3000] = bytes(3000)
+    found = imaging.concentration(bytes(data))
+    assert found.suspicious
+    assert np.nanmax(found.values) < 0.05
+
+
 def test_the_same_photograph_gives_the_same_map(imaging, laboratory, make_plume) -> None:
     data = laboratory.photograph(make_plume(SHAPE, 0.5, 0.2, 0.1))
     first, second = imaging.concentration(data), imaging.concentration(data)

@@ -1,0 +1,50 @@
+"""Whether each part of a photograph still shows the sand of the baseline.
+
+Tracer and light change the brightness of grains, not their pattern. Where the pattern within cells
+is no longer that of the baseline, something is in front of the sand or the file is damaged there,
+and its darkness is no tracer.
+"""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_imaging.cell_sums import CellSums
+
+Array = NDArray[Any]
+
+LEAST_CORRELATION = 0.25
+"""Correlation with the baseline's grains below which they are not the same: behind the strongest
+tracer of the real photographs it is 0.32 at least, on a hand or in a damaged file it is about 0."""
+LEAST_TEXTURE = 0.02
+"""Grains' contrast in the baseline below which there is no pattern to recognise."""
+WINDOWS_ACROSS = 40
+"""Patterns are compared in windows of this share of the rig's width."""
+FEWEST_SAMPLES_ACROSS = 3
+"""Samples each way below which the pattern is looked for over several cells."""
+
+
+def hidden(sums: CellSums, factor: int) -> NDArray[np.bool_]:
+    """Return where (nz, nx) the grains are not those of the baseline."""
+    parts = [sums.state_square, sums.product, sums.baseline_square, sums.state, sums.baseline]
+    if factor < FEWEST_SAMPLES_ACROSS:
+        parts = [cv2.blur(part, (5, 5)) for part in parts]
+    seen = sums.share > 0.5
+    share = np.maximum(sums.share, 0.5)[..., None]
+    state_square, product, baseline_square, state, baseline = (part / share for part in parts)
+    size = max(5, sums.share.shape[1] // WINDOWS_ACROSS) | 1
+    joint = _pooled(product - state * baseline, seen, size)
+    own = _pooled(state_square - state**2, seen, size)
+    before = _pooled(baseline_square - baseline**2, seen, size)
+    bright = _pooled(baseline**2, seen, size)
+    correlation = joint / np.sqrt(np.maximum(own * before, 1e-14))
+    textured = before > LEAST_TEXTURE**2 * bright
+    lost = (seen & textured & (correlation < LEAST_CORRELATION)).astype(np.uint8)
+    return cv2.dilate(lost, np.ones((size, size), np.uint8)).astype(bool) & seen
+
+
+def _pooled(moment: Array, seen: NDArray[np.bool_], size: int) -> Array:
+    """Return a moment (nz, nx, 3) summed over channels and windows of seen cells."""
+    return np.asarray(cv2.blur(moment.sum(axis=2) * seen, (size, size)))
