@@ -54,7 +54,7 @@ class Gradient:
 
 @dataclass
 class _Bars:
-    """Derivatives of the cost by the coefficients of one interval, the tensor's at `at_flux`."""
+    """Derivatives of the cost by the coefficients of one step, the tensor's at `at_flux`."""
 
     flux: FaceField
     sources: Sources
@@ -106,8 +106,8 @@ def gradient(
     `parameters` names (effect, parameter) pairs of the rig's and the given `effects`.
 
     Raises:
-        InputError: an effect whose gradient is not there (buoyancy, viscosity: the tracer moves the
-            water; registration; the offset of the clock), and all that `simulate` refuses.
+        InputError: an effect whose gradient is not there (registration; the offset of the clock),
+            and all that `simulate` refuses.
     """
     described = (*rig.effects, *effects)
     model = Model(rig.model_copy(update={'effects': ()}), grid, setting=setting, effects=described)
@@ -122,8 +122,6 @@ def gradient(
 
 
 def _refuse(model: Model, parameters: Sequence[tuple[str, str]]) -> None:
-    if model.engine.coupling is not None:
-        raise InputError('gradient: not available with buoyancy or viscosity; leave them out')
     if model.view.moves:
         raise InputError('gradient: not available with registration; compare unregistered maps')
     for effect, parameter in parameters:
@@ -224,11 +222,13 @@ class _Run:
         look(self.before_start)
         for interval in self.intervals:
             sources = engine.openings.sources(interval.rates)
-            flux = engine.flux(interval.rates)
+            water = engine.flux(interval.rates)
             count, step = engine.steps(interval.end - interval.start)
-            steps = pace(flux, sources, engine.storage, step)
-            pairs = engine.exchanges(flux, 0.5 * step)
-            for _ in range(count):
+            for place in range(count):
+                if place == 0 or engine.coupling is not None:
+                    flux = engine.moving(water, interval.rates, state.mobile)
+                    steps = pace(flux, sources, engine.storage, step)
+                    pairs = engine.exchanges(flux, 0.5 * step)
                 interval.states.append(state.copy())
                 engine.step(state, flux, sources, steps=steps, pairs=pairs)
             if interval.shown:
@@ -254,10 +254,13 @@ class _Run:
                 last = interval.states.pop()
                 for shown in interval.shown:
                     by_parameter += self._read_map(bar, last, shown, map_bars[shown], varied)
-            bars = _Bars.zeros(self.engine.grid)
-            by_parameter += self._read_interval(interval, bar, bars, varied)
-            self._by_rates(interval, bars, index, by_rate, by_concentration)
-            by_parameter += _coefficient_parameters(varied, interval, bars)
+            while interval.states:
+                first = interval.states.pop()
+                bars = _Bars.zeros(self.engine.grid)
+                by_parameter += self._read_step(interval, first, bar, bars, varied)
+                by_parameter += _coefficient_parameters(varied, interval, first, bars)
+                by_source = self._through_tracer(interval, first, bar, bars)
+                self._by_rates(interval, bars, by_source, index, by_rate, by_concentration)
         return Gradient(
             total,
             tuple((interval.start, interval.end) for interval in self.intervals),
@@ -287,49 +290,55 @@ class _Run:
             ]
         )
 
-    def _read_interval(
-        self, interval: _Interval, bar: State, bars: _Bars, varied: Sequence[_Varied]
+    def _read_step(
+        self, interval: _Interval, first: State, bar: State, bars: _Bars, varied: Sequence[_Varied]
     ) -> FloatArray:
-        """Read all steps of `interval` backwards; return the derivatives by reaction parameters."""
+        """Read the step from `first` backwards; return the derivatives by reaction parameters."""
         engine = self.engine
         sources = engine.openings.sources(interval.rates)
-        flux = engine.flux(interval.rates)
+        flux = engine.moving(engine.flux(interval.rates), interval.rates, first.mobile)
         _, step = engine.steps(interval.end - interval.start)
         steps = pace(flux, sources, engine.storage, step)
         pairs = engine.exchanges(flux, 0.5 * step)
-        by_parameter = np.zeros(len(varied))
-        pair_bar = np.zeros_like(pairs.weight)
-        while interval.states:
-            first = interval.states.pop()
-            state = first.copy()
-            tapes = _Tapes(steps, pairs)
-            engine.react(state, 0.5 * step)
-            diffuse(state.mobile, engine.storage, pairs, tape=tapes.before)
-            advect(
-                state.mobile,
-                flux,
-                sources=sources,
-                pore_volume=engine.storage,
-                steps=steps,
-                scheme=engine.scheme,
-                tape=tapes.advection,
-            )
-            diffuse(state.mobile, engine.storage, pairs, tape=tapes.after)
-            by_parameter += _reaction_parameters(varied, bar, state, 0.5 * step)
-            engine.react_adjoint(bar, 0.5 * step)
-            c = state.mobile
-            _diffusion_back(c, bar.mobile, engine, pairs, tapes.after, pair_bar, bars)
-            _advection_back(c, bar.mobile, engine, flux, sources, steps, tapes.advection, bars)
-            _diffusion_back(c, bar.mobile, engine, pairs, tapes.before, pair_bar, bars)
-            by_parameter += _reaction_parameters(varied, bar, first, 0.5 * step)
-            engine.react_adjoint(bar, 0.5 * step)
+        state, tapes = first.copy(), _Tapes(steps, pairs)
+        engine.react(state, 0.5 * step)
+        diffuse(state.mobile, engine.storage, pairs, tape=tapes.before)
+        advect(
+            state.mobile,
+            flux,
+            sources=sources,
+            pore_volume=engine.storage,
+            steps=steps,
+            scheme=engine.scheme,
+            tape=tapes.advection,
+        )
+        diffuse(state.mobile, engine.storage, pairs, tape=tapes.after)
+        by_parameter = _reaction_parameters(varied, bar, state, 0.5 * step)
+        engine.react_adjoint(bar, 0.5 * step)
+        c, pair_bar = state.mobile, np.zeros_like(pairs.weight)
+        _diffusion_back(c, bar.mobile, engine, pairs, tapes.after, pair_bar, bars)
+        _advection_back(c, bar.mobile, engine, flux, sources, steps, tapes.advection, bars)
+        _diffusion_back(c, bar.mobile, engine, pairs, tapes.before, pair_bar, bars)
+        by_parameter += _reaction_parameters(varied, bar, first, 0.5 * step)
+        engine.react_adjoint(bar, 0.5 * step)
         _weights_back(engine, flux, pairs, pair_bar, bars)
         return by_parameter
+
+    def _through_tracer(
+        self, interval: _Interval, first: State, bar: State, bars: _Bars
+    ) -> FloatArray | None:
+        """Add to `bar` what acts through the tracer-driven flow; return what acts by the sources."""
+        if self.engine.coupling is None:
+            return None
+        by_mobile, by_source = self.engine.moving_adjoint(interval.rates, first.mobile, bars.flux)
+        bar.mobile += by_mobile
+        return by_source
 
     def _by_rates(
         self,
         interval: _Interval,
         bars: _Bars,
+        by_source: FloatArray | None,
         index: int,
         by_rate: dict[str, FloatArray],
         by_concentration: dict[str, FloatArray],
@@ -340,13 +349,15 @@ class _Run:
             factor = engine.physics.rate_factors.get(name, 1.0)
             unit, share = engine.unit_flux(opening), engine.openings.share(opening)
             through = float(np.vdot(bars.flux.x, unit.x) + np.vdot(bars.flux.z, unit.z))
+            if by_source is not None and engine.coupling is not None:
+                through += float(np.vdot(by_source, engine.coupling.share(opening)))
             if told.rate >= 0:
                 tracer = float(np.vdot(bars.sources.tracer, share))
                 through += float(np.vdot(bars.sources.inflow, share)) + told.concentration * tracer
-                by_concentration[name][index] = factor * told.rate * tracer
+                by_concentration[name][index] += factor * told.rate * tracer
             else:
                 through -= float(np.vdot(bars.sources.outflow, share))
-            by_rate[name][index] = factor * through
+            by_rate[name][index] += factor * through
 
 
 class _Tapes:
@@ -442,10 +453,11 @@ def _weights_back(
     bars.at_flux = flux
 
 
-def _weighted(model: Model, interval: _Interval, bars: _Bars) -> float:
+def _weighted(model: Model, interval: _Interval, first: State, bars: _Bars) -> float:
     """Return the coefficients of `model` in `interval`, weighted by the derivatives by them."""
     engine, physics = model.engine, model.engine.physics
-    flux, sources = engine.flux(interval.rates), engine.openings.sources(interval.rates)
+    flux = engine.moving(engine.flux(interval.rates), interval.rates, first.mobile)
+    sources = engine.openings.sources(interval.rates)
     parts = [
         np.vdot(bars.flux.x, flux.x),
         np.vdot(bars.flux.z, flux.z),
@@ -459,11 +471,11 @@ def _weighted(model: Model, interval: _Interval, bars: _Bars) -> float:
 
 
 def _coefficient_parameters(
-    varied: Sequence[_Varied], interval: _Interval, bars: _Bars
+    varied: Sequence[_Varied], interval: _Interval, first: State, bars: _Bars
 ) -> FloatArray:
     """Return the derivatives by parameters that act on the coefficients of `interval`."""
     return np.array(
-        [one.difference(lambda model: _weighted(model, interval, bars)) for one in varied]
+        [one.difference(lambda model: _weighted(model, interval, first, bars)) for one in varied]
     )
 
 

@@ -3,17 +3,24 @@
 q = -k / mu(c) (grad p + density_difference c g e_z),    mu(c) = mu_water viscosity_ratio^c
 """
 
+import math
+
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import GRAVITY
 from porotwin_core.wells import WellRates
-from porotwin_solver.flow import FaceField, Flow, transmissibilities
+from porotwin_solver.flow import (
+    FaceField,
+    Flow,
+    transmissibilities,
+    transmissibilities_adjoint,
+)
 from porotwin_solver.openings import Openings
-from porotwin_solver.physics import Physics
+from porotwin_solver.physics import Opening, Physics
 
-TOLERANCE = 1e-8
+TOLERANCE = 1e-11
 """Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
 
 
@@ -40,17 +47,62 @@ class Coupling:
             driven = buoyant_flux(physics, water.transmissibility, concentration)
             return water.flux(np.zeros(self.grid.shape), driven)
         source = self._openings.sources(rates).net
-        mobility = (
-            physics.permeability / physics.viscosity * physics.viscosity_ratio**-concentration
-        )
-        trans = transmissibilities(self.grid, physics.depth * mobility, physics.boundaries)
+        trans = self._transmissibility(concentration)
         driven = buoyant_flux(physics, trans, concentration)
-        flux = self._pressure_driven(trans, source - driven.divergence()) + driven
-        difference = flux + water.flux(source) * -1.0
+        pressure = self._pressure(trans, source - driven.divergence())
+        difference = water.pressure_flux(pressure, trans) + driven + water.flux(source) * -1.0
         return difference + water.flux(-difference.divergence())
 
-    def _pressure_driven(self, trans: FaceField, source: FloatArray) -> FaceField:
+    def flux_adjoint(
+        self, rates: WellRates, concentration: FloatArray, bar: FaceField
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives by `concentration` and by the wells' source of every cell.
+
+        `bar` holds those of a cost by `flux`. The pressure's matrix is symmetric: its adjoint is
+        one more solution.
+        """
+        physics, ones = self.physics, FaceField.zeros(self.grid)
+        ones.x[:], ones.z[:] = 1.0, 1.0
+        trans = self._transmissibility(concentration)
+        back = self._pressure(trans, (trans * bar).divergence())
+        left = bar + self._water.pressure_flux(back, ones) * -1.0
+        weight = -physics.density_difference * GRAVITY * self.grid.dz
+        on_faces = 0.5 * weight * trans.z * left.z
+        by_concentration = on_faces[:-1] + on_faces[1:]
+        if physics.viscosity_ratio == 1.0:
+            return by_concentration, np.zeros(self.grid.shape)
+        source = self._openings.sources(rates).net
+        driven = buoyant_flux(physics, trans, concentration)
+        pressure = self._pressure(trans, source - driven.divergence())
+        by_trans = self._water.pressure_flux(pressure, ones) * left
+        by_trans.z[:] += buoyant_flux(physics, ones, concentration).z * left.z
+        conductance = self._conductance(concentration)
+        by_conductance = transmissibilities_adjoint(self.grid, conductance, trans, by_trans)
+        by_concentration -= by_conductance * conductance * math.log(physics.viscosity_ratio)
+        water = (self._water.transmissibility * bar).divergence()
+        by_source = back - self._water.solve(water.ravel()).reshape(self.grid.shape)
+        return by_concentration, by_source
+
+    def share(self, opening: Opening) -> FloatArray:
+        """Return the share of `opening` that lies in every cell, (nz, nx), in all one."""
+        return self._openings.share(opening)
+
+    def _conductance(self, concentration: FloatArray) -> FloatArray:
+        physics = self.physics
+        viscosity = physics.viscosity * physics.viscosity_ratio**concentration
+        return physics.depth * physics.permeability / viscosity
+
+    def _transmissibility(self, concentration: FloatArray) -> FaceField:
+        if self.physics.viscosity_ratio == 1.0:
+            return self._water.transmissibility
+        return transmissibilities(
+            self.grid, self._conductance(concentration), self.physics.boundaries
+        )
+
+    def _pressure(self, trans: FaceField, source: FloatArray) -> FloatArray:
         shape, water = self.grid.shape, self._water
+        if trans is water.transmissibility:
+            return water.solve(source.ravel()).reshape(shape)
 
         def outflow(pressure: FloatArray) -> FloatArray:
             flux = water.pressure_flux(pressure.reshape(shape), trans)
@@ -65,7 +117,7 @@ class Coupling:
             maxiter=200,
             M=LinearOperator((source.size,) * 2, matvec=water.solve, dtype=float),
         )
-        return water.pressure_flux(pressure.reshape(shape), trans)
+        return np.asarray(pressure).reshape(shape)
 
 
 def buoyant_flux(physics: Physics, trans: FaceField, concentration: FloatArray) -> FaceField:

@@ -15,7 +15,7 @@ from porotwin_solver.diffusion import Exchanges, diffuse, exchanges
 from porotwin_solver.flow import FaceField, Flow
 from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Opening, Physics
-from porotwin_solver.refinement import coarsen
+from porotwin_solver.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.transport import Carried, Pace, Sources, advect, pace
 
 LONGEST_STEP = 60.0
@@ -62,6 +62,7 @@ class Engine:
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
         self.background = background_flux(physics, conductance)
         self.coupling = Coupling(coupled or physics) if physics.is_coupled else None
+        self.coupled_factor = self.grid.nx // (coupled or physics).grid.nx
         self._unit_flux: dict[Opening, FaceField] = {}
         self._stacks: dict[tuple[Opening, ...], tuple[FloatArray, FloatArray]] = {}
         self._scratch = Carried.zeros(FaceField.zeros(self.grid))
@@ -115,18 +116,34 @@ class Engine:
         reaction (Strang, SIAM J. Numer. Anal. 5 (1968) 506-517). Where the tracer moves the water,
         the flow is renewed before every step.
         """
-        sources, flux = self.openings.sources(rates), self.flux(rates)
+        sources, water = self.openings.sources(rates), self.flux(rates)
         count, step = self.steps(duration)
-        moving = flux
+        for index in range(count):
+            if index == 0 or self.coupling is not None:
+                flux = self.moving(water, rates, state.mobile)
+                paces = pace(flux, sources, self.storage, step)
+                pairs = self.exchanges(flux, 0.5 * step)
+            self.step(state, flux, sources, steps=paces, pairs=pairs)
+
+    def moving(self, water: FaceField, rates: WellRates, mobile: FloatArray) -> FaceField:
+        """Return the flux [m^3/s]: that of pure `water`, and what the tracer `mobile` adds."""
         if self.coupling is None:
-            paces = pace(flux, sources, self.storage, step)
-            pairs = self.exchanges(flux, 0.5 * step)
-        for _ in range(count):
-            if self.coupling is not None:
-                moving = flux + self._tracer_driven(state.mobile, rates)
-                paces = pace(moving, sources, self.storage, step)
-                pairs = self.exchanges(moving, 0.5 * step)
-            self.step(state, moving, sources, steps=paces, pairs=pairs)
+            return water
+        coarse = coarsen(mobile, self.coupling.grid.shape)
+        return water + self.coupling.flux(rates, coarse).refined(self.coupled_factor)
+
+    def moving_adjoint(
+        self, rates: WellRates, mobile: FloatArray, bar: FaceField
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives by `mobile` and by the sources on the grid of the coupling.
+
+        `bar` holds those by the flux that `moving` returns; both through the tracer's part of it.
+        """
+        assert self.coupling is not None
+        coarse = coarsen(mobile, self.coupling.grid.shape)
+        by_flux = bar.refined_adjoint(self.coupled_factor)
+        by_coarse, by_source = self.coupling.flux_adjoint(rates, coarse, by_flux)
+        return coarsen_adjoint(by_coarse, self.grid.shape), by_source
 
     def step(
         self, state: State, flux: FaceField, sources: Sources, *, steps: Pace, pairs: Exchanges
@@ -187,8 +204,3 @@ class Engine:
         physics = self.physics
         exchanged = physics.exchange_rate * duration / (1.0 - physics.immobile_fraction)
         return math.exp(-physics.decay_rate * duration), math.exp(-exchanged)
-
-    def _tracer_driven(self, mobile: FloatArray, rates: WellRates) -> FaceField:
-        assert self.coupling is not None
-        coarse = coarsen(mobile, self.coupling.grid.shape)
-        return self.coupling.flux(rates, coarse).refined(self.grid.nx // self.coupling.grid.nx)

@@ -51,6 +51,15 @@ class FaceField:
             np.repeat(_interpolated(self.z, factor), factor, axis=1) / factor,
         )
 
+    def refined_adjoint(self, factor: int) -> 'FaceField':
+        """Return the derivatives by the faces that `refined` turned into those of `self`."""
+        if factor == 1:
+            return self
+        return FaceField(
+            _interpolated_adjoint(_sums(self.x, factor).T, factor).T / factor,
+            _interpolated_adjoint(_sums(self.z.T, factor).T, factor) / factor,
+        )
+
     def divergence(self) -> FloatArray:
         """Return the net outflow of every cell, shape (nz, nx)."""
         return np.diff(self.x, axis=1) + np.diff(self.z, axis=0)
@@ -61,6 +70,22 @@ def _interpolated(rows: FloatArray, factor: int) -> FloatArray:
     parts = np.arange(factor)[:, None] / factor
     between = rows[:-1, None] * (1.0 - parts) + rows[1:, None] * parts
     return np.concatenate([between.reshape(-1, rows.shape[1]), rows[-1:]])
+
+
+def _interpolated_adjoint(rows: FloatArray, factor: int) -> FloatArray:
+    """Return the derivatives by the rows that `_interpolated` was given."""
+    parts = np.arange(factor)[:, None] / factor
+    between = rows[:-1].reshape(-1, factor, rows.shape[1])
+    given = np.zeros((len(between) + 1, rows.shape[1]))
+    given[:-1] += (between * (1.0 - parts)).sum(axis=1)
+    given[1:] += (between * parts).sum(axis=1)
+    given[-1] += rows[-1]
+    return given
+
+
+def _sums(rows: FloatArray, factor: int) -> FloatArray:
+    """Return the sums of every `factor` rows."""
+    return rows.reshape(-1, factor, rows.shape[1]).sum(axis=1)
 
 
 def transmissibilities(grid: Grid, conductance: FloatArray, boundaries: Boundaries) -> FaceField:
@@ -83,6 +108,22 @@ def transmissibilities(grid: Grid, conductance: FloatArray, boundaries: Boundari
     if boundaries.top == 'open':
         faces.z[-1] = half_z[-1]
     return faces
+
+
+def transmissibilities_adjoint(
+    grid: Grid, conductance: FloatArray, trans: FaceField, bar: FaceField
+) -> FloatArray:
+    """Return the derivative by `conductance` of a cost with the derivatives `bar` by `trans`.
+
+    T = a b / (a + b) of two half cells: dT/da = (T / a)^2; T = a on an open side.
+    """
+    half_x = 2.0 * conductance * grid.dz / grid.dx
+    half_z = 2.0 * conductance * grid.dx / grid.dz
+    by_x = bar.x[:, :-1] * (trans.x[:, :-1] / half_x) ** 2
+    by_x += bar.x[:, 1:] * (trans.x[:, 1:] / half_x) ** 2
+    by_z = bar.z[:-1] * (trans.z[:-1] / half_z) ** 2
+    by_z += bar.z[1:] * (trans.z[1:] / half_z) ** 2
+    return (by_x * half_x + by_z * half_z) / conductance
 
 
 def pressure_matrix(faces: FaceField, *, pin: float) -> csc_matrix:

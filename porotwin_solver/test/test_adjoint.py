@@ -39,6 +39,8 @@ EFFECTS = {
     'leak': {'x': 0.4, 'z': 0.3, 'rate': -30.0},
     'background_flow': {'x_velocity': 1e-6, 'z_velocity': 5e-7},
     'numerical_diffusion': {'model_diffusion': 1e-8},
+    'buoyancy': {'density_difference': 0.7},
+    'viscosity': {'viscosity_ratio': 1.3},
     'saturation': {'exponent': 1.3},
     'illumination': {'drift': -1e-4, 'gradient': 0.1},
 }
@@ -154,7 +156,7 @@ def test_the_gradient_by_every_effect_parameter_is_that_of_finite_differences(ri
         if not isinstance(value, str)
     ]
     found = problem.gradient(named)
-    assert len(named) == 25
+    assert len(named) == 27
     for (effect, name), value in zip(named, found.parameters, strict=True):
         step = 1e-6 * abs(EFFECTS[effect][name])
         shifted = [

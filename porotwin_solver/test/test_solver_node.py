@@ -1,0 +1,234 @@
+"""The solver node as a process of its own, asked over DDS."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porotwin_core.rig import load_rig
+from porotwin_solver.model import Model
+from porotwin_solver.quantities import QUANTITIES
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+
+from porotwin_core.conversions import (  # noqa: E402
+    rates_to_msg,
+    source_from_msg,
+    source_to_msg,
+    tracer_from_msg,
+    tracer_to_msg,
+)
+from porotwin_msgs.msg import Outcome  # noqa: E402
+from porotwin_msgs.srv import (  # noqa: E402
+    Correct,
+    InitialCondition,
+    ModelInfo,
+    Ping,
+    Predict,
+    QuantityOfInterest,
+    Residual,
+)
+
+pytestmark = pytest.mark.graph
+
+PATIENCE = 60.0
+"""Longest wait for an answer [s]; a first start compiles the kernels."""
+
+SCRIPT = 'from porotwin_solver.solver_node import main; main()'
+
+
+class Client:
+    """Asks one node, one question at a time."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node('test_solver', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def ask(self, kind: Any, service: str, /, **fields: Any) -> Any:
+        client = self.node.create_client(kind, f'solver/{service}')
+        assert client.wait_for_service(PATIENCE), f'solver/{service} absent after {PATIENCE} s'
+        future = client.call_async(kind.Request(**fields))
+        self.executor.spin_until_future_complete(future, PATIENCE)
+        assert future.done(), f'solver/{service}: no answer after {PATIENCE} s'
+        self.node.destroy_client(client)
+        return future.result()
+
+    def close(self) -> None:
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def start(rig: Path, *more: str) -> subprocess.Popen[str]:
+    """Start the node for `rig` on a small grid."""
+    arguments = ['--ros-args', '-p', f'rig:={rig}', '-p', 'grid:=31x19', *more]
+    return subprocess.Popen(
+        [sys.executable, '-c', SCRIPT, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+@pytest.fixture(scope='module')
+def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('rig') / 'rig.yaml'
+    path.write_text(RIG, encoding='utf-8')
+    return path
+
+
+RIG = """
+name: small
+width_m: 0.934
+height_m: 0.562
+depth_m: 0.010
+porosity: 0.375
+permeability_m2: 6.57e-10
+viscosity_pa_s: 1.0e-3
+density_kg_m3: 998.0
+boundaries: {top: open, bottom: closed, left: closed, right: closed}
+wells:
+  injector: {x_m: 0.235, z_m: 0.235}
+  producer: {x_m: 0.660, z_m: 0.160}
+  control2: {x_m: 0.500, z_m: 0.375}
+effects:
+- {name: retardation, parameters: {retardation_factor: 1.02}}
+"""
+
+
+@pytest.fixture(scope='module')
+def domain() -> Iterator[None]:
+    before = dict(os.environ)
+    os.environ['ROS_DOMAIN_ID'] = str(10 + (os.getpid() + 37) % 90)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    yield
+    os.environ.clear()
+    os.environ.update(before)
+
+
+@pytest.fixture(scope='module')
+def client(domain: None, rig_file: Path) -> Iterator[Client]:
+    process = start(rig_file)
+    client = Client()
+    yield client
+    assert process.poll() is None, 'the node died from a request'
+    client.close()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE)
+
+
+@pytest.fixture
+def model(rig_file: Path) -> Model:
+    rig = load_rig(rig_file)
+    return Model(rig, rig.grid(31, 19), setting='fast')
+
+
+def test_it_answers_as_the_model_does(client: Client, model: Model, rates: Any) -> None:
+    state = client.ask(InitialCondition, 'initial_condition').state
+    told = rates_to_msg(rates)
+    answer = client.ask(Predict, 'predict', previous=state, wells=told, time_step=30.0)
+    assert answer.outcome.code == Outcome.OK
+    predicted, grid = tracer_from_msg(answer.predicted)
+    assert grid == model.grid
+    expected = model.predict(model.initial_condition(), rates, 30.0)
+    np.testing.assert_allclose(predicted, expected, atol=1e-7)  # maps travel as float32
+    begin, end = state.header.stamp, answer.predicted.header.stamp
+    assert end.sec - begin.sec == 30
+
+
+def test_correct_undoes_residual_over_the_wire(client: Client, model: Model, rates: Any) -> None:
+    observed = np.random.default_rng(1).random(model.grid.shape).astype(np.float32)
+    before = np.random.default_rng(2).random(model.grid.shape).astype(np.float32)
+    told = rates_to_msg(rates)
+    previous = tracer_to_msg(before, model.grid, 100.0)
+    residual = client.ask(
+        Residual,
+        'residual',
+        previous=previous,
+        next=tracer_to_msg(observed, model.grid, 130.0),
+        wells=told,
+        time_step=30.0,
+    ).residual
+    assert np.abs(source_from_msg(residual)[0]).max() > 0.0
+    corrected = client.ask(
+        Correct, 'correct', previous=previous, source=residual, wells=told, time_step=30.0
+    ).corrected
+    np.testing.assert_allclose(tracer_from_msg(corrected)[0], observed, atol=1e-7)
+
+
+def test_it_says_what_it_is(client: Client, model: Model) -> None:
+    assert client.ask(Ping, 'ping').name == 'solver'
+    info = client.ask(ModelInfo, 'info')
+    assert info.degrees_of_freedom == 31 * 19
+    assert info.setting == 'fast'
+    assert list(info.wells) == list(model.rig.wells)
+    assert list(info.quantities_of_interest) == list(QUANTITIES)
+    assert [effect.name for effect in info.effects] == ['retardation']
+
+
+def test_a_quantity_has_a_value_and_a_unit(client: Client, model: Model) -> None:
+    state = tracer_to_msg(np.full(model.grid.shape, 0.5), model.grid, 0.0)
+    answer = client.ask(
+        QuantityOfInterest, 'quantity_of_interest', state=state, name='tracer_volume'
+    )
+    expected = 0.5 * 0.934 * 0.562 * 0.010 * 0.375 * 1.02
+    assert answer.value == pytest.approx(expected, rel=1e-6)
+    assert answer.unit == 'm^3'
+
+
+def test_a_bad_request_gets_its_reason_and_the_node_goes_on(
+    client: Client, model: Model, rates: Any
+) -> None:
+    empty = tracer_to_msg(model.initial_condition(), model.grid, 0.0)
+    holes = tracer_to_msg(np.full(model.grid.shape, np.nan), model.grid, 0.0)
+    small = tracer_to_msg(np.zeros((3, 4)), model.rig.grid(4, 3), 0.0)
+    told = rates_to_msg(rates)
+    unknown = rates_to_msg({'pump': rates['injector']})
+    for fields, text in (
+        ({'previous': holes, 'wells': told, 'time_step': 30.0}, '589 cells are not finite'),
+        ({'previous': small, 'wells': told, 'time_step': 30.0}, 'the solver runs on 31x19'),
+        ({'previous': empty, 'wells': told, 'time_step': 0.0}, 'time step 0.0 s: must be positive'),
+        ({'previous': empty, 'wells': unknown, 'time_step': 30.0}, "unknown well 'pump'"),
+        ({'previous': empty, 'wells': [*told, told[0]], 'time_step': 30.0}, 'is named twice'),
+    ):
+        outcome = client.ask(Predict, 'predict', **fields).outcome
+        assert outcome.code == Outcome.INVALID_INPUT
+        assert text in outcome.message
+        assert '\n' not in outcome.message
+    answer = client.ask(
+        Correct,
+        'correct',
+        previous=empty,
+        wells=told,
+        time_step=30.0,
+        source=source_to_msg(np.full((19, 31), np.nan), model.grid, 0.0),
+    )
+    assert 'sigma: 589 cells are not finite' in answer.outcome.message
+    good = client.ask(Predict, 'predict', previous=empty, wells=told, time_step=30.0)
+    assert good.outcome.code == Outcome.OK
+
+
+@pytest.mark.parametrize(
+    ('more', 'text'),
+    [
+        (('-p', 'setting:=quick'), "error: setting 'quick': unknown; choose from fast"),
+        (('-p', 'grid:=many'), "error: grid 'many': write columns x rows, like 187x112"),
+    ],
+)
+def test_a_wrong_parameter_ends_it_with_one_line(
+    domain: None, rig_file: Path, more: tuple[str, ...], text: str
+) -> None:
+    process = start(rig_file, *more)
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2
+    assert text in output
