@@ -327,7 +327,7 @@ class _Run:
     def _through_tracer(
         self, interval: _Interval, first: State, bar: State, bars: _Bars
     ) -> FloatArray | None:
-        """Add to `bar` what acts through the tracer-driven flow; return what acts by the sources."""
+        """Add to `bar` what acts through the flow that tracer drives; return what acts by sources."""
         if self.engine.coupling is None:
             return None
         by_mobile, by_source = self.engine.moving_adjoint(interval.rates, first.mobile, bars.flux)
