@@ -20,6 +20,9 @@ from porotwin_hub.graph import NAMESPACE, NodeDescription
 RESTART_PAUSE_S = 1.0
 """Wait before a node that died is started again; doubled each time, to a minute."""
 
+END_PATIENCE_S = 30.0
+"""Time for all nodes together to end by themselves: a recorder closes its bag."""
+
 SayFn = Callable[[str], None]
 
 
@@ -74,7 +77,7 @@ class GraphProcesses:
             process = self._processes[node.name]
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + END_PATIENCE_S
         for process in self._processes.values():
             try:
                 process.wait(max(0.1, deadline - time.monotonic()))
