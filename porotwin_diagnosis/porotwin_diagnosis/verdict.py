@@ -13,7 +13,7 @@ from importlib.resources import files
 import numpy as np
 
 from porotwin_diagnosis.fit import Fit, Margin
-from porotwin_diagnosis.search import Findings, score
+from porotwin_diagnosis.search import NEAR, Findings, score
 
 NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
 
@@ -90,13 +90,33 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
     members = _by_strength(model, findings)
     inseparable = _inseparable(model, findings, limits, members[0])
-    known = probabilities.get(members[0], 0.0)
-    known += sum(probabilities.get(name, 0.0) for name in inseparable)
-    known = min(max(known, 1e-3), 1 - 1e-3)
-    odds = min(math.log(known / (1 - known)), -4.0 * math.log(openness) + 1.0)
+    lead = (
+        _lead_of_pair(model, members[0], findings, limits)
+        if len(model.members) > 1
+        else _lead_of_single((members[0], *inseparable), probabilities)
+    )
+    odds = min(lead, 4.0 - 4.0 * openness)
     return Verdict(
         members[0], _calibrated(odds, limits), model, members, inseparable, probabilities
     )
+
+
+def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:
+    """Return the log-odds of the effects `names`, which show the same, against all others."""
+    known = sum(probabilities.get(name, 0.0) for name in names)
+    known = min(max(known, 1e-3), 1 - 1e-3)
+    return math.log(known / (1 - known))
+
+
+def _lead_of_pair(model: Fit, name: str, findings: Findings, limits: Thresholds) -> float:
+    """Return the log-odds of a pair with effect `name` against the best explanation without it."""
+    rivals = [
+        score(fit)
+        for fit in (*findings.pairs, *findings.singles)
+        if name not in (member.effect for member in fit.members)
+    ]
+    nearest = min([*rivals, NEAR * score(model)])
+    return limits.steepness * math.log(max(nearest / score(model), 1.0))
 
 
 def _openness(after: float, before: float, limits: Thresholds) -> float:
