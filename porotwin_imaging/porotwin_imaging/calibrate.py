@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +31,8 @@ COLUMNS = 400
 STRONGEST_SHARE = 0.3
 """Cells above this share of the strongest signal count as tracer when weights are learned."""
 FEWEST_TRACER_CELLS = 30
+LEAST_SIGNAL = 0.002
+"""Smooth signal below which there is no tracer, however even the background."""
 SCALE_ERROR = 0.025
 """Relative error of a scale from the pump log: what a curve that is fitted to masses leaves."""
 SCALE_ERROR_STOCK = 0.1
@@ -175,6 +178,18 @@ def _sand_line(factors: sands.Factors) -> str:
     )
 
 
+def _where_tracer_is(signal: Array) -> Array:
+    """Return the signal (nz, nx) with 0 away from tracer and where nothing is seen.
+
+    The many cells without tracer would bring what little the light's estimate is off into the mass.
+    """
+    filled = np.nan_to_num(signal).astype(np.float32)
+    smooth = cv2.GaussianBlur(filled, (0, 0), 3)
+    spread = 1.4826 * float(np.median(np.abs(smooth - np.median(smooth))))
+    tracer = (smooth > 4 * spread + LEAST_SIGNAL).astype(np.uint8)
+    return np.where(cv2.dilate(tracer, np.ones((9, 9), np.uint8)) > 0, filled, 0.0)
+
+
 def _scale(
     rig: Rig,
     grid: Grid,
@@ -193,7 +208,8 @@ def _scale(
     volume = _pore_volume(rig, grid)
     start = min(row.time for row in schedule.rows)
     injected = [injected_volume(schedule, min(start, time), time) for time in times]
-    integrals = [float(np.nansum(plane * volume)) for plane in scaled]
+    scaled = [_where_tracer_is(plane) for plane in scaled]
+    integrals = [float((plane * volume).sum()) for plane in scaled]
     growth = fit_growth(integrals, injected)
     kept = np.flatnonzero(growth.inliers)
     response, misfit = fit_response(

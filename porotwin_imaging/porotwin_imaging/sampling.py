@@ -18,7 +18,7 @@ from porotwin_imaging.geometry import Geometry, apply_homography
 
 Array = NDArray[Any]
 
-FEWEST_PIXELS_PER_CELL = 1.6
+FEWEST_PIXELS_PER_CELL = 1.4
 """Decoded pixels that a cell should span each way, where that saves half of the decoding."""
 FEWEST_COLUMNS = 1200
 """Decoded width that alignment to the baseline should have, where the file has it [px]."""
