@@ -57,6 +57,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     executor = (
         SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads)
     )
+    node = None
     try:
         node = make_node()
         executor.add_node(node)
@@ -67,4 +68,6 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass  # told to stop, perhaps while still starting
     finally:
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()
