@@ -321,13 +321,14 @@ class _Run:
         _diffusion_back(c, bar.mobile, engine, pairs, tapes.before, pair_bar, bars)
         by_parameter += _reaction_parameters(varied, bar, first, 0.5 * step)
         engine.react_adjoint(bar, 0.5 * step)
-        _weights_back(engine, flux, pairs, pair_bar, bars)
+        if varied or engine.physics.disperses:
+            _weights_back(engine, flux, pairs, pair_bar, bars)
         return by_parameter
 
     def _through_tracer(
         self, interval: _Interval, first: State, bar: State, bars: _Bars
     ) -> FloatArray | None:
-        """Add to `bar` what acts through the flow that tracer drives; return what acts by sources."""
+        """Add to `bar` what acts through the tracer-driven flow; return the part by sources."""
         if self.engine.coupling is None:
             return None
         by_mobile, by_source = self.engine.moving_adjoint(interval.rates, first.mobile, bars.flux)
@@ -347,16 +348,16 @@ class _Run:
         for name, opening in engine.physics.wells.items():
             told = interval.rates.get(name, WellRate())
             factor = engine.physics.rate_factors.get(name, 1.0)
-            unit, share = engine.unit_flux(opening), engine.openings.share(opening)
+            unit, at = engine.unit_flux(opening), engine.openings
             through = float(np.vdot(bars.flux.x, unit.x) + np.vdot(bars.flux.z, unit.z))
             if by_source is not None and engine.coupling is not None:
-                through += float(np.vdot(by_source, engine.coupling.share(opening)))
+                through += engine.coupling.openings.mean(opening, by_source)
             if told.rate >= 0:
-                tracer = float(np.vdot(bars.sources.tracer, share))
-                through += float(np.vdot(bars.sources.inflow, share)) + told.concentration * tracer
+                tracer = at.mean(opening, bars.sources.tracer)
+                through += at.mean(opening, bars.sources.inflow) + told.concentration * tracer
                 by_concentration[name][index] += factor * told.rate * tracer
             else:
-                through -= float(np.vdot(bars.sources.outflow, share))
+                through -= at.mean(opening, bars.sources.outflow)
             by_rate[name][index] += factor * through
 
 

@@ -7,16 +7,16 @@ from porotwin_solver.flow import FaceField, Flow
 from porotwin_solver.physics import Physics
 
 
-def background_flux(physics: Physics, conductance: FloatArray) -> FaceField:
-    """Return the flux [m^3/s] that a Darcy flux imposed on all four sides drives through the rig.
+def background_flux(physics: Physics, conductance: FloatArray) -> FaceField | None:
+    """Return the flux [m^3/s] that a Darcy flux imposed on all four sides drives, None without one.
 
     Where the depth varies along a side, what leaves is scaled to what enters.
     """
-    grid = physics.grid
-    flux = FaceField.zeros(grid)
     velocity_x, velocity_z = physics.background_flux
     if velocity_x == 0.0 and velocity_z == 0.0:
-        return flux
+        return None
+    grid = physics.grid
+    flux = FaceField.zeros(grid)
     closed = physics.boundaries.model_copy(
         update=dict.fromkeys(('top', 'bottom', 'left', 'right'), 'closed')
     )

@@ -20,9 +20,9 @@ def tape_length(reach: NDArray[np.int64]) -> int:
     return int((with_level << np.arange(len(reach))).sum())
 
 
-DRY = 1e-20
-"""Concentration below which a cell keeps what it has: far below round-off, and the tails of the
-plume stay short. Nothing is lost."""
+DRY = 1e-15
+"""Concentration below which a cell keeps what it has: round-off of the stock's, so that the tails
+of the plume stay short. Nothing is lost."""
 
 
 @compiled

@@ -18,7 +18,7 @@ from porotwin_solver.flow import (
     transmissibilities_adjoint,
 )
 from porotwin_solver.openings import Openings
-from porotwin_solver.physics import Opening, Physics
+from porotwin_solver.physics import Physics
 
 TOLERANCE = 1e-11
 """Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
@@ -31,7 +31,7 @@ class Coupling:
         """Factorise the flow of pure water on the grid of `physics`."""
         self.physics = physics
         self.grid = physics.grid
-        self._openings = Openings(physics)
+        self.openings = Openings(physics)
         self._water = Flow(
             self.grid, physics.depth * physics.permeability / physics.viscosity, physics.boundaries
         )
@@ -46,7 +46,7 @@ class Coupling:
         if physics.viscosity_ratio == 1.0:
             driven = buoyant_flux(physics, water.transmissibility, concentration)
             return water.flux(np.zeros(self.grid.shape), driven)
-        source = self._openings.sources(rates).net
+        source = self.openings.sources(rates).net
         trans = self._transmissibility(concentration)
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
@@ -71,7 +71,7 @@ class Coupling:
         by_concentration = on_faces[:-1] + on_faces[1:]
         if physics.viscosity_ratio == 1.0:
             return by_concentration, np.zeros(self.grid.shape)
-        source = self._openings.sources(rates).net
+        source = self.openings.sources(rates).net
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
         by_trans = self._water.pressure_flux(pressure, ones) * left
@@ -82,10 +82,6 @@ class Coupling:
         water = (self._water.transmissibility * bar).divergence()
         by_source = back - self._water.solve(water.ravel()).reshape(self.grid.shape)
         return by_concentration, by_source
-
-    def share(self, opening: Opening) -> FloatArray:
-        """Return the share of `opening` that lies in every cell, (nz, nx), in all one."""
-        return self._openings.share(opening)
 
     def _conductance(self, concentration: FloatArray) -> FloatArray:
         physics = self.physics

@@ -46,7 +46,7 @@ def tensor(physics: Physics, flux: FaceField) -> tuple[FloatArray, FloatArray, F
     isotropic = physics.diffusion + physics.model_diffusion
     along, across = physics.longitudinal_dispersivity, physics.transverse_dispersivity
     shape = physics.grid.shape
-    if along == 0.0 and across == 0.0:
+    if not physics.disperses:
         return np.full(shape, isotropic), np.zeros(shape), np.full(shape, isotropic)
     vx, vz, speed = _pore_velocity(physics, flux)
     stretch = (along - across) / speed
@@ -60,7 +60,7 @@ def tensor_adjoint(
     """Return the derivative by the flux of a cost with the derivatives `bar` by the tensor."""
     faces = FaceField.zeros(physics.grid)
     along, across = physics.longitudinal_dispersivity, physics.transverse_dispersivity
-    if along == 0.0 and across == 0.0:
+    if not physics.disperses:
         return faces
     vx, vz, speed = _pore_velocity(physics, flux)
     xx, xz, zz = bar

@@ -97,12 +97,17 @@ class Engine:
         if opened not in self._stacks:
             units = [self.unit_flux(opening) for opening in opened]
             self._stacks[opened] = (
-                np.array([unit.x for unit in units]).reshape(len(opened), *self.background.x.shape),
-                np.array([unit.z for unit in units]).reshape(len(opened), *self.background.z.shape),
+                np.array([unit.x for unit in units]).reshape(
+                    len(opened), self.grid.nz, self.grid.nx + 1
+                ),
+                np.array([unit.z for unit in units]).reshape(
+                    len(opened), self.grid.nz + 1, self.grid.nx
+                ),
             )
         pumped = np.array([rate for _, rate, _ in told])
         x, z = self._stacks[opened]
-        return self.background + FaceField(np.tensordot(pumped, x, 1), np.tensordot(pumped, z, 1))
+        flux = FaceField(np.tensordot(pumped, x, 1), np.tensordot(pumped, z, 1))
+        return flux if self.background is None else flux + self.background
 
     def steps(self, duration: float) -> tuple[int, float]:
         """Return into how many steps of what length [s] a `duration` [s] is divided."""
@@ -167,7 +172,7 @@ class Engine:
     def exchanges(self, flux: FaceField, step: float) -> Exchanges:
         """Return the diffusion for `step` [s]; that without dispersion is kept."""
         physics = self.physics
-        if physics.longitudinal_dispersivity or physics.transverse_dispersivity:
+        if physics.disperses:
             return exchanges(physics, flux, step)
         if self._still is None or self._still.time_step != step:
             self._still = exchanges(physics, flux, step)

@@ -55,6 +55,11 @@ class Openings:
         share.ravel()[cells] = parts
         return share
 
+    def mean(self, opening: Opening, field: FloatArray) -> float:
+        """Return the mean of a `field` (nz, nx) over the disc of `opening`."""
+        cells, parts = self._shares_of(opening)
+        return float(parts @ field.ravel()[cells])
+
     def _shares_of(self, opening: Opening) -> tuple[CellArray, FloatArray]:
         if opening not in self._shares:
             grid = self.physics.grid

@@ -72,6 +72,11 @@ class Physics:
         return self.volume * self.porosity * (1.0 - self.immobile_fraction)
 
     @property
+    def disperses(self) -> bool:
+        """Whether the spreading of the tracer depends on the flow."""
+        return self.longitudinal_dispersivity != 0.0 or self.transverse_dispersivity != 0.0
+
+    @property
     def is_coupled(self) -> bool:
         """Whether the flow depends on where the tracer is."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
