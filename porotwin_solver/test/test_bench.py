@@ -1,0 +1,36 @@
+"""The rival that the solver is timed against must itself be a fair model."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.grid import conservative_resample
+from porotwin_solver.bench import PlainModel, bench_rig, bench_schedule, errors
+from porotwin_solver.model import Model
+from porotwin_solver.physics import believed_physics
+
+
+def test_the_plain_model_conserves_the_tracer_and_stays_bounded() -> None:
+    rig = bench_rig()
+    physics = believed_physics(rig, rig.grid(47, 28))
+    model, rates = PlainModel(physics), bench_schedule().at(0.0)
+    state = model.predict(np.zeros(physics.grid.shape), rates, 30.0)
+    injected = 30.0 * rates['injector'].rate
+    assert (physics.storage * state).sum() == pytest.approx(injected, rel=1e-12)
+    assert 0.0 <= state.min() <= state.max() <= 1.0
+
+
+def test_the_plain_model_agrees_with_the_upwind_setting() -> None:
+    rig, schedule = bench_rig(), bench_schedule()
+    grid = rig.grid(93, 56)
+    plain, model = PlainModel(believed_physics(rig, grid)), Model(rig, grid, setting='upwind')
+    state, other = model.initial_condition(), model.initial_condition()
+    for frame in range(20):
+        rates = schedule.at(30.0 * frame)
+        state, other = plain.predict(state, rates, 30.0), model.predict(other, rates, 30.0)
+    assert np.linalg.norm(state - other) < 0.15 * np.linalg.norm(other)
+
+
+def test_errors_compare_with_the_means_of_the_finer_map() -> None:
+    fine = np.random.default_rng(1).random((12, 18))
+    coarse = conservative_resample(fine, (4, 6))
+    assert errors(np.array([coarse]), np.array([fine])) == [0.0]
