@@ -1,0 +1,77 @@
+"""The sample recording: readable by others, and good for the first steps of the README."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from porotwin_core.rig import load_rig
+from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.chain import Imaging
+from porotwin_recording.recording import Recording, open_recording
+from porotwin_solver.simulation import simulate
+
+BAGS = Path(__file__).resolve().parents[1] / 'bags'
+PHOTOGRAPHS = 13
+
+
+@pytest.fixture(scope='module')
+def sample() -> Recording:
+    return open_recording(BAGS / 'sample')
+
+
+def test_rosbags_reads_it_with_the_definitions_inside() -> None:
+    with AnyReader([BAGS / 'sample']) as reader:
+        topics = {connection.topic for connection in reader.connections}
+        assert '/porotwin/hub/cycle' in topics
+        wanted = [c for c in reader.connections if c.topic == '/porotwin/asset/new_state']
+        messages = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages(wanted)
+        ]
+    assert len(messages) == PHOTOGRAPHS
+    grid = messages[-1].tracer.grid
+    assert (grid.nx, grid.nz) == (187, 112)
+    assert len(messages[-1].tracer.concentration) == 187 * 112
+
+
+def test_mcap_reads_it_with_the_definitions_inside() -> None:
+    (file,) = (BAGS / 'sample').glob('*.mcap')
+    with file.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        setpoints = [
+            message
+            for _, _, _, message in reader.iter_decoded_messages(
+                topics=['/porotwin/wells/setpoint']
+            )
+        ]
+    assert len(setpoints) == PHOTOGRAPHS
+    assert {well.well for well in setpoints[0].wells} >= {'injector', 'producer', 'control1'}
+
+
+def test_it_holds_the_rig_it_was_recorded_on(sample: Recording) -> None:
+    rig = load_rig(BAGS.parent / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+    assert sample.rig.wells == rig.wells
+    assert sample.rig.control == rig.control
+    assert sample.rig.camera is not None
+
+
+def test_its_photographs_lead_to_its_maps(sample: Recording) -> None:
+    calibration = load_calibration(BAGS / 'sample_calibration.yaml')
+    imaging = Imaging(sample.rig, sample.grid, calibration=calibration)
+    imaging.set_baselines([photo.read() for photo in sample.photos if photo.role == 'baseline'])
+    last = sample.photos[-1]
+    again = imaging.concentration(last.read()).values
+    recorded = sample.concentration[-1]
+    assert last.time == sample.times[-1]
+    assert np.linalg.norm(again - recorded) < 0.05 * np.linalg.norm(recorded)
+
+
+def test_the_physics_based_model_follows_it(sample: Recording) -> None:
+    assert sample.measured is not None
+    model = simulate(sample.rig, sample.measured, sample.times[-1:], grid=sample.grid)
+    observed = sample.concentration[-1]
+    assert np.linalg.norm(model[0] - observed) < 0.08 * np.linalg.norm(observed)
