@@ -156,6 +156,9 @@ PAIRS = (
     ('heterogeneity', 'saturation'),
 )
 
+SAME_OUTSIDE = {'settling': ('background_flow',)}
+"""Effects outside the library that one inside it equals: what sinks evenly drifts evenly."""
+
 SAME = {'retardation': ('retardation', 'porosity')}
 """Effects whose other name counts as right: for constant porosity they are one product."""
 
@@ -174,6 +177,7 @@ def draw_case(number: int, seed: int) -> BlindCase:
         kind = 'outside'
         name = list(OUTSIDE)[int(generator.integers(len(OUTSIDE)))]
         effects = (_described(name, OUTSIDE[name], generator, wells),)
+        right = ('unexplained', *SAME_OUTSIDE.get(name, ()))
     elif turn == 2:
         kind = 'left out'
         names = ('heterogeneity', 'clock', 'viscosity', 'illumination', 'buoyancy')

@@ -162,7 +162,9 @@ def _plumes(result: 'Diagnosis') -> Figure:
         image = axis.imshow(values, origin='lower', extent=extent, vmin=0, vmax=1, cmap='viridis')
         axis.set_title(f'{title}, {part.times[last] / 60:.0f} min', fontsize=10)
     figure.colorbar(image, ax=axes[0], label='tracer [-]', shrink=0.9)
-    rms = np.sqrt(np.nanmean(np.square(part.before - part.observed), axis=0))
+    known = np.isfinite(part.observed)
+    wrong = np.where(known, part.before - part.observed, 0.0)
+    rms = np.sqrt(np.sum(wrong**2, axis=0) / np.maximum(known.sum(axis=0), 1))
     image = axes[1, 0].imshow(rms, origin='lower', extent=extent, cmap='magma', vmin=0, vmax=0.5)
     axes[1, 0].set_title('error before, held-out mean', fontsize=10)
     for axis, (title, values) in zip(axes[1, 1:], shown[1:], strict=True):

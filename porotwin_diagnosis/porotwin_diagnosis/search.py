@@ -30,7 +30,7 @@ SCREENING = 2
 JUDGING = 2
 """Cells per cell of the recording in the final judgement, each way."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS = 5, 3, 2, 4
+REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 3, 2, 4
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
 
 NEAR = 1.5
@@ -86,7 +86,7 @@ class Search:
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         coarse = [coarsened(sample, SCREENING) for sample in samples]
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
-        self.refining = self._fitter(samples, 1, 0.6 * EDGE_BLUR)
+        self.refining = self._fitter(samples, 1, EDGE_BLUR)
         self.judging = self._fitter(samples, JUDGING, EDGE_BLUR)
 
     def _fitter(self, samples: Sequence[Sample], refinement: int, soft: float) -> Fitter:
@@ -97,6 +97,9 @@ class Search:
         """Return what was found."""
         self.progress('running the model as it is', 0.0)
         null = self.judging.judged((), np.zeros(0))
+        for fitter in (self.screening, self.refining):
+            for forward, finer in zip(fitter.forwards, self.judging.forwards, strict=True):
+                forward.lean_on(finer)
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
         pairs = self._pairs(screened) if score(screened[0]) > EXPLAINED else []

@@ -24,18 +24,16 @@ class Thresholds:
 
     `quiet`: misfit of a model that explains a recording down to its noise. `worth`: an effect must
     bring the misfit below this share to be kept; `pair_worth` the same for a second one.
-    `open`: misfit above which the best model leaves too much. `share_open`: the same as a share of
-    what the model without effect leaves. `sharpness`: fall of log-odds per standard deviation of
-    advantage, `steepness` per power of misfit. `same`: largest whitened distance of two
-    predictions that cannot be told apart. `scale`,
-    `shift`: logistic map of raw log-odds to seen frequency.
+    `open`: misfit above which the best model leaves too much. `sharpness`: fall of log-odds per
+    standard deviation of advantage, `steepness` per power of misfit. `same`: largest whitened
+    distance of two predictions that cannot be told apart. `scale`, `shift`: logistic map of
+    raw log-odds to seen frequency.
     """
 
-    quiet: float = 1.3
+    quiet: float = 1.1
     worth: float = 0.85
     pair_worth: float = 0.8
-    open: float = 1.5
-    share_open: float = 0.45
+    open: float = 1.2
     sharpness: float = 1.0
     steepness: float = 12.0
     same: float = 0.06
@@ -84,7 +82,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         gains = score(pair) < limits.pair_worth * score(best)
         if gains and pair.held_out < best.held_out:
             model = pair
-    openness = _openness(score(model), before, limits)
+    openness = score(model) / limits.open
     if openness > 1.0:
         confidence = _calibrated(4.0 * math.log(openness) + 1.0, limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
@@ -95,7 +93,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         if len(model.members) > 1
         else _lead_of_single((members[0], *inseparable), probabilities)
     )
-    odds = min(lead, 4.0 - 4.0 * openness)
+    odds = min(lead, 6.0 - 4.0 * openness)
     return Verdict(
         members[0], _calibrated(odds, limits), model, members, inseparable, probabilities
     )
@@ -117,12 +115,6 @@ def _lead_of_pair(model: Fit, name: str, findings: Findings, limits: Thresholds)
     ]
     nearest = min([*rivals, NEAR * score(model)])
     return limits.steepness * math.log(max(nearest / score(model), 1.0))
-
-
-def _openness(after: float, before: float, limits: Thresholds) -> float:
-    """Return how far a remainder exceeds what may stay open; 1 is the border."""
-    allowed = max(limits.open, min(limits.share_open * before, 2.0 * limits.open))
-    return after / allowed
 
 
 def _none_confidence(before: float, best: float, limits: Thresholds) -> float:
