@@ -348,8 +348,10 @@ class _Run:
         for name, opening in engine.physics.wells.items():
             told = interval.rates.get(name, WellRate())
             factor = engine.physics.rate_factors.get(name, 1.0)
-            unit, at = engine.unit_flux(opening), engine.openings
-            through = float(np.vdot(bars.flux.x, unit.x) + np.vdot(bars.flux.z, unit.z))
+            at, units = engine.openings, engine.unit_fluxes
+            unit = at.all.index(opening)
+            through = float(np.vdot(bars.flux.x, units.x[unit]))
+            through += float(np.vdot(bars.flux.z, units.z[unit]))
             if by_source is not None and engine.coupling is not None:
                 through += engine.coupling.openings.mean(opening, by_source)
             if told.rate >= 0:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from porotwin_solver.coupling import Coupling
 from porotwin_solver.diffusion import Exchanges, diffuse, exchanges
 from porotwin_solver.flow import FaceField, Flow
 from porotwin_solver.openings import Openings
-from porotwin_solver.physics import Opening, Physics
+from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.transport import Carried, Pace, Sources, advect, pace
 
@@ -63,8 +64,6 @@ class Engine:
         self.background = background_flux(physics, conductance)
         self.coupling = Coupling(coupled or physics) if physics.is_coupled else None
         self.coupled_factor = self.grid.nx // (coupled or physics).grid.nx
-        self._unit_flux: dict[Opening, FaceField] = {}
-        self._stacks: dict[tuple[Opening, ...], tuple[FloatArray, FloatArray]] = {}
         self._scratch = Carried.zeros(FaceField.zeros(self.grid))
         self._still: Exchanges | None = None
 
@@ -73,11 +72,18 @@ class Engine:
         share = self.physics.immobile_fraction
         return state.mobile if share == 0 else (1 - share) * state.mobile + share * state.immobile
 
-    def unit_flux(self, opening: Opening) -> FaceField:
-        """Return the flux [m^3/s] that 1 m^3/s into `opening` drives in pure water."""
-        if opening not in self._unit_flux:
-            self._unit_flux[opening] = self.flow.flux(self.openings.share(opening))
-        return self._unit_flux[opening]
+    @cached_property
+    def unit_fluxes(self) -> FaceField:
+        """The flux [m^3/s] that 1 m^3/s into each of `openings.all` drives in pure water.
+
+        Faces as in any `FaceField`, after one axis for the openings.
+        """
+        units = [self.flow.flux(self.openings.share(opening)) for opening in self.openings.all]
+        grid, count = self.grid, len(units)
+        return FaceField(
+            np.array([unit.x for unit in units]).reshape(count, grid.nz, grid.nx + 1),
+            np.array([unit.z for unit in units]).reshape(count, grid.nz + 1, grid.nx),
+        )
 
     def flux(self, rates: WellRates) -> FaceField:
         """Return the flux [m^3/s] in pure water: a superposition of the openings' unit flows.
@@ -93,20 +99,11 @@ class Engine:
                 f'rates add up to {to_ml_h(net):.6g} ml/h in a rig whose sides are all closed; '
                 'balance injection and production, or open a side in rig.yaml'
             )
-        opened = tuple(opening for opening, _, _ in told)
-        if opened not in self._stacks:
-            units = [self.unit_flux(opening) for opening in opened]
-            self._stacks[opened] = (
-                np.array([unit.x for unit in units]).reshape(
-                    len(opened), self.grid.nz, self.grid.nx + 1
-                ),
-                np.array([unit.z for unit in units]).reshape(
-                    len(opened), self.grid.nz + 1, self.grid.nx
-                ),
-            )
-        pumped = np.array([rate for _, rate, _ in told])
-        x, z = self._stacks[opened]
-        flux = FaceField(np.tensordot(pumped, x, 1), np.tensordot(pumped, z, 1))
+        pumped = np.zeros(len(self.openings.all))
+        for opening, rate, _ in told:
+            pumped[self.openings.all.index(opening)] += rate
+        units = self.unit_fluxes
+        flux = FaceField(np.tensordot(pumped, units.x, 1), np.tensordot(pumped, units.z, 1))
         return flux if self.background is None else flux + self.background
 
     def steps(self, duration: float) -> tuple[int, float]:

@@ -74,6 +74,8 @@ class Model:
     c^(n+1) = P c^n + dt sigma / phi. This holds for limited, nonlinear P and any number of inner
     steps alike; for small dt it tends to phi dc/dt + div(q c). phi is the porosity, times the
     retardation factor where tracer sorbs. sigma is a density per rig volume [1/s].
+
+    Not for two threads at once: give each its own.
     """
 
     def __init__(
@@ -108,8 +110,6 @@ class Model:
 
     def prepare(self) -> None:
         """Load the compiled kernels and solve the wells' flows ahead of the first question."""
-        for well in self.engine.physics.wells.values():
-            self.engine.unit_flux(well)
         self.predict(self.initial_condition(), {}, 1.0)
 
     def initial_condition(self) -> FloatArray:

@@ -13,7 +13,11 @@ class Openings:
     """The openings of `physics`, shared out over its cells once each."""
 
     def __init__(self, physics: Physics) -> None:
+        """List the openings of `physics`, each place once."""
         self.physics = physics
+        self.all = tuple(
+            dict.fromkeys([*physics.wells.values(), *(leak.opening for leak in physics.leaks)])
+        )
         self._shares: dict[Opening, tuple[CellArray, FloatArray]] = {}
 
     def told(self, rates: WellRates) -> list[tuple[Opening, float, float]]:
