@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_diagnosis.blind_cases import SMALL, BlindCase, draw_case
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
@@ -116,7 +117,9 @@ def _publish_seals(folder: Path, drawn: Sequence[BlindCase], seed: int) -> None:
         known = json.loads(path.read_text(encoding='utf-8'))['sha256']
         changed = [name for name in known.keys() & seals.keys() if known[name] != seals[name]]
         if changed:
-            raise ValueError(f'{path}: {changed[0]} was sealed with another truth')
+            raise InputError(
+                f'{path}: {changed[0]} was sealed with another truth; name another folder'
+            )
         seals = {**known, **seals}
     path.write_text(json.dumps({'seed': seed, 'sha256': seals}, indent=1), encoding='utf-8')
 

@@ -1,0 +1,122 @@
+"""The diagnosis as an action over DDS: what it refuses and tells, and that it can be stopped."""
+
+import os
+import threading
+
+import numpy as np
+import pytest
+from conftest import SMALL
+
+from porotwin_core.rig import write_rig
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from rclpy.action import ActionClient  # noqa: E402
+from rclpy.executors import MultiThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_diagnosis.diagnosis_node import DiagnosisNode  # noqa: E402
+from porotwin_msgs.action import Diagnose  # noqa: E402
+from porotwin_msgs.msg import NewState, Outcome  # noqa: E402
+
+pytestmark = pytest.mark.graph
+
+PATIENCE = 60.0
+"""Longest wait for anything [s]."""
+
+
+class Graph:
+    """The node and a client of it, each with an executor of its own."""
+
+    def __init__(self, rig):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        grid = SMALL.grid(47, 28)
+        parameters = [Parameter('rig', value=str(rig)), Parameter('grid', value=str(grid))]
+        self.grid = grid
+        self.server = DiagnosisNode(context=self.context, parameter_overrides=parameters)
+        self.node = rclpy.create_node('test', context=self.context)
+        self.executor = MultiThreadedExecutor(num_threads=4, context=self.context)
+        self.executor.add_node(self.server)
+        self.executor.add_node(self.node)
+        threading.Thread(target=self.executor.spin, daemon=True).start()
+        self.client = ActionClient(self.node, Diagnose, 'diagnosis/diagnose')
+        assert self.client.wait_for_server(PATIENCE)
+
+    def wait(self, future):
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(PATIENCE), f'no answer in {PATIENCE} s'
+        return future.result()
+
+    def goal(self, **fields):
+        feedback = []
+        handle = self.wait(
+            self.client.send_goal_async(
+                Diagnose.Goal(**fields), lambda message: feedback.append(message.feedback)
+            )
+        )
+        return handle, feedback
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.server.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture(scope='module')
+def graph(tmp_path_factory):
+    before = dict(os.environ)
+    os.environ['ROS_DOMAIN_ID'] = str(10 + os.getpid() % 90)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    rig = tmp_path_factory.mktemp('rig') / 'rig.yaml'
+    write_rig(SMALL, rig)
+    graph = Graph(rig)
+    yield graph
+    graph.close()
+    os.environ.clear()
+    os.environ.update(before)
+
+
+def test_a_graph_that_has_shown_nothing_is_refused_with_a_reason(graph):
+    handle, _ = graph.goal()
+    outcome = graph.wait(handle.get_result_async()).result.outcome
+    assert outcome.code != Outcome.OK
+    assert 'shown nothing' in outcome.message
+
+
+def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
+    publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+    while graph.server.count_publishers('asset/new_state') == 0:
+        pass
+    for number in range(3):
+        tracer = conversions.tracer_to_msg(
+            np.full(graph.grid.shape, 0.5), graph.grid, 30.0 * number
+        )
+        message = NewState(sequence=number, tracer=tracer)
+        message.header.stamp = tracer.header.stamp
+        publisher.publish(message)
+    for _ in range(200):
+        if len(graph.server._frames) == 3:
+            break
+        threading.Event().wait(0.1)
+    handle, _ = graph.goal()
+    outcome = graph.wait(handle.get_result_async()).result.outcome
+    assert outcome.code != Outcome.OK
+    assert 'too few' in outcome.message
+
+
+def test_a_running_diagnosis_tells_its_progress_and_can_be_called_off(graph, quiet, tmp_path):
+    handle, feedback = graph.goal(recording=str(quiet), output=str(tmp_path / 'out'))
+    for _ in range(600):
+        if len(feedback) > 1:
+            break
+        threading.Event().wait(0.1)
+    assert feedback
+    assert 0.0 <= feedback[-1].fraction < 1.0
+    graph.wait(handle.cancel_goal_async())
+    outcome = graph.wait(handle.get_result_async()).result.outcome
+    assert 'called off' in outcome.message
+    assert not (tmp_path / 'out' / 'diagnosis.json').exists()
