@@ -1,7 +1,9 @@
 """What a photograph and its baseline give over each cell of a map, in one pass over the samples."""
 
+import math
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,6 +25,15 @@ class CellSums(NamedTuple):
     baseline_square: Array
     product: Array
     share: Array
+
+
+def coarser(sums: CellSums, blocks: int) -> CellSums:
+    """Return the means over blocks of `blocks` x `blocks` cells; the last ones may be smaller."""
+    if blocks == 1:
+        return sums
+    nz, nx = sums.share.shape
+    size = (math.ceil(nx / blocks), math.ceil(nz / blocks))
+    return CellSums(*(cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in sums))
 
 
 def cell_sums(

@@ -25,11 +25,11 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_imaging import colour_checker, light, photograph, recognition, validity
 from porotwin_imaging.calibration import Calibration
-from porotwin_imaging.cell_sums import CellSums, cell_sums
+from porotwin_imaging.cell_sums import CellSums, cell_sums, coarser
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.registration import Aligner, Alignment
 from porotwin_imaging.sampling import Sampling, choose_reduction
-from porotwin_imaging.total_variation import denoise
+from porotwin_imaging.total_variation import denoise, fill
 
 Array = NDArray[Any]
 
@@ -40,6 +40,8 @@ LINEAR_LIGHT = np.where(
 """Linear light of the 256 grey levels of sRGB."""
 
 
+CREDIBLE = (-0.5, 1.5)
+"""Concentration beyond which a cell's noise, not its tracer, is seen; it must not smear around."""
 MOST_HIDDEN = 0.4
 """Share of the sand that may be covered or damaged in a photograph that is still read."""
 FEWEST_SAMPLES_ACROSS = 5
@@ -60,10 +62,10 @@ class Settings:
     """
 
     smoothing_m: float = 1e-4
-    tolerance: float = 2e-3
+    tolerance: float = 4e-3
     least_valid_share: float = 0.3
     reported_shift_px: float = 2.0
-    correlated_samples: float = 1.6
+    correlated_samples: float = 3.3
     averaging_reach: float = 5.0
     light_error: float = 1.5e-3
     suspicious_residual_px: float = 0.35
@@ -201,12 +203,14 @@ class Imaging:
         with watch.stage('signal'):
             signal = self.calibration.signal.of(measured.log_ratio) * self._factors
             spread = self.calibration.signal.noise(measured.log_ratio, measured.variance)
-            raw = np.where(measured.seen, response.concentration_of(signal), np.nan)
+            raw = np.clip(response.concentration_of(signal), *CREDIBLE)
+            raw = np.where(measured.seen, raw, np.nan)
             noise = spread * self._factors * response.slope_at(signal)
         with watch.stage('denoise'):
+            # unseen cells are not shown: what is carried into them only continues the map
             smooth = denoise(
-                raw,
-                _confidence(noise, measured.seen),
+                fill(raw, measured.seen.astype(np.float32)),
+                np.where(measured.seen, _confidence(noise, measured.seen), 1.0),
                 spacing=(self.grid.dz, self.grid.dx),
                 length=self.settings.smoothing_m,
                 tolerance=self.settings.tolerance,
@@ -356,10 +360,12 @@ class Imaging:
             glare_level=photograph.BRIGHT_LEVEL,
             factor=self.sampling.factor,
         )
-        samples = np.maximum(sums.share * self.sampling.factor**2, 1.0)[..., None]
-        error = self._scatter(sums) * (self.settings.correlated_samples / samples)
-        state, before = (light @ baseline.matrix.T for light in (sums.state, sums.baseline))
-        variance = error @ (baseline.matrix**2).T / np.maximum(state, 1e-4) ** 2
+        matrix = baseline.matrix.astype(np.float32)
+        state, before = (light @ matrix.T for light in (sums.state, sums.baseline))
+        variance = self._scatter(sums, matrix)
+        variance *= (self.settings.correlated_samples / self.sampling.factor**2) / np.maximum(
+            sums.share, 0.05
+        )[..., None]
         return _log_ratio(state, before), variance + baseline.fluctuation, sums
 
     def _seen(self, sums: CellSums) -> tuple[NDArray[np.bool_], list[str]]:
@@ -369,7 +375,9 @@ class Imaging:
             InputError: most of the sand is covered, or the file is damaged.
         """
         usual = sums.share > self.settings.least_valid_share
-        lost = recognition.hidden(sums, self.sampling.factor) & usual
+        blocks = recognition.hidden(coarser(sums, self._blocks)).astype(np.uint8)
+        size = (self.grid.nx, self.grid.nz)
+        lost = cv2.resize(blocks, size, interpolation=cv2.INTER_NEAREST).astype(bool) & usual
         share = float(lost.sum() / max(1, usual.sum()))
         if share > MOST_HIDDEN:
             raise InputError(
@@ -383,20 +391,24 @@ class Imaging:
         )
         return usual & ~lost, [remark]
 
-    def _scatter(self, sums: CellSums) -> Array:
-        """Return the mean square of what the ratio to the baseline leaves in a cell's samples.
+    def _scatter(self, sums: CellSums, matrix: Array) -> Array:
+        """Return the relative variance (nz, nx, 3) of a sample about the cell's ratio.
 
-        Cells of few samples are judged together with their neighbours.
+        Of cells with few samples, that of the block of cells around.
         """
-        own, product, square = sums.state_square, sums.product, sums.baseline_square
-        state, mean = sums.state, sums.baseline
-        if self.sampling.factor < FEWEST_SAMPLES_ACROSS:
-            side = 2 * math.ceil(FEWEST_SAMPLES_ACROSS / self.sampling.factor / 2) + 1
-            own, product, square, state, mean = (
-                cv2.blur(one, (side, side)) for one in (own, product, square, state, mean)
-            )
-        ratio = state / np.maximum(mean, 1e-6)
-        return np.maximum(own - 2 * ratio * product + ratio**2 * square, 0.0)
+        blocks = coarser(sums, self._blocks)
+        ratio = blocks.state / np.maximum(blocks.baseline, 1e-6)
+        left = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
+        share = np.maximum(blocks.share, 0.05)[..., None]
+        state = np.maximum(blocks.state @ matrix.T / share, 1e-4)
+        relative = np.maximum(left / share, 0.0) @ (matrix**2).T / state**2
+        size = (self.grid.nx, self.grid.nz)
+        return np.asarray(cv2.resize(relative, size, interpolation=cv2.INTER_LINEAR))
+
+    @property
+    def _blocks(self) -> int:
+        """Cells each way that together hold enough samples to judge their scatter."""
+        return math.ceil(FEWEST_SAMPLES_ACROSS / self.sampling.factor)
 
     def _match_colours(self, pixels: NDArray[np.uint8]) -> tuple[list[str], Array | None, Array]:
         """Return remarks, the baseline's patches (24, 3), and its matrix to the chart's colours."""

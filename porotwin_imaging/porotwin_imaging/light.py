@@ -45,10 +45,11 @@ def drift(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Light:
 
     `weight` (nz, nx): 0 where a cell is not seen; `checker_gain` (3,): log gain at the checker.
     """
-    all_terms = _terms(log_ratio.shape[:2])
+    grid = log_ratio.shape[:2]
     stride = max(1, round(np.sqrt(weight.size / MOST_CELLS)))
     subset = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
-    log_ratio, weight, terms = log_ratio[subset], weight[subset], all_terms[subset]
+    log_ratio, weight = log_ratio[subset], weight[subset]
+    terms = _terms(*(place[cells] for place, cells in zip(_places(grid), subset, strict=True)))
     start = _level(log_ratio, weight, checker_gain)
     constants, shape = start, np.zeros(terms.shape[-1])
     share = 0.0
@@ -66,8 +67,9 @@ def drift(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Light:
         constants, shape = _fit(log_ratio, terms, background)
     if share < LEAST_BACKGROUND:
         gain = np.zeros(3) if checker_gain is None else checker_gain
-        return Light(np.broadcast_to(gain, (*all_terms.shape[:2], 3)), 0.0)
-    return Light((constants + (all_terms @ shape)[..., None]).astype(np.float32), share)
+        return Light(np.broadcast_to(gain, (*grid, 3)), 0.0)
+    slope = _quadratic(shape, *_places(grid)).astype(np.float32)
+    return Light(constants.astype(np.float32) + slope[..., None], share)
 
 
 def _away_from_tracer(left: Array) -> Array:
@@ -95,9 +97,21 @@ def _level(log_ratio: Array, weight: Array, checker_gain: Array | None) -> Array
     return np.median(values[near], axis=0) if near.any() else expected
 
 
-def _terms(shape: tuple[int, int]) -> Array:
-    z, x = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing='ij')
-    return np.stack([x, z, x * x, x * z, z * z], axis=-1)
+def _places(grid: tuple[int, int]) -> tuple[Array, Array]:
+    """Return where rows and columns lie, from -1 to 1."""
+    return np.linspace(-1, 1, grid[0]), np.linspace(-1, 1, grid[1])
+
+
+def _terms(z: Array, x: Array) -> Array:
+    """Return the terms of the quadratic (nz, nx, 5)."""
+    zz, xx = np.meshgrid(z, x, indexing='ij')
+    return np.stack([xx, zz, xx * xx, xx * zz, zz * zz], axis=-1)
+
+
+def _quadratic(shape: Array, z: Array, x: Array) -> Array:
+    """Return the quadratic (nz, nx) with coefficients `shape` (5,), without storing its terms."""
+    z = z[:, None]
+    return z * (shape[1] + shape[4] * z) + x * (shape[0] + shape[2] * x) + shape[3] * (z * x)
 
 
 def _fit(log_ratio: Array, terms: Array, weight: Array) -> tuple[Array, Array]:

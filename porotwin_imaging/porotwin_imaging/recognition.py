@@ -22,15 +22,14 @@ LEAST_TEXTURE = 0.02
 """Grains' contrast in the baseline below which there is no pattern to recognise."""
 WINDOWS_ACROSS = 40
 """Patterns are compared in windows of this share of the rig's width."""
-FEWEST_SAMPLES_ACROSS = 3
-"""Samples each way below which the pattern is looked for over several cells."""
 
 
-def hidden(sums: CellSums, factor: int) -> NDArray[np.bool_]:
-    """Return where (nz, nx) the grains are not those of the baseline."""
+def hidden(sums: CellSums) -> NDArray[np.bool_]:
+    """Return where (nz, nx) the grains are not those of the baseline.
+
+    The `sums` are over cells or blocks of them that hold a few samples each way.
+    """
     parts = [sums.state_square, sums.product, sums.baseline_square, sums.state, sums.baseline]
-    if factor < FEWEST_SAMPLES_ACROSS:
-        parts = [cv2.blur(part, (5, 5)) for part in parts]
     seen = sums.share > 0.5
     share = np.maximum(sums.share, 0.5)[..., None]
     state_square, product, baseline_square, state, baseline = (part / share for part in parts)

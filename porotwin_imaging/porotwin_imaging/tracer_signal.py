@@ -34,19 +34,20 @@ class Signal:
 
     def of(self, log_ratio: Array) -> Array:
         """Return the signal (nz, nx) from log ratios (nz, nx, 3 = red, green, blue)."""
-        bounded = np.maximum(log_ratio, np.log(LEAST_RATIO))
+        bounded = np.maximum(log_ratio, np.float32(np.log(LEAST_RATIO)))
         seen = -bounded if self.contrast == 'absorbance' else 1.0 - np.exp(bounded)
-        return seen @ np.asarray(self.weights)
+        return seen @ np.asarray(self.weights, np.float32)
 
     def noise(self, log_ratio: Array, variance: Array) -> Array:
         """Return the signal's standard deviation from the log ratios' `variance` (nz, nx, 3).
 
-        The channels' errors are taken as fully correlated, which is the worst case.
+        The channels' errors are independent: each has a sensor of its own.
         """
         slope = np.ones_like(log_ratio)
         if self.contrast == 'difference':
-            slope = np.exp(np.maximum(log_ratio, np.log(LEAST_RATIO)))
-        return (slope * np.sqrt(variance)) @ np.abs(self.weights)
+            slope = np.exp(np.maximum(log_ratio, np.float32(np.log(LEAST_RATIO))))
+        weights = np.asarray(self.weights, np.float32)
+        return np.sqrt((slope**2 * variance) @ weights**2)
 
 
 def learned_weights(log_ratio: Array, background: Array) -> tuple[float, float, float]:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from porotwin_imaging import total_variation
 from porotwin_imaging.total_variation import denoise
 
 RADIUS, LENGTH = 0.08, 8e-4
@@ -70,6 +71,20 @@ def test_nan_is_no_data() -> None:
     data[5:9, 7:12] = np.nan
     found = denoise(data, np.ones_like(data), spacing=(0.01, 0.01), length=1e-3)
     np.testing.assert_allclose(found.values, 0.4, atol=1e-5)
+
+
+def test_a_large_map_in_tiles_is_the_map_as_a_whole(monkeypatch) -> None:
+    generator = np.random.default_rng(29)
+    data = disc(300) + generator.normal(0, 0.05, (300, 300))
+    weights = generator.uniform(0.2, 1, data.shape)
+    options = {'spacing': (1 / 750, 1 / 750), 'length': 1e-4, 'tolerance': 1e-3}
+    whole = denoise(data, weights, **options)
+    monkeypatch.setattr(total_variation, 'LARGE', 1000)
+    monkeypatch.setattr(total_variation, 'TILE', 100)
+    tiled = denoise(data, weights, **options)
+    difference = tiled.values - whole.values
+    assert np.sqrt(np.mean(difference**2)) < 2e-3
+    assert np.abs(difference).max() < 0.02
 
 
 @settings(max_examples=25, deadline=None)
