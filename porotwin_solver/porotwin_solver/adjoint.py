@@ -106,12 +106,12 @@ def gradient(
     `parameters` names (effect, parameter) pairs of the rig's and the given `effects`.
 
     Raises:
-        InputError: an effect whose gradient is not there (registration; the offset of the clock),
-            and all that `simulate` refuses.
+        InputError: a parameter whose gradient is not there (the offset of the clock), and all that
+            `simulate` refuses.
     """
     described = (*rig.effects, *effects)
     model = Model(rig.model_copy(update={'effects': ()}), grid, setting=setting, effects=described)
-    _refuse(model, parameters)
+    _refuse(parameters)
     varied = [
         _Varied(rig, grid, setting, described, effect, parameter)
         for effect, parameter in parameters
@@ -121,9 +121,7 @@ def gradient(
     return run.backward(total, bars, varied)
 
 
-def _refuse(model: Model, parameters: Sequence[tuple[str, str]]) -> None:
-    if model.view.moves:
-        raise InputError('gradient: not available with registration; compare unregistered maps')
+def _refuse(parameters: Sequence[tuple[str, str]]) -> None:
     for effect, parameter in parameters:
         if effect == 'clock':
             raise InputError(f'gradient by {effect} {parameter}: not available; leave it out')

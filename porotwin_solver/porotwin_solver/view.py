@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.sparse import csr_matrix
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_solver.refinement import coarsen, coarsen_adjoint
@@ -48,11 +49,10 @@ class View:
     def shown_adjoint(
         self, concentration: FloatArray, grid: Grid, time: float, bar: FloatArray
     ) -> FloatArray:
-        """Return the derivative by `concentration` of a cost with the derivative `bar` by `shown`.
-
-        For views that move nothing.
-        """
-        seen = coarsen(concentration, grid.shape)
+        """Return the derivative of a cost by `concentration` from `bar`, that by what is `shown`."""
+        seen = coarsen(
+            self._moved(concentration, grid) if self.moves else concentration, grid.shape
+        )
         if self.drift or self.gradient:
             light = 1.0 + self.drift * time + self.gradient * (grid.x - grid.width / 2.0)
             lit = np.maximum(seen, 0.0) ** self.exponent * light
@@ -61,21 +61,45 @@ class View:
             bar = bar * np.where(
                 seen > 0.0, self.exponent * np.maximum(seen, 1e-12) ** (self.exponent - 1.0), 0.0
             )
-        return coarsen_adjoint(bar, concentration.shape)
+        fine = coarsen_adjoint(bar, concentration.shape)
+        if not self.moves:
+            return fine
+        back = _sampling(self, concentration.shape, grid).T @ fine.ravel()
+        return np.asarray(back).reshape(fine.shape)
 
     def _moved(self, concentration: FloatArray, grid: Grid) -> FloatArray:
         """Return the moved map; from beyond the rig comes what lies at its edge."""
-        nz, nx = concentration.shape
-        fine = Grid(nx, nz, grid.width, grid.height)
-        centre_x, centre_z = grid.width / 2.0, grid.height / 2.0
-        x = (fine.x[None, :] - centre_x - self.dx) / self.scale
-        z = (fine.z[:, None] - centre_z - self.dz) / self.scale
-        cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
-        from_x = cosine * x + sine * z + centre_x
-        from_z = -sine * x + cosine * z + centre_z
-        return map_coordinates(
-            concentration,
-            [from_z / fine.dz - 0.5, from_x / fine.dx - 0.5],
-            order=1,
-            mode='nearest',
-        )
+        moved = _sampling(self, concentration.shape, grid) @ concentration.ravel()
+        return np.asarray(moved).reshape(concentration.shape)
+
+
+@lru_cache(maxsize=8)
+def _sampling(view: View, shape: tuple[int, ...], grid: Grid) -> csr_matrix:
+    """Return the bilinear weights with which a moved map (nz, nx) is read from the rig's."""
+    nz, nx = shape
+    centre_x, centre_z = grid.width / 2.0, grid.height / 2.0
+    x = ((np.arange(nx)[None, :] + 0.5) * grid.width / nx - centre_x - view.dx) / view.scale
+    z = ((np.arange(nz)[:, None] + 0.5) * grid.height / nz - centre_z - view.dz) / view.scale
+    cosine, sine = math.cos(view.rotation), math.sin(view.rotation)
+    column = (cosine * x + sine * z + centre_x) / grid.width * nx - 0.5
+    row = (-sine * x + cosine * z + centre_z) / grid.height * nz - 0.5
+    column, row = np.clip(column, 0.0, nx - 1.0), np.clip(row, 0.0, nz - 1.0)
+    left = np.minimum(np.floor(column).astype(int), max(nx - 2, 0))
+    below = np.minimum(np.floor(row).astype(int), max(nz - 2, 0))
+    right, above = np.minimum(left + 1, nx - 1), np.minimum(below + 1, nz - 1)
+    part_x, part_z = column - left, row - below
+    weights = [
+        (1.0 - part_z) * (1.0 - part_x),
+        (1.0 - part_z) * part_x,
+        part_z * (1.0 - part_x),
+        part_z * part_x,
+    ]
+    cells = [below * nx + left, below * nx + right, above * nx + left, above * nx + right]
+    target = np.tile(np.arange(nz * nx), 4)
+    return csr_matrix(
+        (
+            np.concatenate([w.ravel() for w in weights]),
+            (target, np.concatenate([k.ravel() for k in cells])),
+        ),
+        shape=(nz * nx, nz * nx),
+    )

@@ -60,7 +60,7 @@ def test_the_clock_shows_the_rig_at_another_pump_time(rig, rates) -> None:
 
 
 def test_the_view_and_its_adjoint_agree() -> None:
-    view = View(exponent=1.4, drift=-1e-4, gradient=0.3)
+    view = View(exponent=1.4, drift=-1e-4, gradient=0.3, dx=0.004, rotation=0.02, scale=1.03)
     rng = np.random.default_rng(2)
     field, direction = 0.2 + 0.5 * rng.random((112, 186)), rng.normal(size=(112, 186))
     bar = rng.normal(size=GRID.shape)
