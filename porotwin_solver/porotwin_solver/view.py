@@ -49,7 +49,7 @@ class View:
     def shown_adjoint(
         self, concentration: FloatArray, grid: Grid, time: float, bar: FloatArray
     ) -> FloatArray:
-        """Return the derivative of a cost by `concentration` from `bar`, that by what is `shown`."""
+        """Return the derivative of a cost by `concentration` from `bar`, that by the shown map."""
         seen = coarsen(
             self._moved(concentration, grid) if self.moves else concentration, grid.shape
         )
