@@ -156,8 +156,9 @@ PAIRS = (
     ('heterogeneity', 'saturation'),
 )
 
-SAME_OUTSIDE = {'settling': ('background_flow',)}
-"""Effects outside the library that one inside it equals: what sinks evenly drifts evenly."""
+SAME_OUTSIDE = {'settling': ('background_flow',), 'freundlich': ('retardation', 'porosity')}
+"""Effects outside the library that one inside it equals: what sinks evenly drifts evenly, and a
+sharp front of constant concentration sorbs as if by a straight line."""
 
 SAME = {'retardation': ('retardation', 'porosity')}
 """Effects whose other name counts as right: for constant porosity they are one product."""

@@ -17,6 +17,9 @@ IMAGE = ('saturation', 'illumination', 'registration')
 CAMERA = (*IMAGE, 'clock')
 """All effects of the camera."""
 
+WELL_STEP = 1.2
+"""Step of a well's place in cells of the recording: within a screening cell nothing changes."""
+
 LOCAL = ('heterogeneity', 'leak')
 """Effects whose place must be found."""
 
@@ -168,8 +171,17 @@ def _wells(samples: Sequence[Sample]) -> list[Candidate]:
             result.append(Candidate('rate', (factor,), {'well': name}))
         margin = 2 * well.radius_m
         shifts = (
-            Knob('dx', 'm', 0.0, 0.4 * cell, margin - well.x_m, rig.width_m - margin - well.x_m),
-            Knob('dz', 'm', 0.0, 0.4 * cell, margin - well.z_m, rig.height_m - margin - well.z_m),
+            Knob(
+                'dx', 'm', 0.0, WELL_STEP * cell, margin - well.x_m, rig.width_m - margin - well.x_m
+            ),
+            Knob(
+                'dz',
+                'm',
+                0.0,
+                WELL_STEP * cell,
+                margin - well.z_m,
+                rig.height_m - margin - well.z_m,
+            ),
         )
         result.append(Candidate('well_position', shifts, {'well': name}))
     return result
@@ -224,8 +236,8 @@ def leak(rig: Rig, place: tuple[float, float], rate_ml_h: float) -> Candidate:
     size = max(rig.width_m, rig.height_m)
     edge = 0.006
     knobs = (
-        Knob('x', 'm', place[0], 0.005 * size, edge, rig.width_m - edge),
-        Knob('z', 'm', place[1], 0.005 * size, edge, rig.height_m - edge),
+        Knob('x', 'm', place[0], 0.0065 * size, edge, rig.width_m - edge),
+        Knob('z', 'm', place[1], 0.0065 * size, edge, rig.height_m - edge),
         Knob('rate', 'ml/h', 0.0, 8.0),
     )
     return Candidate('leak', knobs, starts=((0.0, 0.0, knobs[2].turn(rate_ml_h)),))
