@@ -30,7 +30,7 @@ SCREENING = 2
 JUDGING = 2
 """Cells per cell of the recording in the final judgement, each way."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 3, 2, 4
+REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 2, 4
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
 
 NEAR = 1.5
@@ -38,6 +38,13 @@ NEAR = 1.5
 
 HOPELESS = 2.0
 """Fits of coarse residuals that leave this many times the best one's misfit are not finished."""
+
+SMALL_GAP = 4.0
+"""Misfit of the model as it is below which coarse runs are corrected by what finer cells change;
+above it fronts lie too far apart for that correction to stay in place."""
+
+ALIKE = 1.03
+"""Fits whose misfit is within this factor of the last one that goes on go on with it."""
 
 EXPLAINED = 1.3
 """Misfit below which a screening fit leaves nothing to look for."""
@@ -97,7 +104,7 @@ class Search:
         """Return what was found."""
         self.progress('running the model as it is', 0.0)
         null = self.judging.judged((), np.zeros(0))
-        for fitter in (self.screening, self.refining):
+        for fitter in (self.screening, self.refining) if score(null) < SMALL_GAP else ():
             for forward, finer in zip(fitter.forwards, self.judging.forwards, strict=True):
                 forward.lean_on(finer)
         screened = self._screen()
@@ -216,8 +223,10 @@ class Search:
 
 def _near(fits: Sequence[Fit]) -> list[Fit]:
     """Return the fits near the best of `fits`, which are in order, and the second in any case."""
-    limit = NEAR * score(fits[0])
-    return [fit for index, fit in enumerate(fits) if index < 2 or score(fit) < limit]
+    kept = [
+        fit for index, fit in enumerate(fits) if index < 2 or score(fit) < NEAR * score(fits[0])
+    ]
+    return [fit for fit in fits if score(fit) <= ALIKE * score(kept[-1])]
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:
