@@ -11,6 +11,7 @@ from porotwin_core.errors import InputError
 BENCHES = {
     'imaging': 'porotwin_imaging.bench',
     'solver': 'porotwin_solver.bench',
+    'loop': 'porotwin_cli.bench_loop',
     'diagnosis': 'porotwin_diagnosis.bench',
 }
 """Parts that can be measured, and the module whose `run()` does it."""

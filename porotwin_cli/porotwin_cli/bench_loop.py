@@ -1,0 +1,62 @@
+"""The loop's speed: one cycle of the hub with the real models, as a share of the photo interval."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from porotwin_cli.workspace import small_rig
+from porotwin_core.rig import load_rig
+from porotwin_hub.control import Limits
+from porotwin_hub.objective import Objective
+from porotwin_hub.twin import Observation, Twin, no_correction
+from porotwin_solver.model import Model
+
+PHOTO_INTERVAL_S = 30.0
+CYCLES = 15
+GRIDS = ((94, 56), (187, 112), (374, 225))
+
+
+def run() -> list[dict[str, Any]]:
+    """Return a row per grid: median and longest cycle [s], and how often it fits in the interval.
+
+    A cycle optimises the control rates 600 s ahead with at most 60 predictions, and forecasts the
+    next photograph. The states are the model's own, so that the plume grows as in an experiment;
+    messages and imaging come on top (`bench imaging`, and the demo's own figures).
+    """
+    return [_row(nx, nz) for nx, nz in GRIDS]
+
+
+def _row(nx: int, nz: int) -> dict[str, Any]:
+    rig = load_rig(small_rig())
+    grid = rig.grid(nx, nz)
+    model = Model(rig, grid, setting='fast')
+    twin = Twin(
+        model,
+        no_correction,
+        grid,
+        photo_interval=PHOTO_INTERVAL_S,
+        horizon=600.0,
+        evaluations=60,
+        limits=Limits.of(rig),
+        objective=Objective(rig, grid),
+    )
+    state = model.predict(model.initial_condition(), Limits.of(rig).safe(), 1800.0)
+    seconds = []
+    evaluations = []
+    for number in range(CYCLES):
+        begun = time.perf_counter()
+        cycle = twin.cycle(Observation(number * PHOTO_INTERVAL_S, state), None)
+        seconds.append(time.perf_counter() - begun)
+        assert cycle.forecast is not None
+        assert cycle.decision is not None
+        evaluations.append(cycle.decision.evaluations)
+        state = cycle.forecast.predicted
+    median = float(np.median(seconds))
+    return {
+        'grid': f'{nx}x{nz}',
+        'cycle, median [s]': round(median, 3),
+        'longest [s]': round(max(seconds), 3),
+        'predictions': round(float(np.mean(evaluations)), 1),
+        'times faster than photographs': round(PHOTO_INTERVAL_S / median, 1),
+    }
