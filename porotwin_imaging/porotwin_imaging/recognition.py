@@ -17,7 +17,7 @@ Array = NDArray[Any]
 
 LEAST_CORRELATION = 0.25
 """Correlation with the baseline's grains below which they are not the same: behind the strongest
-tracer of the real photographs it is 0.32 at least, on a hand or in a damaged file it is about 0."""
+tracer of the real photographs it is 0.3, on a hand or in a damaged file it is about 0."""
 LEAST_TEXTURE = 0.02
 """Grains' contrast in the baseline below which there is no pattern to recognise."""
 WINDOWS_ACROSS = 40
@@ -41,7 +41,10 @@ def hidden(sums: CellSums) -> NDArray[np.bool_]:
     correlation = joint / np.sqrt(np.maximum(own * before, 1e-14))
     textured = before > LEAST_TEXTURE**2 * bright
     lost = (seen & textured & (correlation < LEAST_CORRELATION)).astype(np.uint8)
-    return cv2.dilate(lost, np.ones((size, size), np.uint8)).astype(bool) & seen
+    # a thin front of tracer in smooth sand outweighs the pattern as well: only broad places count
+    lost = cv2.morphologyEx(lost, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    reach = (size + 2, size + 2)
+    return cv2.dilate(lost, np.ones(reach, np.uint8)).astype(bool) & seen
 
 
 def _pooled(moment: Array, seen: NDArray[np.bool_], size: int) -> Array:
