@@ -1,47 +1,11 @@
-"""Recordings that the tests share: made by the virtual rig, whose numerics are not the solver's."""
+"""Fixtures; what they are made of is in diagnosis_examples.py."""
 
 from pathlib import Path
 
 import pytest
+from diagnosis_examples import recorded
 
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.blind_cases import SMALL
-from porotwin_rig.experiment import make_experiment
-from porotwin_rig.observation import MapNoise
-
-
-def schedule():
-    """Inject for 25 min beside a control well, rest for 5, inject again."""
-    rows = [
-        (0, 'injector', 450, 1.0),
-        (0, 'control2', 150, 0.0),
-        (0, 'producer', -500, 0.0),
-        (1500, 'injector', 0, 1.0),
-        (1800, 'injector', 450, 1.0),
-    ]
-    return Schedule(
-        tuple(
-            ScheduleRow(float(t), well, WellRate(from_ml_h(rate), c)) for t, well, rate, c in rows
-        )
-    )
-
-
-def recorded(folder: Path, *effects: EffectDescription, seed: int = 3) -> Path:
-    """Make a recording of 45 min on a coarse grid with ordinary noise and sealed `effects`."""
-    make_experiment(
-        folder,
-        SMALL,
-        told=schedule(),
-        duration=2700,
-        photo_interval=90,
-        seed=seed,
-        effects=effects,
-        noise=MapNoise.drawn(seed),
-        grid=SMALL.grid(94, 56),
-    )
-    return folder
 
 
 @pytest.fixture(scope='session')

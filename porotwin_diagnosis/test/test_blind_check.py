@@ -64,3 +64,20 @@ def test_a_truth_cannot_be_changed_after_it_was_sealed(tmp_path):
     blind_check._publish_seals(tmp_path, [draw_case(0, 1), draw_case(1, 1)], 1)
     with pytest.raises(InputError, match='another truth'):
         blind_check._publish_seals(tmp_path, [draw_case(0, 2)], 2)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_a_check_goes_on_where_it_stopped(tmp_path):
+    first = blind_check.blind_check(tmp_path, cases=1)
+    stamp = (tmp_path / 'case_000' / 'result' / 'diagnosis.json').stat().st_mtime_ns
+    stages = []
+    again = blind_check.blind_check(
+        tmp_path, cases=1, progress=lambda _done, _all, stage: stages.append(stage)
+    )
+    assert again == first
+    assert stages == ['done']
+    assert (tmp_path / 'case_000' / 'result' / 'diagnosis.json').stat().st_mtime_ns == stamp
+    assert not list((tmp_path / 'case_000' / 'recording').glob('*truth*'))
+    assert first['right'] == 1.0
+    assert 'confusion' in (tmp_path / 'report.md').read_text().lower()

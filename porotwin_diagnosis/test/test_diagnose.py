@@ -5,7 +5,7 @@ import json
 import netCDF4
 import numpy as np
 import pytest
-from conftest import recorded
+from diagnosis_examples import recorded
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, load_rig
@@ -65,7 +65,7 @@ def test_gap_arises_at_the_leak_and_not_where_the_flow_carries_it(tmp_path):
 
 
 def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
-    from conftest import SMALL, schedule
+    from diagnosis_examples import SMALL, schedule
 
     from porotwin_rig.experiment import make_experiment
 

@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import SMALL
+from diagnosis_examples import SMALL
 
 from porotwin_core.rig import write_rig
 

@@ -1,9 +1,11 @@
 """Fits: free-running, to the first part, judged on the last."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from porotwin_core.rig import EffectDescription
+from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_diagnosis.candidates import Knob, library
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
@@ -67,3 +69,13 @@ def test_model_without_effect_leaves_only_noise_of_a_quiet_recording(quiet):
     null = judge.judged((), np.zeros(0))
     assert null.fitted < 1.2
     assert null.held_out < 1.2
+
+
+def test_a_closed_rig_cannot_leak_nor_misdeliver(fitter):
+    closed = Boundaries(top='closed')
+    sample = replace(
+        fitter.samples[0], rig=fitter.samples[0].rig.model_copy(update={'boundaries': closed})
+    )
+    effects = {candidate.effect for candidate in library([sample])}
+    assert effects.isdisjoint({'leak', 'rate'})
+    assert 'heterogeneity' in effects

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SMALL, recorded, schedule
+from diagnosis_examples import SMALL, recorded, schedule
 from scipy.ndimage import gaussian_filter, laplace
 
 from porotwin_core.rig import EffectDescription

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import make_rig
 from hypothesis import given
 from hypothesis import strategies as st
+from rig_examples import make_rig
 
 from porotwin_rig.camera import CHART_WIDTH, SceneLayout, VirtualCamera, camera_before
 from porotwin_rig.chart import PATCHES, chart_colours

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from conftest import make_rig, rates
+from rig_examples import make_rig, rates
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import make_rig, rates
+from rig_examples import make_rig, rates
 
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.effects import parse_effects

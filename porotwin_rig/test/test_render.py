@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 import cv2
 import numpy as np
 import pytest
-from conftest import make_rig
 from PIL import Image
+from rig_examples import make_rig
 
 from porotwin_core.errors import InputError
 from porotwin_rig.camera import camera_before

@@ -1,7 +1,7 @@
 """The asset in a closed loop: commands, their limits and their expiry."""
 
 import pytest
-from conftest import make_rig, rates
+from rig_examples import make_rig, rates
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import to_ml_h

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from conftest import make_rig, rates
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rig_examples import make_rig, rates
 from scipy.integrate import cumulative_trapezoid
 
 from porotwin_core.rig import EffectDescription, Rig

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import make_rig, rates
+from rig_examples import make_rig, rates
 
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.units import to_ml_h

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_rig, rates
+from rig_examples import make_rig, rates
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
