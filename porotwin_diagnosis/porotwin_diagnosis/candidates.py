@@ -92,7 +92,7 @@ def library(samples: Sequence[Sample]) -> list[Candidate]:
         *_wells(samples),
         *_camera(samples),
         heterogeneity(rig, (rig.width_m / 2, rig.height_m / 2), 0.06, 1.0),
-        leak(rig, (rig.width_m / 2, rig.height_m / 2), 0.0),
+        *([] if rig.closed else [leak(rig, (rig.width_m / 2, rig.height_m / 2), 0.0)]),
     ]
 
 
