@@ -56,7 +56,7 @@ def main() -> None:
     except InputError as error:
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(2)
-    except WorkFailed as error:
+    except (WorkFailed, OSError) as error:  # a full disk, a port in use, a share that went away
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:
