@@ -46,8 +46,14 @@ above it fronts lie too far apart for that correction to stay in place."""
 ALIKE = 1.03
 """Fits whose misfit is within this factor of the last one that goes on go on with it."""
 
-EXPLAINED = 1.3
-"""Misfit below which a screening fit leaves nothing to look for."""
+EXPLAINED = 0.95
+"""Misfit below which a judged effect leaves nothing for a second one."""
+
+AT_A_WELL = 5.0
+"""Cells about a well within which a leak cannot be told from a wrong rate of that well."""
+
+OCCAM = 1.015
+"""Every knob must lower the misfit by this factor to be preferred."""
 
 EDGE_BLUR = 0.55
 """Blur [cells] by which recorded maps are softer than averages over cells, until measured."""
@@ -109,12 +115,11 @@ class Search:
                 forward.lean_on(finer)
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
-        pairs = self._pairs(screened) if score(screened[0]) > EXPLAINED else []
-        findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.55, 0.8)
+        findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.3, 0.55)
         best = findings.singles[0]
-        promising = [pair for pair in pairs if score(pair) < 0.9 * score(screened[0])]
-        if score(best) > EXPLAINED and promising:
-            findings.pairs = self._finer(promising[:JUDGED], 0.8, 0.95)
+        if score(best) > EXPLAINED:
+            pairs = self._pairs(screened)
+            findings.pairs = self._finer(pairs[:JUDGED], 0.75, 0.92) if pairs else []
         findings.margins = [self.judging.margin(best, fit) for fit in findings.singles]
         forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
         findings.runs = sum(forward.runs for forward in forwards)
@@ -154,14 +159,26 @@ class Search:
         except InputError:
             return []
         fits = [self.screening.fit((place,), coarse_steps=4) for place in places]
-        return sorted(fits, key=score)[:1]
+        return sorted((fit for fit in fits if not self._at_a_well(fit)), key=score)[:1]
+
+    def _at_a_well(self, fit: Fit) -> bool:
+        """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
+        sample = self.samples[0]
+        pumping = [sample.rig.wells[name] for name in sample.schedule.wells]
+        leaks = [effect.parameters for effect in fit.effects if effect.name == 'leak']
+        return any(
+            np.hypot(float(leak['x']) - well.x_m, float(leak['z']) - well.z_m)
+            < well.radius_m + AT_A_WELL * sample.grid.dx
+            for leak in leaks
+            for well in pumping
+        )
 
     def _pairs(self, screened: Sequence[Fit]) -> list[Fit]:
         alone = _distinct(screened)
         bases = [fit for fit in alone if score(fit) < 1.6 * score(alone[0])][:PAIR_BASES]
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
-            self.progress(f'pairs with {base.label}', 0.35 + 0.2 * index / len(bases))
+            self.progress(f'pairs with {base.label}', 0.55 + 0.2 * index / len(bases))
             for partner in self._partners(base, screened, places=index == 0):
                 key = frozenset((base.members[0].label, partner.label))
                 if key in fits:
@@ -170,7 +187,7 @@ class Search:
                 fits[key] = self.screening.fit(
                     (base.members[0], partner), start=start, coarse_steps=1, fine_steps=4
                 )
-        return sorted(fits.values(), key=score)
+        return sorted((fit for fit in fits.values() if not self._at_a_well(fit)), key=score)
 
     def _partners(self, base: Fit, screened: Sequence[Fit], *, places: bool) -> list[Candidate]:
         """Return the candidates whose response best explains what `base` leaves.
@@ -218,7 +235,8 @@ class Search:
             judged.append(
                 self.judging.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=1)
             )
-        return sorted(judged, key=score)
+        judged = [fit for fit in judged if not self._at_a_well(fit)] or judged
+        return sorted(judged, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
 
 
 def _near(fits: Sequence[Fit]) -> list[Fit]:
