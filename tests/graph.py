@@ -82,6 +82,17 @@ class RunningGraph:
         """Return what a node has logged so far."""
         return self.processes.log(name).read_text(encoding='utf-8', errors='replace')
 
+    def wait_for_publishers(self, *topics: str) -> None:
+        """Return when the publishers of `topics` are seen, so that nothing they say is missed."""
+        for topic in topics:
+            name = f'{NAMESPACE}/{topic}'
+            self.ear.wait_for(
+                f'a publisher of {topic}',
+                lambda name=name: self.ear.node.count_publishers(name) > 0,
+                timeout=60.0,
+            )
+        time.sleep(1.0)  # the publisher learns of its subscriber a moment later
+
     def wait_for_messages(self, topic: str, count: int, *, timeout: float) -> list[Any]:
         """Return the messages of `topic` when there are at least `count`."""
         self.ear.wait_for(

@@ -69,6 +69,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         graph.ear.node.create_subscription(
             DiagnosticArray, '/diagnostics', lambda array: diagnostics.extend(array.status), 10
         )
+        graph.wait_for_publishers('asset/new_state', 'asset/clean_state')
         put(photos, '00.jpg', camera.baseline())
         graph.wait_for_log('imaging', 'baseline:', timeout=60)
         first = camera.photograph(plume(0.05), time=30.0)

@@ -19,8 +19,9 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize('number', [6, 12, 4])
+@pytest.mark.parametrize('number', [6, 4])
 def test_recording_is_matched_down_to_its_noise(number: int) -> None:
+    """Over the last 30 %, where the noise floor is stated; the limit is that of a sharp model."""
     folder = CASES / f'case_{number:03d}'
     truth = yaml.safe_load((folder / 'truth.yaml').read_text())
     recorded = read_experiment(folder)
@@ -31,15 +32,16 @@ def test_recording_is_matched_down_to_its_noise(number: int) -> None:
         for effect in truth['effects']
     ]
     asset = VirtualRig(recorded.rig, effects=effects)
-    times = recorded.maps.times[: len(recorded.maps) // 3]
+    times = recorded.maps.times
     error = size = 0.0
-    for (_, signal), seen in zip(
+    for (time, signal), seen in zip(
         signals(asset, recorded.told, times=times, grid=recorded.maps.grid),
         recorded.maps,
-        strict=False,
+        strict=True,
     ):
+        if time < 0.7 * times[-1]:
+            continue
         known = np.isfinite(seen)
         error += float(((signal - seen)[known] ** 2).sum())
         size += float((seen[known] ** 2).sum())
-    # the edge blur of that camera weighs more on the small plumes of the first third
-    assert np.sqrt(error / size) < 1.5 * truth['figures']['noise_floor']
+    assert np.sqrt(error / size) < 1.1 * truth['figures']['noise_floor']
