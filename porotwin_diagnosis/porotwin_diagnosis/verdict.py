@@ -24,7 +24,8 @@ class Thresholds:
 
     `quiet`: misfit of a model that explains a recording down to its noise. `worth`: an effect must
     bring the misfit below this share to be kept; `pair_worth` the same for a second one.
-    `open`: misfit above which the best model leaves too much. `sharpness`: fall of log-odds per
+    `open`: misfit above which the best model leaves too much, `open_pair` the same for a pair,
+    which can imitate more. `sharpness`: fall of log-odds per
     standard deviation of advantage, `steepness` per power of misfit. `same`: largest whitened
     distance of two predictions that cannot be told apart. `scale`, `shift`: logistic map of
     raw log-odds to seen frequency.
@@ -34,6 +35,7 @@ class Thresholds:
     worth: float = 0.85
     pair_worth: float = 0.8
     open: float = 1.2
+    open_pair: float = 0.85
     sharpness: float = 1.0
     steepness: float = 12.0
     same: float = 0.06
@@ -82,7 +84,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         gains = score(pair) < limits.pair_worth * score(best)
         if gains and pair.held_out < best.held_out:
             model = pair
-    openness = score(model) / limits.open
+    openness = score(model) / (limits.open_pair if len(model.members) > 1 else limits.open)
     if openness > 1.0:
         confidence = _calibrated(4.0 * math.log(openness) + 1.0, limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
