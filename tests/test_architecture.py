@@ -91,3 +91,10 @@ def test_a_package_declares_what_it_imports(package: str) -> None:
 def test_allowed_shells_exist() -> None:
     known = {short(module) for module in MODULES}
     assert set(ROS_SHELLS) <= known
+
+
+def test_test_modules_have_names_of_their_own() -> None:
+    paths = [*ROOT.glob('porotwin_*/test/test_*.py'), *ROOT.glob('tests/test_*.py')]
+    names = [path.name for path in paths]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    assert not twice, f'pytest imports test modules by name; rename one of {twice}'
