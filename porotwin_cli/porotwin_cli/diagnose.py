@@ -15,6 +15,9 @@ def command(
     rig: Annotated[
         Path | None, typer.Option(help='rig.yaml, if not that of the recording.')
     ] = None,
+    setting: Annotated[
+        str, typer.Option(help='Scheme whose gap is asked for: accurate, fast or upwind.')
+    ] = 'accurate',
     apply: Annotated[
         bool, typer.Option(help='Also write rig.yaml with the effects found.')
     ] = False,
@@ -37,6 +40,7 @@ def command(
             recordings,
             output,
             rig=load_rig(rig) if rig is not None else None,
+            setting=setting,
             apply=apply,
             progress=lambda stage, share: bar.update(
                 task, completed=round(100 * share), description=stage
