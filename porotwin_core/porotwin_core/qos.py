@@ -18,8 +18,8 @@ PHOTO = _profile(8, DurabilityPolicy.VOLATILE)
 BASELINE = _profile(8, DurabilityPolicy.TRANSIENT_LOCAL)
 """Photographs without tracer: a node that starts late needs them all."""
 
-FIELD = _profile(8, DurabilityPolicy.VOLATILE)
-"""Maps, reports and events of the state sequence: in order, none lost."""
+FIELD = _profile(64, DurabilityPolicy.VOLATILE)
+"""Maps, reports and events of the state sequence: deep enough that a burst loses none."""
 
 CONFIG = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """What does not change while the graph runs, such as the rig's description."""
