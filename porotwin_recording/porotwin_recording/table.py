@@ -64,4 +64,5 @@ def number(text: str, what: str) -> float:
 
 def number_text(value: float) -> str:
     """Return the shortest text that reads back as `value`."""
-    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(float(value))
+    number = float(value)  # a whole number may come as int, which has no is_integer in Python 3.11
+    return str(int(number)) if number.is_integer() and abs(number) < 1e15 else repr(number)
