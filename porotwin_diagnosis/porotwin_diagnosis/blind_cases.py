@@ -1,16 +1,23 @@
 """Sealed cases: an experiment on the virtual rig whose effect nobody tells the diagnosis."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
 
-from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well
-from porotwin_core.units import MOLECULAR_DIFFUSION, from_ml_h
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
+from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-
-Draw = Callable[[Generator, Rig, tuple[str, ...]], dict[str, float | str]]
+from porotwin_diagnosis.blind_effects import (
+    KINDRED,
+    LIBRARY,
+    OUTSIDE,
+    SAME_OUTSIDE,
+    Stage,
+    drawn,
+    equal_names,
+)
 
 SMALL = Rig(
     name='small',
@@ -32,190 +39,141 @@ SMALL = Rig(
 )
 """The paper's small rig, as its owner believes it to be."""
 
+KINDS = (
+    *('none', 'single', 'outside', 'single', 'pair', 'single', 'left out', 'single', 'none'),
+    *('single', 'outside', 'single', 'pair', 'single', 'single', 'left out', 'pair', 'single'),
+    *('none', 'outside'),
+)
+"""Kinds of cases as they take turns."""
+
+LEFT_OUT = tuple(name for name in LIBRARY if name not in ('porosity', 'retardation'))
+"""Effects that may be taken out of the library: none of the others is the same."""
+
+LARGE_EVERY = 11
+"""Of so many cases one is on the large rig."""
+
 
 @dataclass(frozen=True)
 class BlindCase:
-    """What is sealed: the effects, and the answers that count as right."""
+    """What is sealed: the effects, and the answers that count as right.
+
+    `photo_interval` and `duration` are in seconds, `cell_m` is the size of a map's cells.
+    """
 
     name: str
     kind: str
     effects: tuple[EffectDescription, ...]
     right: tuple[str, ...]
+    rig: Rig
     schedule: Schedule
     duration: float
     photo_interval: float
+    cell_m: float
     seed: int
     withheld: tuple[str, ...] = ()
 
 
-def _log(generator: Generator, low: float, high: float) -> float:
-    return float(np.exp(generator.uniform(np.log(low), np.log(high))))
-
-
-def _sign(generator: Generator) -> float:
-    return 1.0 if generator.random() < 0.5 else -1.0
-
-
-def _off(generator: Generator, low: float, high: float) -> float:
-    """Return a factor that is off 1 by `low` to `high`, up or down."""
-    return 1.0 + _sign(generator) * _log(generator, low, high)
-
-
-def _place(generator: Generator, rig: Rig) -> tuple[float, float]:
-    """Return a place beside the injector, where tracer will pass."""
-    well = rig.wells['injector']
-    angle, distance = generator.uniform(0, 2 * np.pi), generator.uniform(0.07, 0.16)
-    x = float(np.clip(well.x_m + distance * np.cos(angle), 0.05, rig.width_m - 0.05))
-    z = float(np.clip(well.z_m + distance * np.sin(angle), 0.05, rig.height_m - 0.05))
-    return x, z
-
-
-def _zone(generator: Generator, rig: Rig, _wells: tuple[str, ...]) -> dict[str, float | str]:
-    x, z = _place(generator, rig)
-    factor = _log(generator, 0.03, 0.3) if generator.random() < 0.6 else _log(generator, 4, 20)
-    radius = float(generator.uniform(0.035, 0.07))
-    return {'x': x, 'z': z, 'radius': radius, 'permeability_factor': factor}
-
-
-def _leak(generator: Generator, rig: Rig, _wells: tuple[str, ...]) -> dict[str, float | str]:
-    x, z = _place(generator, rig)
-    return {'x': x, 'z': z, 'rate': _sign(generator) * _log(generator, 25, 70)}
-
-
-LIBRARY: Mapping[str, Draw] = {
-    'dispersion': lambda g, _r, _w: {
-        'longitudinal_dispersivity': (along := _log(g, 1.5e-3, 8e-3)),
-        'transverse_dispersivity': along * _log(g, 0.05, 0.2),
-        'diffusion': MOLECULAR_DIFFUSION,
-    },
-    'buoyancy': lambda g, _r, _w: {'density_difference': _sign(g) * _log(g, 0.3, 1.0)},
-    'viscosity': lambda g, _r, _w: {'viscosity_ratio': _log(g, 1.25, 2.0) ** _sign(g)},
-    'retardation': lambda g, _r, _w: {'retardation_factor': 1.0 + _log(g, 0.02, 0.12)},
-    'decay': lambda g, _r, _w: {'rate': _log(g, 3e-5, 1.5e-4)},
-    'dual_porosity': lambda g, _r, _w: {
-        'immobile_fraction': _log(g, 0.05, 0.2),
-        'exchange_rate': _log(g, 1e-4, 5e-4),
-    },
-    'heterogeneity': _zone,
-    'porosity': lambda g, _r, _w: {'factor': _off(g, 0.03, 0.15)},
-    'depth': lambda g, _r, _w: {'factor_centre': _off(g, 0.04, 0.15)},
-    'rate': lambda g, _r, _w: {'well': 'injector', 'factor': _off(g, 0.03, 0.12)},
-    'well_position': lambda g, _r, _w: {
-        'well': 'injector',
-        'dx': _sign(g) * _log(g, 2e-3, 1e-2),
-        'dz': _sign(g) * _log(g, 2e-3, 1e-2),
-    },
-    'leak': _leak,
-    'background_flow': lambda g, _r, _w: {
-        'x_velocity': _sign(g) * _log(g, 5e-7, 2e-6),
-        'z_velocity': _sign(g) * _log(g, 1e-7, 2e-6),
-    },
-    'saturation': lambda g, _r, _w: {'exponent': _log(g, 1.4, 2.0) ** _sign(g)},
-    'illumination': lambda g, _r, _w: {
-        'drift': -_log(g, 3e-5, 1e-4),
-        'gradient': _sign(g) * _log(g, 0.05, 0.3),
-    },
-    'registration': lambda g, _r, _w: {
-        'dx': _sign(g) * _log(g, 2e-3, 1e-2),
-        'dz': _sign(g) * _log(g, 2e-3, 1e-2),
-        'rotation': float(g.uniform(-0.015, 0.015)),
-        'scale': float(1.0 + g.uniform(-0.015, 0.015)),
-    },
-    'clock': lambda g, _r, _w: {'offset': _sign(g) * _log(g, 60, 400)},
-}
-"""Effects of the library with strengths that leave a gap of about 0.1 to 0.35."""
-
-OUTSIDE: Mapping[str, Draw] = {
-    'streak': lambda g, r, _w: {
-        'x': (place := _place(g, r))[0] - 0.04,
-        'z': place[1] - 0.08,
-        'x_end': place[0] + 0.04,
-        'z_end': place[1] + 0.08,
-        'width': 0.006,
-        'permeability_factor': 0.01,
-    },
-    'pump_drift': lambda g, _r, _w: {'well': 'injector', 'drift': -_log(g, 8e-5, 2e-4)},
-    'freundlich': lambda g, _r, _w: {'capacity': _log(g, 0.1, 0.3), 'exponent': 0.5},
-    'settling': lambda g, _r, _w: {'velocity': _log(g, 8e-6, 2.5e-5)},
-    'reflection': lambda _g, r, _w: {
-        'x': r.wells['injector'].x_m + 0.1,
-        'z': 0.15,
-        'radius': 0.04,
-        'strength': 0.3,
-        'climb': 5e-5,
-    },
-    'stain': lambda g, _r, _w: {'delay': _log(g, 200, 600)},
-}
-"""Effects that no library names; the right answer is `unexplained`."""
-
-PAIRS = (
-    ('rate', 'saturation'),
-    ('buoyancy', 'dispersion'),
-    ('porosity', 'illumination'),
-    ('registration', 'decay'),
-    ('heterogeneity', 'saturation'),
-)
-
-SAME_OUTSIDE = {'settling': ('background_flow',), 'freundlich': ('retardation', 'porosity')}
-"""Effects outside the library that one inside it equals: what sinks evenly drifts evenly, and a
-sharp front of constant concentration sorbs as if by a straight line."""
-
-SAME = {'retardation': ('retardation', 'porosity')}
-"""Effects whose other name counts as right: for constant porosity they are one product."""
-
-
 def draw_case(number: int, seed: int) -> BlindCase:
-    """Return case `number` of the check with `seed`: kinds take turns, the rest is drawn."""
+    """Return case `number` of the check with `seed`: kinds and effects take turns, the rest is
+    drawn."""
     generator = np.random.default_rng([seed, number])
-    schedule, duration, wells = _schedule(generator)
-    turn = number % 10
-    effects: tuple[EffectDescription, ...] = ()
-    withheld: tuple[str, ...] = ()
-    right: tuple[str, ...] = ('unexplained',)
-    if turn == 0:
-        kind, right = 'none', ('none',)
-    elif turn == 1:
-        kind = 'outside'
-        name = list(OUTSIDE)[int(generator.integers(len(OUTSIDE)))]
-        effects = (_described(name, OUTSIDE[name], generator, wells),)
-        right = ('unexplained', *SAME_OUTSIDE.get(name, ()))
-    elif turn == 2:
-        kind = 'left out'
-        names = ('heterogeneity', 'clock', 'viscosity', 'illumination', 'buoyancy')
-        name = names[(number // 10) % len(names)]
-        effects, withheld = (_described(name, LIBRARY[name], generator, wells),), (name,)
-    elif turn in (3, 4):
-        kind = 'pair'
-        pair = PAIRS[int(generator.integers(len(PAIRS)))]
-        effects = tuple(_described(name, LIBRARY[name], generator, wells) for name in pair)
-        right = pair
-    else:
-        kind = 'single'
-        name = list(LIBRARY)[int(generator.integers(len(LIBRARY)))]
-        effects = (_described(name, LIBRARY[name], generator, wells),)
-        right = SAME.get(name, (name,))
-        if name == 'porosity' and float(effects[0].parameters['factor']) > 1:
-            right = ('porosity', 'retardation')
+    large = number % LARGE_EVERY == LARGE_EVERY - 1
+    rig = large_rig() if large else SMALL
+    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator)
+    injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
+    stage = Stage(rig, wells, duration, injected)
+    turn = number % len(KINDS)
+    kind = KINDS[turn]
+    # the turn of this case among those of its kind; another seed begins elsewhere
+    index = number // len(KINDS) * KINDS.count(kind) + KINDS[:turn].count(kind) + 5 * seed
+    names = _names(kind, index, generator)
+    effects = tuple(drawn(name, generator, stage) for name in names)
     return BlindCase(
         name=f'case_{number:03d}',
         kind=kind,
         effects=effects,
-        right=right,
+        right=_right(kind, effects),
+        rig=rig,
         schedule=schedule,
         duration=duration,
-        photo_interval=60.0,
+        photo_interval=300.0 if large else 60.0,
+        cell_m=0.01 if large else 0.005,
         seed=int(generator.integers(2**31)),
-        withheld=withheld,
+        withheld=names if kind == 'left out' else (),
     )
 
 
-def _described(
-    name: str, draw: Draw, generator: Generator, wells: tuple[str, ...]
-) -> EffectDescription:
-    return EffectDescription(name=name, parameters=draw(generator, SMALL, wells))
+def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
+    """Return the effects of case `index` of its kind."""
+    if kind == 'none':
+        return ()
+    if kind == 'pair':
+        groups = generator.choice(len(KINDRED), 2, replace=False)
+        first, second = (str(generator.choice(sorted(KINDRED[group]))) for group in groups)
+        return first, second
+    turns = {'single': tuple(LIBRARY), 'outside': tuple(OUTSIDE), 'left out': LEFT_OUT}[kind]
+    return (turns[index % len(turns)],)
 
 
-def _schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
+def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:
+    if kind == 'none':
+        return ('none',)
+    if kind == 'left out':
+        return ('unexplained',)
+    if kind == 'outside':
+        return ('unexplained', *SAME_OUTSIDE.get(effects[0].name, ()))
+    return tuple(name for effect in effects for name in equal_names(effect))
+
+
+def large_rig() -> Rig:
+    """Return a rig of the size of the large FluidFlower rig: layers of five sands, wavy."""
+    nz, nx = 150, 280
+    width, height = 2.8, 1.5
+    x = (np.arange(nx) + 0.5) * width / nx
+    z = (np.arange(nz) + 0.5) * height / nz
+    wave = 0.05 * np.sin(2 * np.pi * x / width) - 0.02 * np.cos(6 * np.pi * x / width)
+    level = z[:, None] - wave[None, :]
+    bottoms = (-1.0, 0.16, 0.48, 0.80, 1.02, 1.18)
+    sands = (1.1e-9, 6.0e-9, 2.0e-9, 4.2e-9, 1.8e-10, 4.2e-9)
+    permeability: FloatArray = np.zeros((nz, nx))
+    for bottom, sand in zip(bottoms, sands, strict=True):
+        permeability[level > bottom] = sand
+    data = {
+        'name': 'large',
+        'width_m': width,
+        'height_m': height,
+        'viscosity_pa_s': 1.0e-3,
+        'density_kg_m3': 998.0,
+        'boundaries': Boundaries(),
+        'wells': {
+            'injector': Well(x_m=0.9, z_m=0.33),
+            'injector2': Well(x_m=1.75, z_m=0.70),
+        },
+    }
+    return rig_from_maps(
+        data, {'depth_m': 0.018, 'porosity': 0.44, 'permeability_m2': permeability}
+    )
+
+
+def _large_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
+    """Return what the pumps of the large rig are told: slugs of tracer, chased by water or not."""
+    duration = float(1800 * generator.integers(8, 13))
+    rate = float(generator.uniform(1800, 2500))
+    rows: list[ScheduleRow] = []
+
+    def slug(start: float, well: str, length: float) -> None:
+        chase = 0.0 if generator.random() < 0.7 else 0.4 * rate
+        for time, ml_h, share in ((start, rate, 1.0), (start + length, chase, 0.0)):
+            rows.append(ScheduleRow(time, well, WellRate(from_ml_h(ml_h), share)))
+
+    slug(0.0, 'injector', 1800.0)
+    slug(0.25 * duration, 'injector2', 1800.0)
+    slug(0.5 * duration, 'injector', 1200.0)
+    slug(0.75 * duration, 'injector2', 1200.0)
+    return Schedule(tuple(rows)), duration, ('injector', 'injector2')
+
+
+def _small_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
     """Return what the pumps are told: injection, pauses or a chase, one or two control wells."""
     duration = float(60 * generator.integers(45, 75))
     injected = float(generator.uniform(350, 520))

@@ -7,11 +7,13 @@ A run can be interrupted and goes on where it stopped.
 
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -20,12 +22,16 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_diagnosis.blind_cases import SMALL, BlindCase, draw_case
+from porotwin_diagnosis.blind_cases import BlindCase, draw_case
+from porotwin_diagnosis.blind_effects import equal_names
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
 
 CaseProgress = Callable[[int, int, str], None]
-"""Told how many cases are done, of how many, and what happens now."""
+"""Told how many cases are done, of how many, and what happened."""
+
+RESULT = Path('result') / 'diagnosis.json'
+"""Where the diagnosis of a case lies; a case that has it is done."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,10 @@ class Score:
     right: bool
     both_found: bool | None
     gap_closed: float | None
-    parameter_error: float | None
+    parameter_errors: tuple[float, ...]
+    intervals_held: int
     distance_m: float | None
+    seconds: float
 
 
 def blind_check(
@@ -55,22 +63,23 @@ def blind_check(
     """Make, seal, diagnose, open and score `cases` cases; return the figures that were written.
 
     `output` receives `seal.json` (the hashes, first of all), one folder per case, `scores.json`
-    and `report.md` with the table and the confusion matrix. Cases that are there already are kept.
+    and `report.md` with the table and the confusion matrix. Cases that are there already are kept;
+    `workers` cases are worked on at a time.
     """
     folder = Path(output)
     folder.mkdir(parents=True, exist_ok=True)
     drawn = [draw_case(number, seed) for number in range(cases)]
     _publish_seals(folder, drawn, seed)
+    missing = [case for case in drawn if not (folder / case.name / RESULT).exists()]
+    with ThreadPoolExecutor(workers) as pool:
+        work = {pool.submit(_make_and_diagnose, case, folder / case.name): case for case in missing}
+        for done, finished in enumerate(as_completed(work), start=cases - len(missing) + 1):
+            finished.result()
+            progress(done, cases, f'{work[finished].name} diagnosed')
     scores = []
-    for done, case in enumerate(drawn):
-        place = folder / case.name
-        if not (place / 'result' / 'diagnosis.json').exists():
-            progress(done, cases, f'{case.name}: making the recording')
-            make_recording(case, place / 'recording')
-            progress(done, cases, f'{case.name}: diagnosing')
-            _diagnose_apart(place / 'recording', place / 'result', case.withheld, workers)
-        _open(case, place)
-        scores.append(score_case(case, place / 'result'))
+    for case in drawn:
+        _open(case, folder / case.name)
+        scores.append(score_case(case, folder / case.name / 'result'))
     figures = summary(scores)
     (folder / 'scores.json').write_text(
         json.dumps({'summary': figures, 'cases': [score.__dict__ for score in scores]}, indent=1)
@@ -80,19 +89,25 @@ def blind_check(
     return figures
 
 
+def _make_and_diagnose(case: BlindCase, place: Path) -> None:
+    make_recording(case, place / 'recording')
+    _diagnose_apart(place / 'recording', place / 'result', case.withheld)
+
+
 def make_recording(case: BlindCase, folder: Path) -> None:
     """Make the recording of `case` on the virtual rig; a half-made one is made again."""
     if folder.exists():
         shutil.rmtree(folder)
     make_experiment(
         folder,
-        SMALL,
+        case.rig,
         told=case.schedule,
         duration=case.duration,
         photo_interval=case.photo_interval,
         seed=case.seed,
         effects=case.effects,
         noise=MapNoise.drawn(case.seed),
+        grid=case.rig.default_grid(case.cell_m),
     )
 
 
@@ -124,7 +139,7 @@ def _publish_seals(folder: Path, drawn: Sequence[BlindCase], seed: int) -> None:
     path.write_text(json.dumps({'seed': seed, 'sha256': seals}, indent=1), encoding='utf-8')
 
 
-def _diagnose_apart(recording: Path, result: Path, withheld: Sequence[str], workers: int) -> None:
+def _diagnose_apart(recording: Path, result: Path, withheld: Sequence[str]) -> None:
     """Diagnose in a process of its own that is told the folder and what to leave out, no more."""
     command = [
         sys.executable,
@@ -132,10 +147,11 @@ def _diagnose_apart(recording: Path, result: Path, withheld: Sequence[str], work
         'porotwin_diagnosis.blind_process',
         str(recording),
         str(result),
-        str(workers),
+        '1',
         *withheld,
     ]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    one_thread = {**os.environ, 'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1'}
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=one_thread)
 
 
 def _open(case: BlindCase, place: Path) -> None:
@@ -148,7 +164,10 @@ def score_case(case: BlindCase, result: Path) -> Score:
     verdict = str(said['verdict'])
     both = None
     if case.kind == 'pair':
-        both = all(effect.name in said['combination'] for effect in case.effects)
+        both = all(
+            not set(equal_names(effect)).isdisjoint(said['combination']) for effect in case.effects
+        )
+    parameters = _parameters(case, said)
     return Score(
         name=case.name,
         kind=case.kind,
@@ -158,8 +177,10 @@ def score_case(case: BlindCase, result: Path) -> Score:
         right=verdict in case.right,
         both_found=both,
         gap_closed=float(said['error']['gap_closed']) if said['combination'] else None,
-        parameter_error=_parameter_error(case, said),
+        parameter_errors=tuple(error for error, _ in parameters),
+        intervals_held=sum(inside for _, inside in parameters),
         distance_m=_distance(case, said),
+        seconds=float(said['made_with']['seconds']),
     )
 
 
@@ -172,25 +193,41 @@ _FROM_ONE = {
     'scale',
 }
 _NOT_COUNTED = {'x', 'z', 'radius', 'well', 'diffusion', 'rotation'}
+_TOGETHER = (('dx', 'dz'), ('x_velocity', 'z_velocity'))
+"""Components of vectors, whose error is relative to the vector's length."""
 
 
-def _parameter_error(case: BlindCase, said: dict[str, Any]) -> float | None:
-    """Return the median relative error of the parameters of effects that were found."""
-    errors = []
+def _parameters(case: BlindCase, said: dict[str, Any]) -> list[tuple[float, bool]]:
+    """Return the relative error of every parameter of the effects that were found, and whether
+    its interval holds the truth."""
+    compared = []
     for effect in case.effects:
         if effect.name not in said['combination']:
             continue
         found = next(row for row in said['effects'] if row['name'] == effect.name)['parameters']
-        for name, true in effect.parameters.items():
-            if name in _NOT_COUNTED or name not in found or isinstance(true, str):
-                continue
-            value = float(found[name]['value'])
-            if name == 'permeability_factor':
-                errors.append(abs(np.log(value / true)) / abs(np.log(true)))
-            else:
-                size = abs(true - 1) if name in _FROM_ONE else abs(true)
-                errors.append(abs(value - true) / max(size, 1e-12))
-    return float(np.median(errors)) if errors else None
+        true = {
+            name: value
+            for name, value in effect.parameters.items()
+            if name not in _NOT_COUNTED and name in found and not isinstance(value, str)
+        }
+        for name, value in true.items():
+            said_of_it = found[name]
+            low, high = said_of_it['low'], said_of_it['high']
+            inside = low is not None and low <= value <= high
+            compared.append((_error(name, true, float(said_of_it['value'])), inside))
+    return compared
+
+
+def _error(name: str, true: Mapping[str, float], value: float) -> float:
+    """Return how far `value` is off the true parameter `name`, relative to what counts."""
+    truth = true[name]
+    if name == 'permeability_factor':
+        return float(abs(np.log(value / truth)) / abs(np.log(truth)))
+    size = abs(truth - 1) if name in _FROM_ONE else abs(truth)
+    for vector in _TOGETHER:
+        if name in vector:
+            size = float(np.linalg.norm([true[part] for part in vector]))
+    return abs(value - truth) / max(size, 1e-12)
 
 
 def _distance(case: BlindCase, said: dict[str, Any]) -> float | None:
@@ -216,6 +253,7 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
         known = [value for value in values if value is not None]
         return float(np.median(known)) if known else None
 
+    errors = [error for score in scores for error in score.parameter_errors]
     return {
         'cases': len(scores),
         'right': share(scores, lambda score: score.right),
@@ -227,8 +265,10 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
         'outside_called_unexplained': share(of('outside', 'left out'), lambda score: score.right),
         'both_of_a_pair': share(of('pair'), lambda score: bool(score.both_found)),
         'gap_closed_median': median([score.gap_closed for score in of('single', 'pair')]),
-        'parameter_error_median': median([score.parameter_error for score in scores]),
+        'parameter_error_median': median(errors),
+        'intervals_that_hold': sum(score.intervals_held for score in scores) / max(len(errors), 1),
         'distance_median_m': median([score.distance_m for score in scores]),
+        'seconds_median': median([score.seconds for score in scores]),
         'calibration_error': calibration_error(scores),
     }
 

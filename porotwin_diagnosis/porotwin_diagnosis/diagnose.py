@@ -1,6 +1,7 @@
 """The diagnosis as a whole: recordings in; a verdict, its evidence and pictures out."""
 
 import json
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig, write_rig
 from porotwin_diagnosis.evidence import Sample, read_sample
+from porotwin_diagnosis.findings_file import write_findings
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import GapMap, map_gap
@@ -86,9 +88,16 @@ def diagnose(
         InputError: a recording cannot be read, or is too short to judge.
     """
     paths = [recording] if isinstance(recording, Path | str) else list(recording)
+    began = time.perf_counter()
     opened = tuple(open_recording(path, rig=rig) for path in paths)
     progress('reading the recording', 0.0)
     result = examine(opened, setting=setting, excluded=excluded, workers=workers, progress=progress)
+    result.summary['made_with'] = {
+        'setting': setting,
+        'excluded': list(excluded),
+        'simulations': result.findings.runs,
+        'seconds': round(time.perf_counter() - began, 1),
+    }
     folder = Path(output)
     folder.mkdir(parents=True, exist_ok=True)
     progress('writing the report', 0.98)
@@ -98,6 +107,7 @@ def diagnose(
     for number, (one, part) in enumerate(zip(opened, result.held_out, strict=True)):
         name = 'fields.nc' if number == 0 else f'fields_{number + 1}.nc'
         write_fields(folder / name, one.grid, result.gap.strength, part)
+    write_findings(folder / 'findings.json', result.findings)
     write_report(folder / 'report.html', result)
     if apply:
         write_rig(with_effects(opened[0].rig, result.verdict), folder / 'rig.yaml')

@@ -39,11 +39,8 @@ FRONT_TOLERANCE = 0.12
 BACKGROUND_TOLERANCE = 0.004
 """What quantisation and clipping leave unsure of a smoothed tracer-free map."""
 
-LEAST_REMAINDER = 0.2
-"""Share of the sum of squares that at least counts, however noisy the empty rig is."""
-
-ACTIVE, NEVER = 0.03, 0.012
-"""Smoothed map above which a cell holds tracer; below which it never did."""
+ACTIVE, FULL = 0.03, 0.9
+"""Smoothed map above which a cell holds tracer; above which it holds nothing but stock."""
 
 FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
 FEWEST_FRAMES = 8
@@ -91,39 +88,42 @@ class Sample:
         return self.weights[width]
 
     def _weight(self, width: float) -> FloatArray:
-        c = np.stack([gaussian_filter(frame, width) for frame in self.filled])
+        c = self._smoothed(width)
         slope = np.hypot(np.gradient(c, axis=1), np.gradient(c, axis=2))
-        grain = self.noise.correlation
-        damping = grain / np.hypot(grain, width)
-        noise = self.noise.clipped_deviation(c) * damping
-        square = noise**2 + (FRONT_TOLERANCE * slope) ** 2 + BACKGROUND_TOLERANCE**2
+        square = self._noise(width) ** 2 + (FRONT_TOLERANCE * slope) ** 2
+        square += BACKGROUND_TOLERANCE**2
         half_known = np.stack([gaussian_filter(frame, width) for frame in self.known]) > 0.5
         return (half_known / np.sqrt(square))[:, ::STRIDE, ::STRIDE]
 
-    @cached_property
-    def active(self) -> tuple[int, int]:
-        """How many compared cells hold tracer, in the fitted and in the held-out frames."""
-        c = np.stack([gaussian_filter(frame, WIDTH) for frame in self.filled])
-        counts = np.count_nonzero(c[:, ::STRIDE, ::STRIDE] > ACTIVE, axis=(1, 2))
-        return int(counts[: self.fitted].sum()), int(counts[self.fitted :].sum())
+    def _smoothed(self, width: float) -> FloatArray:
+        return np.stack([gaussian_filter(frame, width) for frame in self.filled])
+
+    def _noise(self, width: float) -> FloatArray:
+        """Return the deviation of the noise that smoothing leaves, (nt, nz, nx)."""
+        grain = self.noise.correlation
+        damping = grain / np.hypot(grain, width)
+        return self.noise.clipped_deviation(self._smoothed(width)) * damping
 
     @cached_property
-    def quiet(self) -> tuple[float, float]:
-        """The sum of squares that noise alone leaves where there is no tracer: fitted, held out.
+    def compared(self) -> FloatArray:
+        """The smoothed observed map where residuals are compared, (nt, nz', nx')."""
+        return self._smoothed(WIDTH)[:, ::STRIDE, ::STRIDE]
 
-        Measured where there never is any, and counted for every compared cell without tracer.
-        """
-        c = np.stack([gaussian_filter(frame, WIDTH) for frame in self.filled])
-        c = c[:, ::STRIDE, ::STRIDE]
-        empty = self.whitened(np.zeros_like(self.filled))[:, c.max(axis=0) < NEVER]
-        if empty.size < 100:
-            return 0.0, 0.0
-        power = float(np.mean(empty**2))
-        without = np.count_nonzero(c <= ACTIVE, axis=(1, 2))
-        return (
-            power * float(without[: self.fitted].sum()),
-            power * float(without[self.fitted :].sum()),
-        )
+    @cached_property
+    def active(self) -> int:
+        """How many compared cells hold tracer."""
+        return int(np.count_nonzero(self.compared > ACTIVE))
+
+    @cached_property
+    def front(self) -> NDArray[np.bool_]:
+        """Compared cells that hold some tracer but not all stock, where a gap shows."""
+        seen = self.weight(WIDTH) > 0
+        return (self.compared > ACTIVE) & (self.compared < FULL) & seen
+
+    @cached_property
+    def expected_squares(self) -> FloatArray:
+        """The squares of whitened residuals that noise alone leads one to expect, (nt, nz', nx')"""
+        return (self._noise(WIDTH)[:, ::STRIDE, ::STRIDE] * self.weight(WIDTH)) ** 2
 
     def whitened(
         self, predicted: FloatArray, *, width: float = WIDTH, soft: float = 0.0
@@ -208,17 +208,31 @@ def _spread(indices: NDArray[np.intp], count: int) -> NDArray[np.intp]:
 
 
 def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
-    """Return the root mean square of whitened residuals per cell with tracer: fitted, held out.
+    """Return the root mean square of whitened residuals at fronts: fitted, held out.
 
-    About 1 or less where a model explains all but noise. The whole rig counts, less the noise of
-    tracer-free cells, and the cells with tracer divide: an empty rig does not dilute a gap.
+    What counts are cells that hold some tracer but not all stock, as observed or as predicted; the
+    observed ones divide, so that neither an empty nor a full rig dilutes a gap.
     """
-    sums, counts = np.zeros(2), np.zeros(2)
+    squares = []
     for sample, residual in zip(samples, residuals, strict=True):
-        parts = (residual[: sample.fitted], residual[sample.fitted :])
-        for index, (part, quiet) in enumerate(zip(parts, sample.quiet, strict=True)):
-            total = float(np.sum(part**2))
-            sums[index] += max(total - quiet, LEAST_REMAINDER * total)
-        counts += sample.active
+        weight = sample.weight(WIDTH)
+        predicted = sample.compared - residual / np.where(weight > 0, weight, np.inf)
+        most = np.maximum(sample.compared, predicted)
+        least = np.minimum(sample.compared, predicted)
+        squares.append(residual**2 * ((most > ACTIVE) & (least < FULL)))
+    return _root_mean(samples, squares)
+
+
+def noise_misfit(samples: Sequence[Sample]) -> tuple[float, float]:
+    """Return the misfit that the noise alone leads one to expect: fitted, held out."""
+    return _root_mean(samples, [sample.expected_squares * sample.front for sample in samples])
+
+
+def _root_mean(samples: Sequence[Sample], squares: Sequence[FloatArray]) -> tuple[float, float]:
+    sums, counts = np.zeros(2), np.zeros(2)
+    for sample, square in zip(samples, squares, strict=True):
+        for index, part in enumerate((slice(None, sample.fitted), slice(sample.fitted, None))):
+            sums[index] += float(square[part].sum())
+            counts[index] += np.count_nonzero(sample.front[part])
     fitted, held_out = np.sqrt(sums / np.maximum(counts, 1))
     return float(fitted), float(held_out)

@@ -27,6 +27,9 @@ LEAST_GAIN = 5e-4
 CHEAP_STEPS = 8
 """How many times more steps a fit may take that needs no simulation."""
 
+CHEAP_CHANGE = 0.25
+"""Half the difference in turns from which such a fit takes its derivatives."""
+
 
 @dataclass(frozen=True)
 class Margin:
@@ -122,7 +125,7 @@ class Fitter:
 
         Effects of the camera alone need no simulation and may take many more steps.
         """
-        if all(member.effect in IMAGE for member in members):
+        if _cheap(members):
             coarse_steps, fine_steps = (CHEAP_STEPS * steps for steps in (coarse_steps, fine_steps))
         knobs = [knob for member in members for knob in member.knobs]
         turns = np.concatenate([member.first for member in members]) if start is None else start
@@ -176,7 +179,7 @@ class Fitter:
         for first, second, sample in pairs:
             differences.append(_tile_sums((second**2 - first**2)[None]).ravel())
             distance += float(np.sum((first - second) ** 2))
-            cells += sum(sample.active)
+            cells += sample.active
         all_tiles = np.concatenate(differences)
         spread = float(np.sqrt(np.sum(all_tiles**2)))
         advantage = float(all_tiles.sum()) / spread if spread > 0 else 0.0
@@ -221,20 +224,30 @@ class Fitter:
         *,
         fitted_only: bool = True,
     ) -> list[FloatArray]:
-        """Return minus d residual / d turn by one-sided differences that stay in range."""
+        """Return minus d residual / d turn by differences that stay in range.
+
+        One-sided where every point is a simulation; central where none is.
+        """
+
+        def at(index: int, turn: float) -> Sequence[FloatArray]:
+            if turn == turns[index]:
+                return base
+            moved = turns.copy()
+            moved[index] = turn
+            return self.residuals(described(members, moved), width, fitted_only=fitted_only)
 
         def column(index: int) -> list[FloatArray]:
-            moved = turns.copy()
             low, high = knobs[index].range
-            moved[index] += 1.0 if turns[index] + 1.0 <= high else -1.0
-            moved[index] = min(max(moved[index], low), high)
-            change = moved[index] - turns[index]
-            if change == 0.0:
+            turn = turns[index]
+            if _cheap(members):
+                first, last = max(turn - CHEAP_CHANGE, low), min(turn + CHEAP_CHANGE, high)
+            else:
+                first = turn
+                last = turn + 1.0 if turn + 1.0 <= high else max(turn - 1.0, low)
+            if last == first:
                 return [np.zeros_like(residual) for residual in base]
-            residuals = self.residuals(described(members, moved), width, fitted_only=fitted_only)
-            return [
-                (before - after) / change for before, after in zip(base, residuals, strict=True)
-            ]
+            pairs = zip(at(index, first), at(index, last), strict=True)
+            return [(before - after) / (last - first) for before, after in pairs]
 
         run: Callable[..., Iterable[list[FloatArray]]] = (
             map if self._pool is None else self._pool.map
@@ -279,6 +292,11 @@ class Fitter:
             if gain < LEAST_GAIN:
                 return turns
         return turns
+
+
+def _cheap(members: Sequence[Candidate]) -> bool:
+    """Return whether all `members` are effects of the camera, which need no simulation."""
+    return all(member.effect in IMAGE for member in members)
 
 
 def _sum_of_squares(residuals: Sequence[FloatArray]) -> float:

@@ -10,17 +10,31 @@ tracer. Clipping makes the noise one-sided there; half of a normal distribution 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 from scipy.optimize import minimize_scalar
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from porotwin_core.grid import FloatArray
 
-FULL, EMPTY = 0.9, 0.02
-"""Above and below these values of the smoothed map the plume is full, or the rig without tracer."""
+FULL, HALF = 0.9, 0.6
+"""Level of the smoothed map above which the plume is full; where that leaves too few values, this
+share of the fullest."""
+
+EMPTY = 0.02
+"""Level of the smoothed map below which there is no tracer."""
+
+FEWEST = 200
+"""Values that a statement needs."""
+
+LOCAL_MEAN = 1.5
+"""Width [cells] over which a map is smoothed to tell noise from tracer."""
+
+SMOOTHED_AWAY = 1.3
+"""What this takes from the deviation of a map's own noise, given back."""
 
 MARGIN = 5
 """Cells kept between a front and the cells that are taken to be full or empty."""
@@ -48,9 +62,16 @@ class Noise:
         return np.sqrt((self.grain * c) ** 2 + frame**2)
 
     def expected(self, concentration: FloatArray) -> FloatArray:
-        """Return the mean that clipping to 0..1 leaves of a noisy map of `concentration`."""
-        sd = np.maximum(self.deviation(concentration), 1e-6)
-        return concentration + sd * (_below(concentration / sd) - _below((1 - concentration) / sd))
+        """Return the mean that clipping to 0..1 leaves of a noisy map of `concentration`, 0..1."""
+        levels, means = self._clipped_means
+        return np.interp(concentration, levels, means)
+
+    @cached_property
+    def _clipped_means(self) -> tuple[FloatArray, FloatArray]:
+        """Concentrations and their means after clipping, close enough to interpolate between."""
+        c = np.linspace(0.0, 1.0, 2001)
+        sd = np.maximum(self.deviation(c), 1e-6)
+        return c, c + sd * (_below(c / sd) - _below((1 - c) / sd))
 
     def clipped_deviation(self, concentration: FloatArray) -> FloatArray:
         """Return the root mean square of recorded minus true value, clipping included."""
@@ -84,14 +105,15 @@ def measure_noise(maps: FloatArray) -> Noise:
     beside a model (`measure_blur`).
     """
     known = np.where(np.isfinite(maps), maps, 0.0)
-    smooth = np.stack([gaussian_filter(frame, 1.5) for frame in known])
+    smooth = np.stack([gaussian_filter(frame, LOCAL_MEAN) for frame in known])
     window = (1, 2 * MARGIN + 1, 2 * MARGIN + 1)
     empty = (maximum_filter(smooth, window) < EMPTY) & np.isfinite(maps)
-    full = (minimum_filter(smooth, window) > FULL) & np.isfinite(maps)
-    if np.count_nonzero(full) < 200:
-        level = np.quantile(smooth, 0.99)
-        full = (smooth > min(FULL, 0.9 * level)) & np.isfinite(maps)
-    background = _one_sided(known[empty]) if np.count_nonzero(empty) > 200 else 0.0
+    inner = minimum_filter(smooth, window)
+    for level in (FULL, HALF * float(np.quantile(smooth, 0.995))):
+        full = (inner > level) & np.isfinite(maps)
+        if np.count_nonzero(full) > FEWEST:
+            break
+    background = _one_sided(known[empty]) if np.count_nonzero(empty) > FEWEST else 0.0
     total = _deviation_in_plume(known, smooth, full)
     frame = _frame_noise(known, full)
     grain = float(np.sqrt(max(total**2 - frame**2, 0.0)))
@@ -104,18 +126,29 @@ def _one_sided(values: FloatArray) -> float:
 
 
 def _deviation_in_plume(maps: FloatArray, smooth: FloatArray, full: NDArray[np.bool_]) -> float:
+    """Return the deviation of maps about their local mean, relative to it, before clipping at 1."""
     if not full.any():
         return 0.02
     values = maps[full]
-    if np.mean(values >= 0.995) > 0.2:
-        return float(np.sqrt(2.0 * np.mean(np.square(np.minimum(values - 1.0, 0.0)))))
-    return float(np.std(values - smooth[full]) * 1.2)
+    deviation = SMOOTHED_AWAY * float(np.std(values / smooth[full] - 1.0))
+    return deviation / _censored_deviation(float(np.mean(values >= 0.999)))
+
+
+def _censored_deviation(share: float) -> float:
+    """Return the deviation of a standard normal whose upper `share` is cut down to its bound."""
+    if share < 1e-6:
+        return 1.0
+    share = min(share, 0.9)
+    bound = float(ndtri(1.0 - share))
+    mean = bound * share - float(_density(np.array(bound)))
+    square = bound**2 * share + float(_second_moment(np.array(bound)))
+    return float(np.sqrt(square - mean**2))
 
 
 def _frame_noise(maps: FloatArray, full: NDArray[np.bool_]) -> float:
     """Return the noise that is new in every frame, from differences of frames off the bounds."""
     both = full[1:] & full[:-1] & (maps[1:] < 0.99) & (maps[:-1] < 0.99)
-    if np.count_nonzero(both) < 200:
+    if np.count_nonzero(both) < FEWEST:
         return 0.01
     change = (maps[1:] - maps[:-1])[both]
     near = np.abs(change) < 6.0 * max(float(np.median(np.abs(change))), 0.004)

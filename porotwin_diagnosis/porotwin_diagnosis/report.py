@@ -320,6 +320,7 @@ def _method(result: 'Diagnosis') -> str:
         'of the recording and judged on the last 30 %, always from the start, fed with nothing but '
         f'rates. Measured noise: grain {noise.grain:.1%}, frame {noise.frame:.1%}, empty sand '
         f'{noise.background:.1%}, correlated over {noise.correlation:.1f} cells. Misfit in noise '
-        f'deviations per cell with tracer: {score(findings.null):.2f} before, '
-        f'{score(result.verdict.model):.2f} after; about 1 is noise. {smear}</p>{tried}'
+        f'deviations at fronts: {score(findings.null):.2f} before, '
+        f'{score(result.verdict.model):.2f} after; {findings.noise:.2f} is noise. '
+        f'{smear}</p>{tried}'
     )

@@ -16,7 +16,7 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library
-from porotwin_diagnosis.evidence import Sample, coarsened
+from porotwin_diagnosis.evidence import Sample, coarsened, noise_misfit
 from porotwin_diagnosis.fit import Fit, Fitter, Margin
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.scan import starts
@@ -46,8 +46,8 @@ above it fronts lie too far apart for that correction to stay in place."""
 ALIKE = 1.03
 """Fits whose misfit is within this factor of the last one that goes on go on with it."""
 
-EXPLAINED = 0.95
-"""Misfit below which a judged effect leaves nothing for a second one."""
+EXPLAINED = 0.45
+"""Excess below which a judged effect leaves nothing for a second one."""
 
 AT_A_WELL = 5.0
 """Cells about a well within which a leak cannot be told from a wrong rate of that well."""
@@ -64,7 +64,8 @@ class Findings:
     """All fits at the finest level each has reached; `null` and
     `screened_null` are the model without any effect, judged and as screened.
 
-    `margins` compares the best single effect with every one of `singles`, itself first.
+    `noise` is the misfit that the noise alone leads one to expect of judged fits. `margins`
+    compares the best single effect with every one of `singles`, itself first.
     """
 
     null: Fit
@@ -73,12 +74,22 @@ class Findings:
     singles: list[Fit] = field(default_factory=list)
     pairs: list[Fit] = field(default_factory=list)
     margins: list[Margin] = field(default_factory=list)
+    noise: float = 0.0
     runs: int = 0
+
+    def excess(self, fit: Fit) -> float:
+        """Return the misfit of a judged `fit` beyond that of the noise: what it leaves unexplained,
+        in units of the share of a cell by which no front is known."""
+        return float(np.sqrt(max(score(fit) ** 2 - self.noise**2, 0.0)))
 
 
 def score(fit: Fit) -> float:
-    """Return the misfit of fitted and held-out part together; about 1 is noise."""
-    return float(np.hypot(fit.fitted, fit.held_out) / np.sqrt(2.0))
+    """Return the misfit of fitted and held-out part together."""
+    return _together(fit.fitted, fit.held_out)
+
+
+def _together(fitted: float, held_out: float) -> float:
+    return float(np.hypot(fitted, held_out) / np.sqrt(2.0))
 
 
 class Search:
@@ -115,9 +126,10 @@ class Search:
                 forward.lean_on(finer)
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
+        findings.noise = _together(*noise_misfit(self.samples))
         findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.3, 0.55)
         best = findings.singles[0]
-        if score(best) > EXPLAINED:
+        if findings.excess(best) > EXPLAINED:
             pairs = self._pairs(screened)
             findings.pairs = self._finer(pairs[:JUDGED], 0.75, 0.92) if pairs else []
         findings.margins = [self.judging.margin(best, fit) for fit in findings.singles]

@@ -19,7 +19,7 @@ def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
     the rig where it needs a place; deviations are from no effect (from 1 for a factor).
     """
     base = fitter.residuals((), WIDTH)
-    cells = max(sum(sum(sample.active) for sample in fitter.samples), 1)
+    cells = max(sum(sample.active for sample in fitter.samples), 1)
     found: dict[str, dict[str, float | str]] = {}
     for candidate in library(fitter.samples):
         turns = list(candidate.first)

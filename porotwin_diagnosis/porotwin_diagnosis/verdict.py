@@ -1,7 +1,7 @@
 """From fits to a verdict: what is kept, what cannot be told apart, when to say nothing.
 
-Everything here is a function of misfits (1 is noise), so that its few constants can be calibrated
-on simulated gaps without simulating again; see `calibration`.
+Everything here is a function of misfits, so that its few constants can be calibrated on simulated
+gaps without simulating again; see `calibration`.
 """
 
 import json
@@ -22,20 +22,18 @@ NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
 class Thresholds:
     """What decides, as found on simulated gaps (`calibration.json` says which).
 
-    `quiet`: misfit of a model that explains a recording down to its noise. `worth`: an effect must
-    bring the misfit below this share to be kept; `pair_worth` the same for a second one.
-    `open`: misfit above which the best model leaves too much, `open_pair` the same for a pair,
-    which can imitate more. `sharpness`: fall of log-odds per
-    standard deviation of advantage, `steepness` per power of misfit. `same`: largest whitened
-    distance of two predictions that cannot be told apart. `scale`, `shift`: logistic map of
-    raw log-odds to seen frequency.
+    `quiet`: excess of a model that explains a recording down to its noise. `open`: excess above
+    which the best model leaves too much, `open_pair` the same for a pair, which can imitate more.
+    `pair_worth`: a second effect must bring the misfit below this share to be kept. `sharpness`:
+    fall of log-odds per standard deviation of advantage, `steepness` per power of misfit. `same`:
+    largest whitened distance of two predictions that cannot be told apart. `scale`, `shift`:
+    logistic map of raw log-odds to seen frequency.
     """
 
-    quiet: float = 1.1
-    worth: float = 0.85
+    quiet: float = 0.6
+    open: float = 0.65
+    open_pair: float = 0.65
     pair_worth: float = 0.8
-    open: float = 1.2
-    open_pair: float = 0.85
     sharpness: float = 1.0
     steepness: float = 12.0
     same: float = 0.06
@@ -72,19 +70,19 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
     limits = limits or thresholds()
     null, singles = findings.null, findings.singles
     best = singles[0]
-    before = score(null)
     probabilities = _probabilities(findings, limits)
-    if before < limits.quiet and score(best) > limits.worth * before:
-        return Verdict(
-            NONE, _none_confidence(before, score(best), limits), null, (), (), probabilities
-        )
+    before = findings.excess(null)
+    if before < limits.quiet:
+        odds = 4.0 * (1.0 - before / limits.quiet) + 1.0
+        return Verdict(NONE, _calibrated(odds, limits), null, (), (), probabilities)
     model = best
-    if findings.pairs:
+    if findings.pairs and findings.excess(best) > limits.open:
         pair = findings.pairs[0]
-        gains = score(pair) < limits.pair_worth * score(best)
-        if gains and pair.held_out < best.held_out:
+        if score(pair) < limits.pair_worth * score(best) and pair.held_out < best.held_out:
             model = pair
-    openness = score(model) / (limits.open_pair if len(model.members) > 1 else limits.open)
+    openness = findings.excess(model) / (
+        limits.open_pair if len(model.members) > 1 else limits.open
+    )
     if openness > 1.0:
         confidence = _calibrated(4.0 * math.log(openness) + 1.0, limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
@@ -119,25 +117,9 @@ def _lead_of_pair(model: Fit, name: str, findings: Findings, limits: Thresholds)
     return limits.steepness * math.log(max(nearest / score(model), 1.0))
 
 
-def _none_confidence(before: float, best: float, limits: Thresholds) -> float:
-    room = min(limits.quiet / before, best / (limits.worth * before))
-    return _calibrated(8.0 * math.log(room) + 1.5, limits)
-
-
 def _calibrated(odds: float, limits: Thresholds) -> float:
     value = 1.0 / (1.0 + math.exp(-(limits.scale * odds + limits.shift)))
     return float(np.clip(value, 0.05, 0.99))
-
-
-def _alone(findings: Findings) -> dict[str, float]:
-    """Return the best score of every effect alone, at the finest level that all of them reached."""
-    scores: dict[str, float] = {}
-    ladder = _ladder(findings)
-    for fit in [*findings.singles, *findings.screened]:
-        name = fit.members[0].effect
-        value = score(fit) if fit in findings.singles else score(fit) * ladder
-        scores.setdefault(name, value)
-    return scores
 
 
 def _lead(fit: Fit, margin: Margin, best: float, limits: Thresholds) -> float:

@@ -31,6 +31,7 @@ def said(tmp_path, verdict, confidence, combination=()):
         'effects': effects,
         'error': {'gap_closed': 0.9},
         'where': {'centre': None},
+        'made_with': {'seconds': 60.0},
     }
     (tmp_path / 'diagnosis.json').write_text(json.dumps(content))
     return tmp_path
@@ -51,7 +52,20 @@ def test_scores_tell_right_from_sure_and_wrong(tmp_path):
 def test_calibration_error_is_zero_only_when_statements_come_true():
     def scores(confidence, hits, count):
         return [
-            Score('c', 'single', ('rate',), 'rate', confidence, n < hits, None, None, None, None)
+            Score(
+                name='c',
+                kind='single',
+                truth=('rate',),
+                verdict='rate',
+                confidence=confidence,
+                right=n < hits,
+                both_found=None,
+                gap_closed=None,
+                parameter_errors=(),
+                intervals_held=0,
+                distance_m=None,
+                seconds=60.0,
+            )
             for n in range(count)
         ]
 

@@ -23,6 +23,9 @@ LONGEST_STEP = 60.0
 """Longest step [s] of the slowest cells, between advection and diffusion, and between two flows
 where the tracer moves the water."""
 
+STEPS_KEPT = 4
+"""Lengths of step whose diffusion is kept: photographs at even times ask for few."""
+
 
 @dataclass
 class State:
@@ -65,7 +68,7 @@ class Engine:
         self.coupling = Coupling(coupled or physics) if physics.is_coupled else None
         self.coupled_factor = self.grid.nx // (coupled or physics).grid.nx
         self._scratch = Carried.zeros(FaceField.zeros(self.grid))
-        self._still: Exchanges | None = None
+        self._still: dict[float, Exchanges] = {}
 
     def seen(self, state: State) -> FloatArray:
         """Return the concentration that the camera sees: the mean of moving and immobile water."""
@@ -167,13 +170,15 @@ class Engine:
         self.react(state, pairs.time_step)
 
     def exchanges(self, flux: FaceField, step: float) -> Exchanges:
-        """Return the diffusion for `step` [s]; that without dispersion is kept."""
+        """Return the diffusion for `step` [s]; that without dispersion is kept for a few steps."""
         physics = self.physics
         if physics.disperses:
             return exchanges(physics, flux, step)
-        if self._still is None or self._still.time_step != step:
-            self._still = exchanges(physics, flux, step)
-        return self._still
+        found = self._still.pop(step, None) or exchanges(physics, flux, step)
+        self._still[step] = found
+        if len(self._still) > STEPS_KEPT:
+            del self._still[next(iter(self._still))]
+        return found
 
     def react(self, state: State, duration: float) -> None:
         """Exchange with the immobile water and decay, both exactly, by `duration` [s]."""
