@@ -1,17 +1,24 @@
-"""./porotwin diagnose: the sim-to-real gap of a recording."""
+"""./porotwin diagnose: the sim-to-real gap of a recording, or of the run so far."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from porotwin_cli.output import Json, print_json, progress, say
+from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
 
 
 def command(
-    recordings: Annotated[list[Path], typer.Argument(help='Experiment folders or MCAP bags.')],
     output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json, fields.nc.')],
+    recordings: Annotated[
+        list[Path] | None, typer.Argument(help='Experiment folders or MCAP bags.')
+    ] = None,
+    live: Annotated[
+        bool, typer.Option('--live', help='Of the run so far of the twin that is running.')
+    ] = False,
     rig: Annotated[
         Path | None, typer.Option(help='rig.yaml, if not that of the recording.')
     ] = None,
@@ -26,12 +33,20 @@ def command(
     """Say where the gap between model and rig lies, which effect causes it, how far it shrinks.
 
     Several recordings of the same rig are judged together. The report is a page with pictures.
+    With --live the running twin is asked, which goes on meanwhile.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
     """
     from porotwin_diagnosis.diagnose import diagnose
     from porotwin_recording.recording import open_recording
 
+    if live != (not recordings):
+        raise InputError('name recordings, or the running twin with --live')
+    if live or recordings is None:
+        if rig is not None or apply:
+            raise InputError('--live judges the twin as it runs; leave out --rig and --apply')
+        _live(output, as_json=as_json)
+        return
     for recording in recordings:
         open_recording(recording)  # complain before a progress bar is drawn
     with progress() as bar:
@@ -51,3 +66,19 @@ def command(
         return
     print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
     say(f'read {output / "report.html"}')
+
+
+def _live(output: Path, *, as_json: bool) -> None:
+    from porotwin_cli.live_diagnosis import diagnose_run_so_far
+
+    with progress() as bar:
+        task = bar.add_task('diagnosis', total=100)
+        result = diagnose_run_so_far(
+            output,
+            lambda stage, share: bar.update(task, completed=round(100 * share), description=stage),
+        )
+    if as_json:
+        print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
+        return
+    print(f'{result.verdict}, with confidence {result.confidence:.2f}')
+    say(f'read {result.report}')

@@ -42,6 +42,9 @@ def command(
     ] = 600.0,
     speak: Annotated[bool, typer.Option(help='Speak setpoints with espeak-ng.')] = False,
     predict_only: Annotated[bool, typer.Option(help='Never choose setpoints.')] = False,
+    diagnosis: Annotated[
+        bool, typer.Option(help='Offer a diagnosis of the run so far: ./porotwin diagnose --live.')
+    ] = True,
     output: Annotated[Path | None, typer.Option(help='Folder for bag and logs.')] = None,
 ) -> None:
     """Start the twin: photographs in, maps, predictions and setpoints out, everything recorded.
@@ -72,6 +75,7 @@ def command(
         control=not predict_only,
         retrain_every=retrain_every,
         record=folder / 'bag',
+        diagnoses=folder / 'diagnoses' if diagnosis else None,
         page=page,
         speak=speak,
     )

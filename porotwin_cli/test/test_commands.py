@@ -161,3 +161,9 @@ def test_up_wants_exactly_one_source_of_photographs(experiment: Path) -> None:
     result = porotwin('up', '--rig', experiment / 'rig.yaml')
     assert result.returncode == 2
     assert 'either --photos FOLDER or --camera DEVICE' in result.stderr
+
+
+def test_diagnose_wants_recordings_or_the_running_twin(tmp_path: Path) -> None:
+    result = porotwin('diagnose', '--output', tmp_path / 'out')
+    assert result.returncode == 2
+    assert 'name recordings, or the running twin with --live' in result.stderr

@@ -1,28 +1,30 @@
 """The diagnosis as an action, beside the live twin: of a recording, or of the run so far."""
 
+import os
+import shutil
 import tempfile
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import Grid
 from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
-from porotwin_core.wells import Schedule, WellRate
-from porotwin_diagnosis.diagnose import diagnose
+from porotwin_diagnosis.diagnose import Diagnosis, diagnose
+from porotwin_diagnosis.run_so_far import RunSoFar
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, WellRates
-from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.experiment import write_experiment
+
+NICENESS = 10
+"""Given way to the loop: the diagnosis takes what the twin leaves of the machine."""
 
 
 class CalledOffError(Exception):
@@ -42,11 +44,12 @@ class DiagnosisNode(Node):
         self._rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         text = declare(self, 'grid', str(self._rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(text, self._rig.width_m, self._rig.height_m)
+        self._setting = declare(self, 'setting', 'accurate', 'scheme whose gap is asked for')
         self._workers = declare(self, 'workers', 1, 'simulations at a time')
+        self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')
         self._lock = threading.Lock()
         self._busy = threading.Lock()
-        self._frames: list[tuple[float, FloatArray]] = []
-        self._told: list[tuple[float, dict[str, WellRate]]] = []
+        self._run = RunSoFar(self._rig, self._grid)
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
@@ -55,7 +58,6 @@ class DiagnosisNode(Node):
             Diagnose,
             'diagnosis/diagnose',
             execute_callback=self._execute,
-            goal_callback=self._on_goal,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
             callback_group=ReentrantCallbackGroup(),
         )
@@ -64,14 +66,10 @@ class DiagnosisNode(Node):
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             stamp = conversions.time_from_msg(message.header.stamp)
+            with self._lock:
+                self._run.saw(stamp, concentration, grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
-            return
-        if grid != self._grid:
-            self.get_logger().error(f'state {message.sequence} ignored: on {grid}')
-            return
-        with self._lock:
-            self._frames.append((stamp, concentration.astype(np.float32)))
 
     def _on_measured(self, message: WellRates) -> None:
         try:
@@ -81,58 +79,83 @@ class DiagnosisNode(Node):
             self.get_logger().error(f'measured rates ignored: {error}')
             return
         with self._lock:
-            self._told.append((start, rates))
+            self._run.pumped(start, rates)
 
-    def _on_clean(self, _message: CleanState) -> None:
-        with self._lock:
-            self._frames.clear()
-            self._told.clear()
-
-    def _on_goal(self, _goal: Any) -> GoalResponse:
-        return GoalResponse.REJECT if self._busy.locked() else GoalResponse.ACCEPT
+    def _on_clean(self, message: CleanState) -> None:
+        if message.cause == CleanState.FINISHED:
+            with self._lock:
+                self._run.finished()
 
     def _execute(self, goal: ServerGoalHandle) -> Any:
+        """Answer a goal; one that comes while another is worked on is told so at once."""
         result = Diagnose.Result()
-        output = goal.request.output or tempfile.mkdtemp(prefix='diagnosis_')
-        with self._busy:
-            try:
-                with tempfile.TemporaryDirectory(prefix='porotwin_diagnosis_') as folder:
-                    recording = goal.request.recording or self._so_far(Path(folder) / 'run')
-                    found = diagnose(
-                        recording,
-                        output,
-                        workers=self._workers,
-                        progress=_Feedback(goal),
-                    )
-            except CalledOffError:
-                goal.canceled()
-                result.outcome = conversions.refusal(InputError('diagnosis called off'))
-                return result
-            except Exception as error:
-                self.get_logger().error(f'diagnosis failed: {error}')
-                goal.abort()
-                result.outcome = conversions.refusal(error)
-                return result
+        if not self._busy.acquire(blocking=False):
+            goal.abort()
+            busy = InputError('diagnosis: one is running; wait for its result or call it off')
+            result.outcome = conversions.refusal(busy)
+            return result
+        try:
+            output = self._folder(goal.request.output)
+            found = self._diagnose(goal, output)
+        except CalledOffError:
+            goal.canceled()
+            result.outcome = conversions.refusal(InputError('diagnosis called off'))
+            self.get_logger().info('diagnosis called off')
+            return result
+        except Exception as error:
+            # whatever happens to one diagnosis, the node goes on listening
+            self.get_logger().error(f'diagnosis failed: {error}')
+            goal.abort()
+            result.outcome = conversions.refusal(error)
+            return result
+        finally:
+            self._busy.release()
         result.outcome = conversions.ok()
         result.verdict = found.verdict.name
         result.confidence = found.verdict.confidence
         result.error_before = found.summary['error']['before']
         result.error_after = found.summary['error']['after']
-        result.report = str(Path(output) / 'report.html')
+        result.report = str(output / 'report.html')
+        self.get_logger().info(
+            f'{found.verdict.name}, confidence {found.verdict.confidence:.2f}: {result.report}'
+        )
         goal.succeed()
-        self.get_logger().info(f'{found.verdict.name}, confidence {found.verdict.confidence:.2f}')
         return result
 
-    def _so_far(self, folder: Path) -> Path:
-        """Write what the graph has seen so far as an experiment folder."""
+    def _diagnose(self, goal: ServerGoalHandle, output: Path) -> Diagnosis:
+        """Diagnose the recording asked for, or the run so far, which is kept beside its report."""
+        if goal.request.recording:
+            return self._judge(goal, Path(goal.request.recording), output)
+        recording = output / 'run'
         with self._lock:
-            frames, told = list(self._frames), list(self._told)
-        if not frames:
-            raise InputError('diagnosis: the running graph has shown nothing yet; wait a while')
-        stack = np.stack([frame for _, frame in frames])
-        times = np.array([stamp for stamp, _ in frames])
-        maps = ConcentrationMaps(times, self._grid, lambda start, stop: stack[start:stop])
-        write_experiment(folder, rig=self._rig, told=Schedule.from_rates(told), maps=maps)
+            self._run.write(recording)
+        try:
+            return self._judge(goal, recording, output)
+        except BaseException as error:
+            shutil.rmtree(recording)
+            if isinstance(error, InputError):
+                text = str(error).replace(str(recording), 'the run so far')
+                raise InputError(text) from None
+            raise
+
+    def _judge(self, goal: ServerGoalHandle, recording: Path, output: Path) -> Diagnosis:
+        return diagnose(
+            recording,
+            output,
+            setting=self._setting,
+            workers=self._workers,
+            progress=_Feedback(goal),
+        )
+
+    def _folder(self, asked: str) -> Path:
+        """Return where a diagnosis goes: as asked, or a new folder of its own."""
+        if asked:
+            return Path(asked)
+        if not self._output:
+            return Path(tempfile.mkdtemp(prefix='diagnosis_'))
+        number = 1
+        while (folder := Path(self._output) / f'diagnosis_{number:02d}').exists():
+            number += 1
         return folder
 
 
@@ -154,8 +177,9 @@ class _Feedback:
 
 
 def main() -> None:
-    """Run the node."""
-    run(DiagnosisNode)
+    """Run the node, at a low priority."""
+    os.nice(NICENESS)  # before any thread is started: each inherits it
+    run(DiagnosisNode, threads=3)  # one diagnoses, one listens, one refuses a second goal
 
 
 if __name__ == '__main__':

@@ -92,14 +92,12 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
     while graph.server.count_publishers('asset/new_state') == 0:
         pass
     for number in range(3):
-        tracer = conversions.tracer_to_msg(
-            np.full(graph.grid.shape, 0.5), graph.grid, 30.0 * number
-        )
+        tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, 30.0 * number)
         message = NewState(sequence=number, tracer=tracer)
         message.header.stamp = tracer.header.stamp
         publisher.publish(message)
     for _ in range(200):
-        if len(graph.server._frames) == 3:
+        if len(graph.server._run) == 3:
             break
         threading.Event().wait(0.1)
     handle, _ = graph.goal()
@@ -108,7 +106,9 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
     assert 'too few' in outcome.message
 
 
-def test_a_running_diagnosis_tells_its_progress_and_can_be_called_off(graph, quiet, tmp_path):
+def test_a_running_diagnosis_tells_its_progress_refuses_another_and_can_be_called_off(
+    graph, quiet, tmp_path
+):
     handle, feedback = graph.goal(recording=str(quiet), output=str(tmp_path / 'out'))
     for _ in range(600):
         if len(feedback) > 1:
@@ -116,7 +116,11 @@ def test_a_running_diagnosis_tells_its_progress_and_can_be_called_off(graph, qui
         threading.Event().wait(0.1)
     assert feedback
     assert 0.0 <= feedback[-1].fraction < 1.0
+    second, _ = graph.goal(recording=str(quiet), output=str(tmp_path / 'second'))
+    refused = graph.wait(second.get_result_async()).result.outcome
+    assert refused.code != Outcome.OK
+    assert refused.message == 'diagnosis: one is running; wait for its result or call it off'
     graph.wait(handle.cancel_goal_async())
     outcome = graph.wait(handle.get_result_async()).result.outcome
-    assert 'called off' in outcome.message
+    assert outcome.message == 'diagnosis called off'
     assert not (tmp_path / 'out' / 'diagnosis.json').exists()

@@ -50,6 +50,7 @@ class GraphSettings:
     control: bool = _setting(True, 'choose setpoints, when rig.yaml says what may be controlled')
     retrain_every: int = _setting(0, 'retrain COSTA after so many new states; 0: never')
     record: Path | None = _setting(None, 'bag to record everything into')
+    diagnoses: Path | None = _setting(None, 'folder for diagnoses of the run, made when asked for')
     page: str = _setting('', 'HOST:PORT of the page; empty: no page')
     speak: bool = _setting(False, 'speak setpoints with espeak-ng')
     use_sim_time: bool = _setting(False, 'take the time from /clock')
@@ -97,6 +98,15 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
                 'porotwin_recording',
                 'recorder_node',
                 {'output': str(settings.record), 'use_sim_time': settings.use_sim_time},
+            )
+        )
+    if settings.diagnoses is not None:
+        nodes.append(
+            NodeDescription(
+                'diagnosis',
+                'porotwin_diagnosis',
+                'diagnosis_node',
+                {**mapped, 'setting': settings.setting, 'output': str(settings.diagnoses)},
             )
         )
     if settings.page:

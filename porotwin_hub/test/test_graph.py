@@ -18,6 +18,7 @@ FULL = GraphSettings(
     grid='94x56',
     retrain_every=40,
     record=Path('bag'),
+    diagnoses=Path('diagnoses'),
     page='127.0.0.1:8765',
 )
 

@@ -1,0 +1,78 @@
+"""What counts as the run so far, and how it becomes a recording."""
+
+import numpy as np
+import pytest
+from diagnosis_examples import SMALL
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRate
+from porotwin_diagnosis.run_so_far import MOST_MAPS, RunSoFar
+from porotwin_recording.recording import open_recording
+
+GRID = SMALL.grid(20, 12)
+EMPTY = np.zeros(GRID.shape)
+FULL = np.full(GRID.shape, 0.8)
+INJECTING = {'injector': WellRate(1e-7, 1.0)}
+
+
+def run(*stamps, first=EMPTY):
+    kept = RunSoFar(SMALL, GRID)
+    for number, stamp in enumerate(stamps):
+        kept.saw(stamp, FULL if number else first, GRID)
+    return kept
+
+
+def written(kept, folder):
+    kept.write(folder)
+    return open_recording(folder)
+
+
+def test_time_begins_with_the_run_whatever_the_clock_of_the_photographs(tmp_path):
+    kept = run(1.7e9, 1.7e9 + 30.0, 1.7e9 + 60.0)
+    kept.pumped(1.7e9 + 30.0, INJECTING)
+    recording = written(kept, tmp_path / 'run')
+    assert recording.times == pytest.approx([0.0, 30.0, 60.0])
+    assert recording.schedule.at(29.0) == {}
+    assert recording.schedule.at(30.0) == INJECTING
+
+
+def test_missed_photographs_do_not_end_a_run():
+    assert len(run(0.0, 30.0, 600.0)) == 3
+
+
+def test_a_clock_that_goes_back_begins_a_run_in_which_the_pumps_go_on(tmp_path):
+    kept = run(0.0, 30.0)
+    kept.pumped(10.0, INJECTING)
+    kept.saw(5.0, EMPTY, GRID)
+    recording = written(kept, tmp_path / 'run')
+    assert list(recording.times) == [0.0]
+    assert recording.schedule.at(0.0) == INJECTING
+
+
+def test_a_finished_run_stays_until_another_begins():
+    kept = run(0.0, 30.0)
+    kept.finished()
+    assert len(kept) == 2
+    kept.saw(900.0, EMPTY, GRID)
+    assert len(kept) == 1
+
+
+def test_a_run_that_was_not_seen_from_its_beginning_is_refused(tmp_path):
+    kept = run(3000.0, 3030.0, first=FULL)
+    with pytest.raises(InputError, match='nobody saw how it got there'):
+        kept.write(tmp_path / 'run')
+    kept = run(3000.0, 3030.0, first=FULL)
+    kept.pumped(2900.0, INJECTING)  # it was seen how
+    kept.write(tmp_path / 'run')
+
+
+def test_a_map_on_another_grid_is_refused():
+    with pytest.raises(InputError, match='map on'):
+        run().saw(0.0, EMPTY[1:], SMALL.grid(20, 11))
+
+
+def test_a_long_run_is_thinned_and_keeps_its_ends():
+    kept = run(*(30.0 * n for n in range(MOST_MAPS + 50)))
+    assert len(kept) <= MOST_MAPS
+    assert kept._times[0] == 0.0
+    assert kept._times[-1] == 30.0 * (MOST_MAPS + 49)

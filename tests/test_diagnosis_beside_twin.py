@@ -1,0 +1,97 @@
+"""The diagnosis beside the live twin: asked about the run so far, it names what was withheld."""
+
+from pathlib import Path
+
+import pytest
+from graph import RunningGraph, running_graph
+from rclpy.action import ActionClient
+
+from porotwin_cli.live_diagnosis import diagnose_run_so_far
+from porotwin_cli.output import WorkFailed
+from porotwin_cli.rehearsal import calibration_run
+from porotwin_core.rig import load_rig, write_rig
+from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_msgs.action import Diagnose
+from porotwin_msgs.msg import Outcome
+from porotwin_recording.recording import open_recording
+from porotwin_rig.camera import camera_before
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+ROOT = Path(__file__).resolve().parents[1]
+PHOTO_WIDTH = 640
+WITHHELD = 'rate:well=injector,factor=0.7'
+STATES = 20
+"""Photographs before the diagnosis is asked: half an hour of the experiment."""
+
+
+def rig_nodes(folder: Path) -> list[NodeDescription]:
+    """Return the twin with its diagnosis, and a virtual rig whose injector delivers too little."""
+    rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+    camera = camera_before(rig, PHOTO_WIDTH).description()
+    rig = rig.model_copy(update={'camera': camera})
+    write_rig(rig, folder / 'rig.yaml')
+    settings = GraphSettings(
+        rig=folder / 'rig.yaml',
+        calibration=calibration_run(rig, folder, seed=5, photo_width=PHOTO_WIDTH),
+        grid='94x56',
+        evaluations=4,
+        photo_interval_s=90.0,
+        diagnoses=folder / 'diagnoses',
+        use_sim_time=True,
+    )
+    asset = NodeDescription(
+        'virtual_rig',
+        'porotwin_rig',
+        'virtual_rig_node',
+        {
+            'rig': str(settings.rig),
+            'photo_interval_s': 90.0,
+            'duration_s': 7200.0,
+            'seed': 5,
+            'speed': '90',
+            'photo_width_px': PHOTO_WIDTH,
+            'effects': WITHHELD,
+        },
+    )
+    return [*twin_nodes(settings), operator_node(settings, asset=False), asset]
+
+
+def asked(graph: RunningGraph, client: ActionClient, stages: list[str]) -> Diagnose.Result:
+    """Return the diagnosis of the run so far; `stages` tells what it was at."""
+    sent = client.send_goal_async(
+        Diagnose.Goal(), lambda message: stages.append(message.feedback.stage)
+    )
+    graph.ear.wait_for('an answer to the goal', sent.done, timeout=30.0)
+    finished = sent.result().get_result_async()
+    graph.ear.wait_for('a diagnosis', finished.done, timeout=300.0)
+    return finished.result().result
+
+
+@pytest.mark.timeout(600)
+def test_the_run_so_far_names_what_was_withheld_while_the_twin_goes_on(
+    tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with running_graph(rig_nodes(tmp_path), tmp_path, domain) as graph:
+        client = ActionClient(graph.ear.node, Diagnose, 'diagnosis/diagnose')
+        graph.wait_for_messages('hub/cycle', 3, timeout=120.0)
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+        with pytest.raises(
+            WorkFailed, match='^the run so far: . maps are too few'
+        ):  # as the command line asks
+            diagnose_run_so_far(tmp_path / 'early', lambda _stage, _share: None)
+
+        graph.wait_for_messages('hub/cycle', STATES, timeout=180.0)
+        stages: list[str] = []
+        cycles = len(graph.heard['hub/cycle'])
+        result = asked(graph, client, stages)
+        assert result.outcome.code == Outcome.OK, result.outcome.message
+        assert result.verdict == 'rate'
+        assert result.error_after < 0.6 * result.error_before
+        assert Path(result.report).is_file()
+        assert Path(result.report).parent.parent == tmp_path / 'diagnoses'
+        assert open_recording(Path(result.report).parent / 'run').times[0] == 0.0
+        assert len(set(stages)) > 5
+        meanwhile = graph.heard['hub/cycle'][cycles:]
+        assert len(meanwhile) > 1
+        assert not any(list(report.remarks) for report in meanwhile)
