@@ -3,223 +3,241 @@
 import base64
 import html
 import io
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
-from porotwin_diagnosis.candidates import CAMERA
+from porotwin_diagnosis import report_pictures as pictures
+from porotwin_diagnosis.candidates import CAMERA, LOCAL
+from porotwin_diagnosis.evidence import FRONT_TOLERANCE
+from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
 from porotwin_diagnosis.search import score
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED
 
 if TYPE_CHECKING:
     from porotwin_diagnosis.diagnose import Diagnosis
 
-SENTENCES = {
-    'numerical_diffusion': 'the model itself smears: a sharper scheme closes the gap',
-    'dispersion': 'the tracer spreads more than by molecular diffusion alone',
-    'buoyancy': 'the tracer has another density than water',
-    'viscosity': 'the tracer has another viscosity than water',
-    'retardation': 'the tracer sorbs to the sand',
-    'decay': 'the tracer fades or is lost',
-    'dual_porosity': 'a part of the pore water does not move',
-    'heterogeneity': 'a zone of the sand is more or less permeable than believed',
-    'porosity': 'the porosity is not what is believed',
-    'depth': 'the plates bulge',
-    'rate': 'a pump does not deliver what it is told',
-    'well_position': 'a well opens elsewhere than believed',
-    'leak': 'water is lost or gained at an unknown place',
-    'background_flow': 'water flows through the whole rig beside the wells',
-    'saturation': 'the camera’s signal is not proportional to the concentration',
-    'illumination': 'the light drifts or is uneven',
-    'registration': 'the picture is shifted, turned or scaled against the rig',
-    'clock': 'the clock of the photographs does not agree with that of the pumps',
-}
-CHECKS = {
-    'dispersion': 'repeat at half the rates: dispersion goes with distance, diffusion with time',
-    'buoyancy': 'stop all pumps: the plume goes on sinking or rising; weigh a flask of the stock',
-    'viscosity': 'measure the stock in a capillary viscometer',
-    'retardation': 'shake a batch of sand with stock and measure what stays dissolved',
-    'decay': 'leave a closed bottle of stock in the same light and photograph it every hour',
-    'dual_porosity': 'chase with water and watch the tail at the producer',
-    'heterogeneity': 'look at the sand there; inject from a well close to it',
-    'porosity': 'weigh the water that fills the rig',
-    'depth': 'measure the gap between the plates in the middle with a feeler gauge',
-    'rate': 'collect what the pump delivers in a measuring cylinder for ten minutes',
-    'well_position': 'measure where the well opens',
-    'leak': 'stop all pumps and watch the water table; dry the plates and look for drops',
-    'background_flow': 'inject a drop of tracer with all pumps stopped and see where it drifts',
-    'saturation': 'photograph three bottles of stock diluted to known concentrations',
-    'illumination': 'photograph a grey card at the start and the end, left and right',
-    'registration': 'photograph a scale in the rig and mark its corners again',
-    'clock': 'photograph the clock of the pumps',
-    'numerical_diffusion': 'run the model with the accurate setting',
-}
-
 STYLE = """
 body{font:16px/1.5 system-ui,sans-serif;max-width:1080px;margin:2rem auto;padding:0 1rem;
 color:#1c2430}
 h1{font-size:1.6rem;margin-bottom:.2rem} h2{font-size:1.15rem;margin-top:2rem}
 .verdict{font-size:1.2rem;background:#eef4fa;border-left:5px solid #2a6fb0;padding:.8rem 1rem}
-img{width:100%;height:auto} figure{margin:1.2rem 0} figcaption{color:#52606d;font-size:.92rem}
+img{max-width:100%;height:auto} figure{margin:1.2rem 0}
+figcaption{color:#52606d;font-size:.92rem}
 table{border-collapse:collapse;width:100%;font-size:.92rem}
-td,th{padding:.3rem .6rem;text-align:left;border-bottom:1px solid #dde3ea}
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}
-.bar{display:inline-block;height:.7rem;background:#2a6fb0;vertical-align:middle}
+td,th{padding:.3rem .6rem;text-align:left;border-bottom:1px solid #dde3ea;vertical-align:top}
+td.n,th.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
+.bar{display:inline-block;height:.7rem;background:#c8402f;vertical-align:middle}
 small{color:#52606d}
 """
 
 
 def write_report(path: Path, result: 'Diagnosis') -> None:
     """Write the page for `result`; it needs nothing beside itself."""
+    title = f'Sim-to-real gap: {html.escape(result.recordings[0].rig.name)} rig'
     body = [
-        f'<h1>Sim-to-real gap: {html.escape(result.recordings[0].rig.name)} rig</h1>',
-        f'<small>{html.escape(", ".join(str(r.source) for r in result.recordings))}</small>',
-        f'<p class="verdict">{_sentence(result)}</p>',
-        _figure(
-            _plumes(result),
-            'The last map of the held-out part, and what the model makes of it '
-            'from the pumps’ rates alone. Red: too much tracer, blue: too little.',
-        ),
-        _figure(
-            _gap(result),
-            'Left: where the gap arises, before the flow has carried it anywhere '
-            '(one-step residuals in weak form). Right: free-running error over the held-out part.',
-        ),
-        '<h2>What was tried</h2>',
-        _ranking(result),
-        '<h2>When the gap arises</h2>',
-        _phases(result),
-        '<h2>How to check it in the laboratory</h2>',
-        _checks(result),
-        '<h2>Next experiment</h2>',
-        _proposals(result),
-        '<h2>What this recording could not have shown</h2>',
-        _strengths(result),
-        '<h2>How it was done</h2>',
-        _method(result),
+        f'<h1>{title}</h1>',
+        f'<small>{_recordings(result)}</small>',
+        f'<p class="verdict">{sentence(result)}</p>',
+        *_kept(result),
+        *_pictures(result),
+        *_sections(result),
     ]
     page = (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Diagnosis</title>'
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f'<style>{STYLE}</style></head><body>{"".join(body)}</body></html>'
     )
     path.write_text(page, encoding='utf-8')
 
 
-def _sentence(result: 'Diagnosis') -> str:
+def _sections(result: 'Diagnosis') -> Iterator[str]:
+    unseen = ('What this recording could not have shown', _strengths(result))
+    sections = [
+        ('What was tried', _ranking(result) + _pairs(result)),
+        ('When the gap arises', _phases(result)),
+        ('How to check it in the laboratory', _checks(result)),
+        ('Next experiment', _proposals(result)),
+        unseen,
+        ('How it was done', _method(result)),
+    ]
+    if result.verdict.name == NONE:
+        sections = [unseen, sections[0], sections[-1]]
+    for title, content in sections:
+        yield f'<h2>{title}</h2>{content}'
+
+
+def _recordings(result: 'Diagnosis') -> str:
+    lines = []
+    for recording, sample in zip(result.recordings, result.samples, strict=True):
+        grid = recording.grid
+        lines.append(
+            f'{html.escape(str(recording.source))}: {sample.duration / 60:.0f} min, '
+            f'{len(recording.times)} maps of {grid.nx} × {grid.nz} cells of '
+            f'{1e3 * grid.dx:.1f} mm'
+        )
+    return '<br>'.join(lines)
+
+
+def sentence(result: 'Diagnosis') -> str:
+    """Return the verdict on `result` in a sentence, as HTML."""
     verdict, errors = result.verdict, result.summary['error']
-    sure = f'confidence {verdict.confidence:.0%}'
+    sure = f'confidence {100 * verdict.confidence:.0f} %'
+    before, after = (_percent(errors[key]) for key in ('before', 'after'))
+    floor = f'the noise of the maps alone leaves {_percent(errors["noise_floor"])}'
     if verdict.name == NONE:
         return (
-            f'<b>No gap.</b> The model explains the recording down to its noise '
-            f'(error {errors["before"]:.1%}, noise floor {errors["noise_floor"]:.1%}; {sure}).'
+            '<b>No gap.</b> The model as it is explains this recording down to its noise: it '
+            f'misses the held-out part by {before}, and {floor} ({sure}).'
         )
     if verdict.name == UNEXPLAINED:
+        findings = result.findings
+        pairs = ', nor of their best pairs,' if findings.pairs else ''
+        tried = len({fit.members[0].effect for fit in findings.screened})
         return (
-            f'<b>Unexplained.</b> There is a gap of {errors["before"]:.1%}, and no effect of the '
-            f'library accounts for it; the best leaves {errors["after"]:.1%} beside a noise floor '
-            f'of {errors["noise_floor"]:.1%} ({sure}).'
+            f'<b>Unexplained.</b> There is a gap: the model misses the held-out part by {before}, '
+            f'while {floor}. None of the {tried} effects of the library{pairs} accounts for it: '
+            f'the best, {_label(verdict.model)}, still misses it by {after}, with '
+            f'{_beyond_noise(result, verdict.model)} ({sure}).'
         )
-    others = [name for name in verdict.members if name != verdict.name]
-    also = f', together with <b>{", ".join(others)}</b>' if others else ''
-    alike = (
-        f' This recording cannot tell it from {", ".join(verdict.inseparable)}.'
-        if verdict.inseparable
+    names = ' and '.join(f'<b>{spoken(name)}</b>' for name in verdict.members)
+    means = ', and '.join(_meaning(name, result) for name in verdict.members)
+    if verdict.inseparable:
+        names = ' or '.join(f'<b>{spoken(name)}</b>' for name in _members_and_alike(result))
+        names += ', which this recording cannot tell apart'
+        means = ', or '.join(_meaning(name, result) for name in _members_and_alike(result))
+    return (
+        f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means} ({sure}). Mended, the model misses '
+        f'the held-out part by {after} instead of {before}; {floor}, so that '
+        f'{100 * errors["gap_closed"]:.0f} % of the gap is closed.'
+    )
+
+
+def _members_and_alike(result: 'Diagnosis') -> tuple[str, ...]:
+    return (*result.verdict.members, *result.verdict.inseparable)
+
+
+def _meaning(name: str, result: 'Diagnosis') -> str:
+    row = next(row for row in result.summary['effects'] if row['name'] == name)
+    return phrase(name, row['parameters'])
+
+
+def _label(fit: Fit) -> str:
+    return html.escape(spoken(fit.label))
+
+
+def _percent(share: float) -> str:
+    return f'{100 * share:.1f} %'
+
+
+def _beyond_noise(result: 'Diagnosis', fit: Fit) -> str:
+    """Say what `fit` leaves beyond the noise, as what misplaced fronts would leave."""
+    shift = result.findings.excess(fit) * FRONT_TOLERANCE * result.samples[0].grid.dx
+    return f'as much beyond the noise as fronts {number(1e3 * shift, 2)} mm off would leave'
+
+
+def _kept(result: 'Diagnosis') -> Iterator[str]:
+    """Yield the table of the kept effects' parameters with their intervals."""
+    rows = []
+    for row in result.summary['effects']:
+        if row['name'] not in _members_and_alike(result):
+            continue
+        for name, parameter in row['parameters'].items():
+            if isinstance(parameter['value'], str) or parameter.get('unit'):  # not what is fixed
+                middle, span = interval(name, parameter)
+                rows.append([spoken(row['name']), spoken(name), middle, span])
+    if rows:
+        yield _table(['effect', 'parameter', 'found', '90 % interval'], rows, {2, 3})
+    if len(result.held_out) > 1:
+        errors = [
+            [str(recording.source.name), *map(_percent, shares)]
+            for recording, shares in zip(
+                result.recordings,
+                ((p.error_before, p.error_after, p.noise_floor) for p in result.held_out),
+                strict=True,
+            )
+        ]
+        yield _table(['recording', 'before', 'after', 'noise alone'], errors, {1, 2, 3})
+
+
+def _pictures(result: 'Diagnosis') -> Iterator[str]:
+    yield from _photo(result)
+    for index, recording in enumerate(result.recordings):
+        which = f' ({recording.source.name})' if len(result.recordings) > 1 else ''
+        yield _figure(
+            pictures.plumes(result, index),
+            f'The last photograph’s map{which}, and what the model makes of it from the pumps’ '
+            f'rates alone. {_below(result)}',
+        )
+        if index == 0:
+            yield _figure(pictures.gap(result), _gap_caption(result))
+        if index == 0 and result.verdict.name == UNEXPLAINED:
+            yield _figure(
+                pictures.remainder(result),
+                'The remainder, which no effect of the library accounts for. Left, red: more tracer'
+                f' in the rig than in the best model ({spoken(result.verdict.model.label)}). Right:'
+                ' divided by what noise and a front 0.12 cells off would leave; about 1 is '
+                'nothing.',
+            )
+        yield _figure(
+            pictures.course(result, index),
+            f'Error over time{which}: the model runs from the start to the end, fed with nothing '
+            'but rates; effects are fitted left of the shaded part and judged in it. Below: what '
+            'the pumps were told, thick where tracer is injected.',
+        )
+
+
+def _below(result: 'Diagnosis') -> str:
+    if result.verdict.name == NONE:
+        return 'Right, red: more tracer in the rig than in the model; blue: less.'
+    return (
+        'Below: where each holds half the stock, and the differences; red: more tracer in the rig '
+        'than in the model; blue: less.'
+    )
+
+
+def _gap_caption(result: 'Diagnosis') -> str:
+    if result.verdict.name == NONE:
+        return (
+            'Left: what one short step of the model misses (one-step residuals in weak form). '
+            'Right: error of the free-running model. There is no gap: both show the noise.'
+        )
+    marks = (
+        ' Light blue: the place of the effect found.'
+        if any({'x', 'well'} & set(effect.parameters) for effect in result.verdict.model.effects)
+        and result.verdict.members
         else ''
     )
     return (
-        f'<b>{verdict.name}</b>: {SENTENCES[verdict.name]}{also} ({sure}). With it the error of '
-        f'the held-out part falls from {errors["before"]:.1%} to {errors["after"]:.1%}; the noise '
-        f'floor is {errors["noise_floor"]:.1%}, so {errors["gap_closed"]:.0%} of the gap is '
-        f'closed.{alike}'
+        'Left: where the gap arises, before the flow has carried it anywhere (one-step residuals in'
+        ' weak form); dotted: hot spots with their share of the whole. Right: where the '
+        f'free-running model is wrong in the end.{marks}'
     )
 
 
-def _figure(figure: Figure, caption: str) -> str:
+def _photo(result: 'Diagnosis') -> Iterator[str]:
+    """Yield the last photograph, where the recording holds one that can be read."""
+    photos = [photo for photo in result.recordings[0].photos if photo.role == 'state']
+    if not photos:
+        return
+    try:
+        picture = pictures.photograph(photos[-1].read())
+    except (OSError, ValueError, SyntaxError):  # all that a broken file makes the reader raise
+        return
+    yield _figure(picture, f'The last photograph, {photos[-1].time / 60:.0f} min.', 'jpeg')
+
+
+def _figure(figure: Figure, caption: str, kind: str = 'png') -> str:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format='png', dpi=110)
-    picture = base64.b64encode(buffer.getvalue()).decode('ascii')
+    figure.savefig(buffer, format=kind, dpi=130)
+    content = base64.b64encode(buffer.getvalue()).decode('ascii')
+    text = html.escape(caption)
     return (
-        f'<figure><img alt="{html.escape(caption)}" src="data:image/png;base64,{picture}">'
-        f'<figcaption>{html.escape(caption)}</figcaption></figure>'
+        f'<figure><img alt="{text}" src="data:image/{kind};base64,{content}">'
+        f'<figcaption>{text}</figcaption></figure>'
     )
-
-
-def _plumes(result: 'Diagnosis') -> Figure:
-    part, rig = result.held_out[0], result.recordings[0].rig
-    extent = (0.0, rig.width_m, 0.0, rig.height_m)
-    figure = Figure(figsize=(12, 5.2), layout='constrained')
-    axes = figure.subplots(2, 3)
-    last = -1
-    shown = (
-        ('observed', part.observed[last]),
-        ('model before', part.before[last]),
-        ('model after', part.after[last]),
-    )
-    for axis, (title, values) in zip(axes[0], shown, strict=True):
-        image = axis.imshow(values, origin='lower', extent=extent, vmin=0, vmax=1, cmap='viridis')
-        axis.set_title(f'{title}, {part.times[last] / 60:.0f} min', fontsize=10)
-    figure.colorbar(image, ax=axes[0], label='tracer [-]', shrink=0.9)
-    known = np.isfinite(part.observed)
-    wrong = np.where(known, part.before - part.observed, 0.0)
-    rms = np.sqrt(np.sum(wrong**2, axis=0) / np.maximum(known.sum(axis=0), 1))
-    image = axes[1, 0].imshow(rms, origin='lower', extent=extent, cmap='magma', vmin=0, vmax=0.5)
-    axes[1, 0].set_title('error before, held-out mean', fontsize=10)
-    for axis, (title, values) in zip(axes[1, 1:], shown[1:], strict=True):
-        difference = axis.imshow(
-            values - part.observed[last],
-            origin='lower',
-            extent=extent,
-            vmin=-0.5,
-            vmax=0.5,
-            cmap='RdBu_r',
-        )
-        axis.set_title(f'{title} − observed', fontsize=10)
-    figure.colorbar(difference, ax=axes[1], label='difference [-]', shrink=0.9)
-    for axis in axes.flat:
-        _wells(axis, result)
-    return figure
-
-
-def _wells(axis: Any, result: 'Diagnosis') -> None:
-    for name, well in result.recordings[0].rig.wells.items():
-        axis.plot(well.x_m, well.z_m, 'o', ms=4, mfc='none', mec='0.6')
-        axis.annotate(name, (well.x_m, well.z_m), fontsize=6, color='0.5')
-    axis.tick_params(labelsize=7)
-
-
-def _gap(result: 'Diagnosis') -> Figure:
-    rig, part = result.recordings[0].rig, result.held_out[0]
-    figure = Figure(figsize=(12, 4.0), layout='constrained')
-    left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
-    image = left.imshow(
-        1e3 * result.gap.strength,
-        origin='lower',
-        extent=(0.0, rig.width_m, 0.0, rig.height_m),
-        cmap='inferno',
-    )
-    figure.colorbar(image, ax=left, label='gap strength [1e-3/s]')
-    for spot in result.gap.spots:
-        left.add_patch(
-            mpl.patches.Circle((spot.x, spot.z), spot.radius, fill=False, ec='w', lw=1.2)
-        )
-        left.annotate(f'{spot.share:.0%}', (spot.x, spot.z), color='w', fontsize=8, ha='center')
-    centre = result.summary['where']['centre']
-    if centre is not None:
-        left.plot(centre['x_m'], centre['z_m'], 'c+', ms=16, mew=2)
-    _wells(left, result)
-    left.set(xlabel='x [m]', ylabel='z [m]')
-    for values, name, colour in ((part.before, 'before', 'C3'), (part.after, 'after', 'C0')):
-        known = np.where(np.isfinite(part.observed), part.observed, 0.0)
-        wrong = np.where(np.isfinite(part.observed), values - part.observed, 0.0)
-        error = np.sqrt(np.sum(wrong**2, axis=(1, 2)) / np.sum(known**2, axis=(1, 2)))
-        right.plot(part.times / 60, 100 * error, color=colour, label=name)
-    right.axhline(100 * part.noise_floor, color='0.4', ls='--', label='noise floor')
-    right.set(xlabel='time [min]', ylabel='relative error [%]', ylim=(0, None))
-    right.legend(frameon=False)
-    return figure
 
 
 def _table(head: list[str], rows: list[list[str]], numbers: set[int]) -> str:
@@ -234,93 +252,133 @@ def _table(head: list[str], rows: list[list[str]], numbers: set[int]) -> str:
 
 
 def _ranking(result: 'Diagnosis') -> str:
+    """Return the table of all effects, each fitted alone, with what it leaves."""
+    before = max(result.summary['error']['before'], 1e-9)
+    decided = result.verdict.name not in (NONE, UNEXPLAINED)
     rows = []
-    for effect in result.summary['effects']:
-        parameters = ', '.join(
-            f'{html.escape(name)} {_value(value)}' for name, value in effect['parameters'].items()
-        )
-        kept = effect['name'] in result.summary['combination']
-        rows.append(
-            [
-                f'<b>{effect["name"]}</b>' if kept else effect['name'],
-                'camera' if effect['name'] in CAMERA else 'physics',
-                f'{effect["probability"]:.1%}',
-                f'<span class="bar" style="width:{80 * effect["gap_closed"]:.0f}px"></span> '
-                f'{effect["gap_closed"]:.0%}',
-                parameters,
-            ]
-        )
-    head = ['effect', 'of', 'probability', 'closes, alone', 'parameters (90 % interval)']
-    return _table(head, rows, {2})
+    for row in result.summary['effects']:
+        name, left = row['name'], row['error_after']
+        length = 80 * min(left / before, 1.5)
+        cells = [
+            f'<b>{spoken(name)}</b>' if name in result.verdict.members else spoken(name),
+            'camera' if name in CAMERA else 'rig',
+            phrase(name, row['parameters']),
+            f'<span class="bar" style="width:{length:.0f}px"></span>',
+            _percent(left),
+        ]
+        rows.append([*cells, _probability(row['probability'])] if decided else cells)
+    head = ['effect', 'of', 'would mean', 'leaves, alone', '']
+    note = (
+        f'<p>Every effect of the library was fitted to the first 70 % of the recording. Without any'
+        f' effect the error of the held-out part is {_percent(before)}'
+        f'{_jointly(result)}. The order is that of the misfit at the fronts of the whole '
+        'recording.</p>'
+    )
+    return note + _table([*head, 'probability'] if decided else head, rows, {4, 5})
 
 
-def _value(parameter: dict[str, Any]) -> str:
-    value = parameter['value']
-    if isinstance(value, str):
-        return html.escape(value)
-    unit = parameter.get('unit', '')
-    unit = '' if unit in ('', '-') else f' {unit}'
-    if parameter.get('low') is None:
-        return f'{value:.3g}{unit}'
-    return f'{value:.4g}{unit} ({parameter["low"]:.3g} … {parameter["high"]:.3g})'
+def _jointly(result: 'Diagnosis') -> str:
+    if len(result.verdict.members) < 2:
+        return ''
+    after = _percent(result.summary['error']['after'])
+    names = ' and '.join(spoken(name) for name in result.verdict.members)
+    return f'; with {names} together it is {after} (their values are those of the joint fit)'
+
+
+def _probability(share: float) -> str:
+    return '< 0.1 %' if share < 1e-3 else _percent(share)
+
+
+def _pairs(result: 'Diagnosis') -> str:
+    findings = result.findings
+    if not findings.pairs:
+        return '<p>No pair was tried: nothing is left for a second effect.</p>'
+    best = findings.singles[0]
+    rows = [
+        [_label(fit), _percent(fit.error), f'{findings.excess(fit):.2f}']
+        for fit in (best, *findings.pairs)
+    ]
+    note = '<p>Pairs that went as far as the final judgement, below the best single effect:</p>'
+    return note + _table(['effects', 'leave', 'misfit beyond noise'], rows, {1, 2})
 
 
 def _phases(result: 'Diagnosis') -> str:
     rows = [
-        [f'{phase.start / 60:.0f} – {phase.end / 60:.0f} min', phase.state, f'{phase.share:.0%}']
+        [
+            f'{phase.start / 60:.0f} – {phase.end / 60:.0f} min',
+            phase.state,
+            f'{100 * phase.share:.0f} %',
+        ]
         for phase in result.gap.phases[:6]
     ]
     return _table(['time', 'pumps', 'share of the gap'], rows, {2})
 
 
 def _checks(result: 'Diagnosis') -> str:
-    names = [*result.verdict.members, *result.verdict.inseparable]
+    names = _members_and_alike(result)
     if not names:
-        return '<p>Nothing to check.</p>'
-    items = ''.join(f'<li><b>{name}</b>: {CHECKS[name]}.</li>' for name in names)
+        return (
+            '<p>No effect to check. Look at the remainder’s map: does it lie at a well, along a '
+            'side, at a layer, at a reflection in the glass? Did anybody touch the rig while the '
+            'gap arose?</p>'
+        )
+    items = ''.join(f'<li><b>{spoken(name)}</b>: {CHECKS[name]}.</li>' for name in names)
     return f'<ul>{items}</ul>'
 
 
 def _proposals(result: 'Diagnosis') -> str:
     if not result.proposals:
         return '<p>None needed.</p>'
-    rows = []
-    for proposal in result.proposals:
-        gain = 'decides' if proposal.gain is None else f'× {proposal.gain:.1f}'
-        rows.append([proposal.name, proposal.what, ' | '.join(proposal.separates), gain])
-    head = ['experiment', 'what to do', 'separates', 'further apart']
-    return _table(head, rows, {3})
+    one, other = result.proposals[0].separates
+    lacking = ', neither of which is enough' if result.verdict.name == UNEXPLAINED else ''
+    rows = [
+        [
+            proposal.name,
+            proposal.what,
+            'decides' if proposal.gain is None else f'× {proposal.gain:.1f}',
+        ]
+        for proposal in result.proposals
+    ]
+    note = (
+        f'<p>To tell the two nearest explanations apart, {spoken(one)} and {spoken(other)}'
+        f'{lacking}; the '
+        'factor says how much further apart they would lie than in this recording.</p>'
+    )
+    return note + _table(['experiment', 'what to do', 'further apart'], rows, {2})
 
 
 def _strengths(result: 'Diagnosis') -> str:
-    rows = [
-        [name, str(entry['parameter']), f'{entry["value"]:.2g} {entry["unit"]}']
-        for name, entry in sorted(result.strengths.items())
-    ]
-    note = '<p>Not seen is not absent: weaker effects than these leave no trace here.</p>'
-    return note + _table(['effect', 'parameter', 'deviation that begins to show'], rows, {2})
+    rows = []
+    for name, entry in sorted(result.strengths.items()):
+        amount, parameter = float(entry['value']), str(entry['parameter'])
+        unit = str(entry['unit'])
+        factor = unit == '-' and parameter not in ('exponent', 'immobile_fraction')
+        least = f'{number(100 * amount, 2)} %' if factor else value(parameter, amount, unit, 2)
+        where = ', in the middle of the rig' if name in LOCAL else ''
+        rows.append([spoken(name), f'{spoken(parameter)}{where}', least])
+    note = (
+        '<p>Not seen is not absent: alone and weaker than this, an effect would have left no trace '
+        'in this recording.</p>'
+    )
+    return note + _table(['effect', 'parameter', 'least deviation that shows'], rows, {2})
 
 
 def _method(result: 'Diagnosis') -> str:
-    findings, sample = result.findings, result.samples[0]
-    noise = sample.noise
-    pairs = ''.join(
-        f'<li>{html.escape(fit.label)}: misfit {score(fit):.2f}</li>' for fit in findings.pairs
-    )
-    tried = f'<p>Pairs judged:</p><ul>{pairs}</ul>' if pairs else ''
-    numerics = result.numerics
+    findings, noise, numerics = result.findings, result.samples[0].noise, result.numerics
     smear = (
         f'The configured model ({numerics.setting}) smears like a diffusion of '
-        f'{numerics.model_diffusion:.2g} m²/s. '
+        f'{number(numerics.model_diffusion, 2)} m²/s. '
         if numerics.found
         else ''
     )
     return (
-        f'<p>{findings.runs} free-running simulations. Parameters were fitted to the first 70 % '
-        'of the recording and judged on the last 30 %, always from the start, fed with nothing but '
-        f'rates. Measured noise: grain {noise.grain:.1%}, frame {noise.frame:.1%}, empty sand '
-        f'{noise.background:.1%}, correlated over {noise.correlation:.1f} cells. Misfit in noise '
-        f'deviations at fronts: {score(findings.null):.2f} before, '
-        f'{score(result.verdict.model):.2f} after; {findings.noise:.2f} is noise. '
-        f'{smear}</p>{tried}'
+        f'<p>{findings.runs} free-running simulations, each from the start, fed with nothing but '
+        'rates. Parameters were fitted to the first 70 % of the recording and judged on the last '
+        f'30 %. Measured noise: grain {_percent(noise.grain)}, frame {_percent(noise.frame)}, empty'
+        f' sand {_percent(noise.background)} of the stock, correlated over '
+        f'{noise.correlation:.1f} cells. Misfit at fronts, in deviations of noise and of a front '
+        f'0.12 cells off: {score(findings.null):.2f} before, {score(result.verdict.model):.2f} '
+        f'after; noise alone {findings.noise:.2f}. Before, there is '
+        f'{_beyond_noise(result, findings.null)}; after, '
+        f'{_beyond_noise(result, result.verdict.model)}. {smear}</p>'
     )

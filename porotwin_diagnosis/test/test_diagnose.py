@@ -30,7 +30,7 @@ def test_wrong_porosity_is_named_and_the_rig_mended(denser_sand, tmp_path):
     assert said['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88, abs=0.01)
     assert said['where']['centre'] is None
     page = (tmp_path / 'out' / 'report.html').read_text()
-    assert page.count('data:image/png;base64,') == 2
+    assert page.count('data:image/png;base64,') == 3
     assert 'http' not in page.replace('http-equiv', '')
     with netCDF4.Dataset(tmp_path / 'out' / 'fields.nc') as fields:
         observed = fields['observed'][:]
