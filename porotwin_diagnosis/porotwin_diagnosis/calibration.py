@@ -33,9 +33,11 @@ def recalibrated(
     return float(found.x[0]), float(found.x[1])
 
 
-def recalibrate_from(scores: Path, calibration: Path) -> tuple[float, float]:
-    """Refit the map in the file `calibration` to a blind check's `scores.json`; return it."""
-    cases = json.loads(scores.read_text(encoding='utf-8'))['cases']
+def recalibrate_from(scores: Sequence[Path], calibration: Path) -> tuple[float, float]:
+    """Refit the map in the file `calibration` to `scores.json` of blind checks; return it."""
+    cases = [
+        case for path in scores for case in json.loads(path.read_text(encoding='utf-8'))['cases']
+    ]
     content = json.loads(calibration.read_text(encoding='utf-8'))
     limits = content['thresholds']
     limits['scale'], limits['shift'] = recalibrated(
@@ -44,6 +46,6 @@ def recalibrate_from(scores: Path, calibration: Path) -> tuple[float, float]:
         scale=limits['scale'],
         shift=limits['shift'],
     )
-    content['made_from'] = f'a blind check of {len(cases)} cases'
+    content['made_from'] = f'blind checks of {len(cases)} cases on the virtual rig'
     calibration.write_text(json.dumps(content, indent=2) + '\n', encoding='utf-8')
     return limits['scale'], limits['shift']

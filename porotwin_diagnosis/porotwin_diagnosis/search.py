@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
@@ -58,6 +59,15 @@ OCCAM = 1.015
 EDGE_BLUR = 0.55
 """Blur [cells] by which recorded maps are softer than averages over cells, until measured."""
 
+NOISE_DOUBT = 1.15
+"""By how much the noise may be stronger than measured."""
+
+SMALL_EXCESS = 0.8
+"""Excess of the model as it is below which its blur is measured without any effect."""
+
+BLURS = (0.3, 0.9)
+"""Least and largest blur [cells] that is put down to the camera."""
+
 
 @dataclass
 class Findings:
@@ -80,7 +90,7 @@ class Findings:
     def excess(self, fit: Fit) -> float:
         """Return the misfit of a judged `fit` beyond that of the noise: what it leaves unexplained,
         in units of the share of a cell by which no front is known."""
-        return float(np.sqrt(max(score(fit) ** 2 - self.noise**2, 0.0)))
+        return float(np.sqrt(max(score(fit) ** 2 - (NOISE_DOUBT * self.noise) ** 2, 0.0)))
 
 
 def score(fit: Fit) -> float:
@@ -128,6 +138,7 @@ class Search:
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
         findings.noise = _together(*noise_misfit(self.samples))
         findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.3, 0.55)
+        self._measure_blur(findings)
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
             pairs = self._pairs(screened)
@@ -136,6 +147,21 @@ class Search:
         forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
         findings.runs = sum(forward.runs for forward in forwards)
         return findings
+
+    def _measure_blur(self, findings: Findings) -> None:
+        """Judge with the edge blur that suits the best effect, or none where none is needed."""
+        unexplained = findings.excess(findings.null)
+        best = findings.null if unexplained < SMALL_EXCESS else findings.singles[0]
+
+        def cost(blur: float) -> float:
+            self.judging.soft = blur
+            return self.judging.judged(best.members, best.turns).fitted
+
+        found = minimize_scalar(cost, bounds=BLURS, method='bounded', options={'xatol': 0.02})
+        self.judging.soft = float(found.x)
+        again = self.judging.judged
+        findings.null = again((), np.zeros(0))
+        findings.singles = _ranked([again(fit.members, fit.turns) for fit in findings.singles])
 
     def _screen(self) -> list[Fit]:
         candidates = [
@@ -244,11 +270,14 @@ class Search:
         for index, fit in enumerate(_near(refined)[:JUDGED]):
             share = 0.5 + 0.5 * index / JUDGED
             self.progress(f'judging {fit.label}', begin + (end - begin) * share)
-            judged.append(
-                self.judging.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=1)
-            )
+            judged.append(self.judging.polished(fit, self.refining))
         judged = [fit for fit in judged if not self._at_a_well(fit)] or judged
-        return sorted(judged, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
+        return _ranked(judged)
+
+
+def _ranked(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the judged `fits`, the most plausible first."""
+    return sorted(fits, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
 
 
 def _near(fits: Sequence[Fit]) -> list[Fit]:

@@ -30,6 +30,6 @@ def test_the_map_is_refitted_from_a_blind_check(tmp_path):
     (tmp_path / 'scores.json').write_text(json.dumps(scores))
     content = {'made_from': '', 'thresholds': {'scale': 1.0, 'shift': 0.0}}
     (tmp_path / 'calibration.json').write_text(json.dumps(content))
-    scale, shift = recalibrate_from(tmp_path / 'scores.json', tmp_path / 'calibration.json')
+    scale, shift = recalibrate_from([tmp_path / 'scores.json'], tmp_path / 'calibration.json')
     odds = np.log(0.95 / 0.05)
     assert 1 / (1 + np.exp(-(scale * odds + shift))) == pytest.approx(0.5, abs=0.1)
