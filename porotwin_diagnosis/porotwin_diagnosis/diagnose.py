@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig, write_rig
 from porotwin_diagnosis.evidence import Sample, read_sample
 from porotwin_diagnosis.findings_file import write_findings
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import GapMap, map_gap
+from porotwin_diagnosis.held_out import HeldOut as HeldOut
 from porotwin_diagnosis.noise import measure_blur, noise_floor
 from porotwin_diagnosis.numerics import Numerics, judge_numerics
 from porotwin_diagnosis.output import diagnosis_json, write_fields
@@ -23,32 +23,8 @@ from porotwin_diagnosis.proposals import Proposal, propose
 from porotwin_diagnosis.report import write_report
 from porotwin_diagnosis.search import JUDGING, Findings, Progress, Search
 from porotwin_diagnosis.strength import smallest_strengths
-from porotwin_diagnosis.verdict import Verdict, decide
+from porotwin_diagnosis.verdict import NONE, Verdict, decide
 from porotwin_recording.recording import Recording, open_recording
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """The held-out part of one recording in full: all frames, observed and predicted.
-
-    Arrays are (nt, nz, nx); errors are relative L2 norms over the frames.
-    """
-
-    times: FloatArray
-    observed: FloatArray
-    before: FloatArray
-    after: FloatArray
-    error_before: float
-    error_after: float
-    noise_floor: float
-
-    @property
-    def gap_closed(self) -> float:
-        """The share of the gap above the noise floor that the model closes."""
-        room = self.error_before - self.noise_floor
-        if room <= 1e-4:
-            return 0.0
-        return float(np.clip((self.error_before - self.error_after) / room, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -104,9 +80,10 @@ def diagnose(
     (folder / 'diagnosis.json').write_text(
         json.dumps(result.summary, indent=2, allow_nan=False) + '\n', encoding='utf-8'
     )
-    for number, (one, part) in enumerate(zip(opened, result.held_out, strict=True)):
-        name = 'fields.nc' if number == 0 else f'fields_{number + 1}.nc'
-        write_fields(folder / name, one.grid, result.gap.strength, part)
+    parts = zip(opened, result.gap.each, result.held_out, strict=True)
+    for number, (one, strength, part) in enumerate(parts, 1):
+        name = 'fields.nc' if number == 1 else f'fields_{number}.nc'
+        write_fields(folder / name, one.grid, strength, part)
     write_findings(folder / 'findings.json', result.findings)
     write_report(folder / 'report.html', result)
     if apply:
@@ -144,7 +121,9 @@ def examine(
         for recording, sample in zip(recordings, samples, strict=True)
     )
     progress('mapping where the gap arises', 0.95)
-    gap = map_gap(recordings[0])
+    gap = map_gap(*recordings)
+    if verdict.name == NONE:
+        gap = gap.without_places()
     strengths = smallest_strengths(search.screening)
     proposals = propose(search.screening, findings, verdict)
     parts: dict[str, Any] = {

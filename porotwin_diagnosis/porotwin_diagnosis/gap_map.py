@@ -6,14 +6,15 @@ form), so that grain, blur and the step's own smearing of fronts cancel. It show
 sizes are never concluded from it, for noise in the starting map makes them wrong.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.wells import Schedule
+from porotwin_core.wells import Schedule, WellRates
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import Model
 
@@ -39,45 +40,81 @@ class Spot:
 
 @dataclass(frozen=True)
 class Phase:
-    """A time [s] between two changes of the pumps, what they did, and its share of the gap."""
+    """A time [s] between two changes of the pumps, what they did, and its share of the gap.
+
+    `recording` is the number of the recording that it is a part of.
+    """
 
     start: float
     end: float
     share: float
     state: str
+    recording: int = 0
 
 
 @dataclass(frozen=True)
 class GapMap:
-    """`strength` (nz, nx) [1/s] on the recording's grid; hot spots and phases, strongest first."""
+    """Where and when the gap of one or several recordings arises.
+
+    `strength` (nz, nx) [1/s] on the first recording's grid, of several the root mean square; `each`
+    that of every recording on its own grid. Hot spots and phases, the strongest first.
+    """
 
     strength: FloatArray
+    each: tuple[FloatArray, ...]
     spots: tuple[Spot, ...]
     phases: tuple[Phase, ...]
 
+    def without_places(self) -> 'GapMap':
+        """Return the map alone: where there is no gap, no place or time holds a share of it."""
+        return replace(self, spots=(), phases=())
 
-def map_gap(recording: Recording) -> GapMap:
-    """Return where and when the model of `recording.rig` departs from the recording."""
+
+def map_gap(*recordings: Recording) -> GapMap:
+    """Return where and when the model of the rig departs from `recordings`, which are of one rig.
+
+    Raises:
+        InputError: a recording holds no maps.
+    """
+    steps = [_one_steps(recording) for recording in recordings]
+    grid = steps[0][0]
+    squares = [conservative_resample(strength, grid.shape) ** 2 for _, strength, _ in steps]
+    together = np.sqrt(np.mean(squares, axis=0))
+    return GapMap(
+        _on_grid(together, recordings[0].grid),
+        tuple(
+            _on_grid(strength, recording.grid)
+            for recording, (_, strength, _) in zip(recordings, steps, strict=True)
+        ),
+        _spots(together, grid),
+        _phases([moments for *_, moments in steps], [r.schedule for r in recordings]),
+    )
+
+
+def _one_steps(recording: Recording) -> tuple[Grid, FloatArray, list[tuple[float, float, float]]]:
+    """Return a coarse grid, the gap strength on it, and (start, end, energy) of every step."""
     grid = recording.grid
     coarse = recording.rig.grid(max(4, grid.nx // COARSENING), max(4, grid.nz // COARSENING))
     model = Model(recording.rig, coarse, setting='fast')
     times, maps = observed_maps(recording, coarse, STEPS + 1)
     energy = np.zeros(coarse.shape)
     moments: list[tuple[float, float, float]] = []
+    cell = coarse.dx * coarse.dz
     for (before, after), (start, end) in zip(pairwise(maps), pairwise(times), strict=True):
         predicted = before
         for low, high, rates in recording.schedule.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
         weak = gaussian_filter(after - predicted, TEST_WIDTH) / (end - start)
         energy += weak**2
-        moments.append((start, end, float(np.sum(weak**2) * (end - start))))
+        moments.append((start, end, float(np.sum(weak**2) * cell * (end - start))))
     strength = np.sqrt(energy / max(len(moments), 1))
     floor = float(np.median(strength))
-    strength = np.maximum(strength - floor, 0.0)
+    return coarse, np.maximum(strength - floor, 0.0), moments
+
+
+def _on_grid(strength: FloatArray, grid: Grid) -> FloatArray:
     fine = np.kron(strength, np.ones((COARSENING, COARSENING)))
-    if fine.shape != grid.shape:
-        fine = conservative_resample(strength, grid.shape)
-    return GapMap(fine, _spots(strength, coarse), _phases(moments, recording.schedule))
+    return fine if fine.shape == grid.shape else conservative_resample(strength, grid.shape)
 
 
 def observed_maps(
@@ -117,21 +154,23 @@ def _spots(strength: FloatArray, grid: Grid) -> tuple[Spot, ...]:
     return tuple(spots)
 
 
-def _phases(moments: list[tuple[float, float, float]], schedule: Schedule) -> tuple[Phase, ...]:
+def _phases(
+    moments: Sequence[list[tuple[float, float, float]]], schedules: Sequence[Schedule]
+) -> tuple[Phase, ...]:
     """Return the gap's share of every stretch of constant pumping, the strongest first."""
-    total = sum(energy for _, _, energy in moments) or 1.0
-    start, end = moments[0][0], moments[-1][1]
+    total = sum(energy for own in moments for _, _, energy in own) or 1.0
     phases = []
-    for low, high, rates in schedule.intervals(start, end):
-        share = sum(
-            energy * max(0.0, min(high, until) - max(low, since)) / (until - since)
-            for since, until, energy in moments
-        )
-        injecting = [rate for rate in rates.values() if rate.rate > 0]
-        state = 'resting'
-        if any(rate.rate for rate in rates.values()):
-            state = 'chasing'
-        if any(rate.concentration > 0 for rate in injecting):
-            state = 'injecting'
-        phases.append(Phase(low, high, share / total, state))
+    for number, (own, schedule) in enumerate(zip(moments, schedules, strict=True)):
+        for low, high, rates in schedule.intervals(own[0][0], own[-1][1]):
+            share = sum(
+                energy * max(0.0, min(high, until) - max(low, since)) / (until - since)
+                for since, until, energy in own
+            )
+            phases.append(Phase(low, high, share / total, _state(rates), number))
     return tuple(sorted(phases, key=lambda phase: -phase.share))
+
+
+def _state(rates: WellRates) -> str:
+    if any(rate.rate > 0 and rate.concentration > 0 for rate in rates.values()):
+        return 'injecting'
+    return 'chasing' if any(rate.rate for rate in rates.values()) else 'resting'

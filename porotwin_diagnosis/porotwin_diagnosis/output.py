@@ -1,20 +1,22 @@
 """A diagnosis as files for programs: diagnosis.json and fields.nc (diagnosis contract)."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import netCDF4
-import numpy as np
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_diagnosis.candidates import LOCAL
 from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.gap_map import Phase, Spot
+from porotwin_diagnosis.held_out import HeldOut, root_mean, together
 from porotwin_diagnosis.search import Findings, score
-from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED
+from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 
 if TYPE_CHECKING:
-    from porotwin_diagnosis.diagnose import Diagnosis, HeldOut
+    from porotwin_diagnosis.diagnose import Diagnosis
 
 INTERVAL = 1.645 * 1.7
 """Standard deviations of a 90 % interval, widened: what the scheme does wrong shifts parameters as
@@ -36,25 +38,9 @@ def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
         'error': _errors(held_out),
         'where': {
             'centre': _centre(result),
-            'hot_spots': [
-                {
-                    'x_m': round(spot.x, 4),
-                    'z_m': round(spot.z, 4),
-                    'radius_m': round(spot.radius, 4),
-                    'share': round(spot.share, 3),
-                }
-                for spot in result.gap.spots
-            ],
+            'hot_spots': [_spot(spot) for spot in result.gap.spots],
         },
-        'when': [
-            {
-                'start_s': phase.start,
-                'end_s': phase.end,
-                'share': round(phase.share, 3),
-                'state': phase.state,
-            }
-            for phase in result.gap.phases
-        ],
+        'when': [_phase(phase, result) for phase in result.gap.phases],
         'held_out': {'start_s': float(result.held_out[0].times[0]), 'end_s': sample.end},
         'misfit': {
             'before': round(score(result.findings.null), 3),
@@ -79,23 +65,58 @@ def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
             for proposal in result.proposals
         ],
         'recordings': [str(recording.source) for recording in result.recordings],
+        'by_recording': _by_recording(result),
     }
 
 
-def _errors(parts: 'tuple[HeldOut, ...]') -> dict[str, float]:
-    def mean(values: list[float]) -> float:
-        return round(float(np.sqrt(np.mean(np.square(values)))), 5)
-
-    before = mean([part.error_before for part in parts])
-    after = mean([part.error_after for part in parts])
-    floor = mean([part.noise_floor for part in parts])
-    closed = float(np.mean([part.gap_closed for part in parts]))
+def _spot(spot: Spot) -> dict[str, float]:
     return {
-        'noise_floor': floor,
-        'before': before,
-        'after': after,
-        'gap_closed': round(closed, 4),
+        'x_m': round(spot.x, 4),
+        'z_m': round(spot.z, 4),
+        'radius_m': round(spot.radius, 4),
+        'share': round(spot.share, 3),
     }
+
+
+def _phase(phase: Phase, result: 'Diagnosis') -> dict[str, Any]:
+    """Return a time at which the gap arises; of several recordings it says in which."""
+    which = {}
+    if len(result.recordings) > 1:
+        which['recording'] = str(result.recordings[phase.recording].source)
+    return {
+        'start_s': phase.start,
+        'end_s': phase.end,
+        'share': round(phase.share, 3),
+        'state': phase.state,
+        **which,
+    }
+
+
+def _errors(parts: Sequence[HeldOut]) -> dict[str, float]:
+    """Return the errors of all recordings together, and how much of the gap closes."""
+    closed, (low, high) = together(parts)
+    return {
+        'noise_floor': round(root_mean([part.noise_floor for part in parts]), 5),
+        'before': round(root_mean([part.error_before for part in parts]), 5),
+        'after': round(root_mean([part.error_after for part in parts]), 5),
+        'gap_closed': round(closed, 4),
+        'gap_closed_low': round(low, 4),
+        'gap_closed_high': round(high, 4),
+    }
+
+
+def _by_recording(result: 'Diagnosis') -> list[dict[str, Any]]:
+    """Return what every recording says by itself, with the effects that all have in common."""
+    return [
+        {
+            'recording': str(recording.source),
+            'held_out': {'start_s': float(part.times[0]), 'end_s': sample.end},
+            **_errors([part]),
+        }
+        for recording, sample, part in zip(
+            result.recordings, result.samples, result.held_out, strict=True
+        )
+    ]
 
 
 def _centre(result: 'Diagnosis') -> dict[str, float] | None:
@@ -119,32 +140,55 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
     best: dict[str, Fit] = {}
     for fit in [*result.findings.singles, *result.findings.screened]:
         best.setdefault(fit.members[0].effect, fit)
-    rows: list[dict[str, Any]] = []
+    for member in verdict.model.members:  # a partner may have been found beside another only
+        best.setdefault(member.effect, verdict.model)
+    shares = _probabilities(verdict, list(best))
+    rows: dict[str, dict[str, Any]] = {}
     for name, fit in best.items():
-        rows.append(
-            {
-                'name': name,
-                'probability': round(verdict.probabilities.get(name, 0.0), 4),
-                'parameters': _parameters(fit, name),
-                **_alone(fit, errors, result.findings),
-            }
-        )
+        rows[name] = {
+            'name': name,
+            'probability': round(shares[name], 4),
+            'parameters': _parameters(fit, name),
+            **_alone(fit, errors, result.findings),
+        }
     for name in verdict.members:
         if name == NUMERICAL:
-            rows.append(_numerical_row(result, errors))
+            rows[name] = _numerical_row(result, errors)
             continue
-        row = next(row for row in rows if row['name'] == name)
-        row['parameters'] = _parameters(verdict.model, name)
-        if verdict.name != UNEXPLAINED:
-            share = verdict.confidence if name == verdict.name else verdict.confidence / 2
-            row['probability'] = round(max(row['probability'], share), 4)
+        rows[name]['parameters'] = _parameters(verdict.model, name)
         if len(verdict.model.members) == 1:
-            row.update(
-                error_after=errors['after'],
-                gap_closed=errors['gap_closed'],
-            )
-    rows.sort(key=lambda row: (-float(row['probability']), float(row['error_after'])))
-    return rows
+            rows[name] |= {'error_after': errors['after'], 'gap_closed': errors['gap_closed']}
+    return sorted(
+        rows.values(),
+        key=lambda row: (
+            -float(row['probability']),
+            row['name'] != verdict.name,
+            float(row['error_after']),
+        ),
+    )
+
+
+def _probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, float]:
+    """Return the probability of every effect, which agree with the verdict's confidence.
+
+    The verdict and what shows the same share it; a partner is half as sure. What the confidence
+    leaves is for all others together, also where none of them is the verdict.
+    """
+    raw = {name: verdict.probabilities.get(name, 0.0) for name in names}
+    alike = [name for name in (verdict.name, *verdict.inseparable) if name in raw]
+    size = sum(raw[name] for name in alike)
+    found = {
+        name: verdict.confidence * (raw[name] / size if size > 0 else 1 / len(alike))
+        for name in alike
+    }
+    found |= {
+        name: 0.5 * verdict.confidence
+        for name in verdict.members
+        if name in raw and name not in found
+    }
+    others = [name for name in names if name not in found]
+    left = (1.0 - verdict.confidence) / max(sum(raw[name] for name in others), 1e-12)
+    return found | {name: raw[name] * min(left, 1.0) for name in others}
 
 
 def _numerical_row(result: 'Diagnosis', errors: dict[str, float]) -> dict[str, Any]:
@@ -204,21 +248,25 @@ def _parameters(fit: Fit, name: str) -> dict[str, Any]:
     return {}
 
 
-def write_fields(path: Path, grid: Grid, gap: FloatArray, held_out: 'HeldOut') -> None:
-    """Write the maps behind the verdict: gap (z, x); observed and predicted (time, z, x)."""
+def write_fields(path: Path, grid: Grid, gap: FloatArray, held_out: HeldOut) -> None:
+    """Write the maps behind the verdict: gap (z, x); observed and predicted (time, z, x).
+
+    `remainder` (z, x) is the root mean square over the held-out times of what the model leaves.
+    """
     with netCDF4.Dataset(path, 'w') as dataset:
         axes = {'time': held_out.times, 'z': grid.z, 'x': grid.x}
         for name, values in axes.items():
             dataset.createDimension(name, len(values))
             dataset.createVariable(name, 'f8', (name,))[:] = values
             dataset[name].units = 's' if name == 'time' else 'm'
-        dataset.createVariable('gap', 'f4', ('z', 'x'), zlib=True)[:] = gap
-        dataset['gap'].units = '1/s'
         maps = {
+            'gap': gap,
+            'remainder': held_out.remainder,
             'observed': held_out.observed,
             'predicted_before': held_out.before,
             'predicted_after': held_out.after,
         }
         for name, values in maps.items():
-            dataset.createVariable(name, 'f4', ('time', 'z', 'x'), zlib=True)[:] = values
-            dataset[name].units = '1'
+            shape = ('time', 'z', 'x')[3 - values.ndim :]
+            dataset.createVariable(name, 'f4', shape, zlib=True)[:] = values
+            dataset[name].units = '1/s' if name == 'gap' else '1'

@@ -1,0 +1,57 @@
+"""How much of a gap closes, with an interval, of one recording and of several."""
+
+import numpy as np
+import pytest
+
+from porotwin_diagnosis.held_out import HeldOut, together
+
+TRUTH = np.random.default_rng(3).random((8, 20, 30))
+
+
+def part(before, after, *, uneven=0.0, floor=0.02):
+    """Return a part whose errors are `before` and `after`, up to `uneven` worse to the right."""
+    noise = np.random.default_rng(5).normal(size=TRUTH.shape)
+    noise = noise * (1.0 + uneven * np.linspace(-1.0, 1.0, 30))
+    noise /= np.linalg.norm(noise) / np.linalg.norm(TRUTH)
+    maps = (TRUTH + before * noise, TRUTH + after * noise)
+    errors = [np.linalg.norm(shown - TRUTH) / np.linalg.norm(TRUTH) for shown in maps]
+    return HeldOut(np.arange(8.0), TRUTH, *maps, *errors, floor)
+
+
+def test_the_interval_holds_the_estimate_and_is_the_same_each_time():
+    held = part(0.3, 0.08, uneven=0.8)
+    low, high = held.gap_closed_interval
+    assert 0.0 <= low <= held.gap_closed <= high <= 1.0
+    assert (low, high) == part(0.3, 0.08, uneven=0.8).gap_closed_interval
+
+
+def test_an_uneven_gap_is_less_sure():
+    after = TRUTH.copy()
+    after[:, :, :15] *= 1.2  # one half stays as wrong as before, the other is mended
+    held = HeldOut(np.arange(8.0), TRUTH, 1.2 * TRUTH, after, 0.2, 0.2 / np.sqrt(2), 0.01)
+    low, high = held.gap_closed_interval
+    even = part(0.2, 0.2 / np.sqrt(2), floor=0.01)
+    assert high - low > 3 * (even.gap_closed_interval[1] - even.gap_closed_interval[0])
+
+
+def test_nothing_closes_where_there_is_no_gap():
+    held = part(0.02, 0.01, floor=0.03)
+    assert held.gap_closed == 0.0
+    assert held.gap_closed_interval[0] == 0.0
+
+
+def test_a_recording_without_a_gap_does_not_water_down_another():
+    with_gap, without = part(0.4, 0.03), part(0.021, 0.021)
+    closed, (low, high) = together([with_gap, without])
+    assert closed == pytest.approx(0.97, abs=0.03)
+    assert low <= closed <= high
+
+
+def test_cells_that_nobody_saw_do_not_count():
+    seen = part(0.3, 0.1)
+    observed = TRUTH.copy()
+    observed[:, :, -3:] = np.nan
+    held = HeldOut(seen.times, observed, seen.before, seen.after, 0.3, 0.1, 0.02)
+    assert np.isfinite(held.gap_closed_interval).all()
+    assert (held.remainder[:, -3:] == 0.0).all()
+    assert held.remainder[:, :-3].mean() > 0.0
