@@ -254,7 +254,7 @@ def _table(head: list[str], rows: list[list[str]], numbers: set[int]) -> str:
 def _ranking(result: 'Diagnosis') -> str:
     """Return the table of all effects, each fitted alone, with what it leaves."""
     before = max(result.summary['error']['before'], 1e-9)
-    decided = result.verdict.name not in (NONE, UNEXPLAINED)
+    alone = len(result.verdict.members) == 1  # else probabilities of single effects say nothing
     rows = []
     for row in result.summary['effects']:
         name, left = row['name'], row['error_after']
@@ -266,7 +266,7 @@ def _ranking(result: 'Diagnosis') -> str:
             f'<span class="bar" style="width:{length:.0f}px"></span>',
             _percent(left),
         ]
-        rows.append([*cells, _probability(row['probability'])] if decided else cells)
+        rows.append([*cells, _probability(row['probability'])] if alone else cells)
     head = ['effect', 'of', 'would mean', 'leaves, alone', '']
     note = (
         f'<p>Every effect of the library was fitted to the first 70 % of the recording. Without any'
@@ -274,7 +274,7 @@ def _ranking(result: 'Diagnosis') -> str:
         f'{_jointly(result)}. The order is that of the misfit at the fronts of the whole '
         'recording.</p>'
     )
-    return note + _table([*head, 'probability'] if decided else head, rows, {4, 5})
+    return note + _table([*head, 'probability'] if alone else head, rows, {4, 5})
 
 
 def _jointly(result: 'Diagnosis') -> str:

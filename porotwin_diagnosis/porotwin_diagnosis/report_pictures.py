@@ -16,7 +16,7 @@ from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.evidence import WIDTH, Sample
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.noise import measure_blur, noise_floor
-from porotwin_diagnosis.search import EDGE_BLUR, JUDGING
+from porotwin_diagnosis.search import JUDGING
 from porotwin_diagnosis.verdict import NONE
 
 if TYPE_CHECKING:
@@ -125,7 +125,8 @@ def remainder(result: 'Diagnosis') -> Figure:
         weights={},
     )
     shown = part.after[np.searchsorted(part.times, late.times)]
-    left = _rms(late.whitened(shown, width=WIDTH, soft=EDGE_BLUR))
+    soft = measure_blur(part.observed, part.after, sample.noise)
+    left = _rms(late.whitened(shown, width=WIDTH, soft=soft))
     figure, axes = _panels(result, 1, 2)
     mean = _mean(part.observed - part.after)
     image = _map(axes[0, 0], result, mean, cmap=DIFFERENCE, vmin=-0.25, vmax=0.25)
@@ -149,7 +150,7 @@ def course(result: 'Diagnosis', number: int = 0) -> Figure:
         label = _after_title(result)
         upper.plot(minutes, 100 * data.after, color=AFTER, marker='.', label=label)
     upper.fill_between(minutes, 100 * data.floor, color='0.85', label='noise alone')
-    upper.set(ylabel='error of the map [%]', ylim=(0, None))
+    upper.set(ylabel='error of the map [%]', ylim=(0, 112 * float(data.before.max())))
     upper.legend(frameon=False, ncols=3, loc='lower left', bbox_to_anchor=(0, 1), fontsize=9)
     for well in recording.schedule.wells:
         _rate_steps(lower, recording.schedule.intervals(sample.start, sample.end), well)
@@ -233,8 +234,17 @@ def _map(axis: Axes, result: 'Diagnosis', values: FloatArray, **style: Any) -> A
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
     image = axis.imshow(values, origin='lower', extent=extent, **style)
     axis.set_facecolor('0.6')
+    _sands(axis, result)
     _wells(axis, result, dark=style['cmap'] != DIFFERENCE)
     return image
+
+
+def _sands(axis: Axes, result: 'Diagnosis') -> None:
+    """Draw where the believed sand changes."""
+    rig, grid = result.recordings[0].rig, result.recordings[0].grid
+    sand = np.log10(rig.field('permeability_m2', grid))
+    if np.ptp(sand) > 0.01:
+        axis.contour(grid.x, grid.z, sand, 6, colors='0.6', linewidths=0.4, linestyles='-')
 
 
 def _wells(axis: Axes, result: 'Diagnosis', *, dark: bool = False) -> None:
@@ -271,6 +281,7 @@ def _fronts(axis: Axes, result: 'Diagnosis', part: 'HeldOut') -> None:
                 grid.x, grid.z, frame, [0.5], colors=colour, linestyles=line, linewidths=width
             )
         axis.plot([], [], color=colour, ls=line, lw=width, label=label)
+    _sands(axis, result)
     _wells(axis, result)
     axis.set(xlim=(0, rig.width_m), ylim=(0, rig.height_m))
     axis.legend(

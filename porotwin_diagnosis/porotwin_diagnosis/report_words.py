@@ -54,7 +54,7 @@ def spoken(name: str) -> str:
 def number(value: float, digits: int = 3) -> str:
     """Return `value` with `digits` significant ones, powers of ten as HTML."""
     text = f'{value:.{digits}g}'
-    if 1e3 <= abs(value) < 1e5:
+    if 1e2 <= abs(value) < 1e5:
         text = f'{float(text):.0f}'
     if 'e' not in text:
         return text.replace('-', '−')
