@@ -3,7 +3,7 @@
 import base64
 import html
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -111,8 +111,13 @@ def sentence(result: 'Diagnosis') -> str:
     return (
         f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means} ({sure}). Mended, the model misses '
         f'the held-out part by {after} instead of {before}; {floor}, so that '
-        f'{100 * errors["gap_closed"]:.0f} % of the gap is closed.'
+        f'{_closed(errors)} of the gap is closed.'
     )
+
+
+def _closed(errors: Mapping[str, float]) -> str:
+    low, high = (100 * errors[f'gap_closed_{end}'] for end in ('low', 'high'))
+    return f'{100 * errors["gap_closed"]:.0f} % ({low:.0f} … {high:.0f} %)'
 
 
 def _members_and_alike(result: 'Diagnosis') -> tuple[str, ...]:
@@ -152,14 +157,15 @@ def _kept(result: 'Diagnosis') -> Iterator[str]:
         yield _table(['effect', 'parameter', 'found', '90 % interval'], rows, {2, 3})
     if len(result.held_out) > 1:
         errors = [
-            [str(recording.source.name), *map(_percent, shares)]
-            for recording, shares in zip(
-                result.recordings,
-                ((p.error_before, p.error_after, p.noise_floor) for p in result.held_out),
-                strict=True,
-            )
+            [
+                html.escape(row['recording']),
+                *(_percent(row[key]) for key in ('before', 'after', 'noise_floor')),
+                _closed(row),
+            ]
+            for row in result.summary['by_recording']
         ]
-        yield _table(['recording', 'before', 'after', 'noise alone'], errors, {1, 2, 3})
+        head = ['recording', 'error before', 'after', 'noise alone', 'gap closed']
+        yield _table(head, errors, {1, 2, 3, 4})
 
 
 def _pictures(result: 'Diagnosis') -> Iterator[str]:
@@ -176,10 +182,10 @@ def _pictures(result: 'Diagnosis') -> Iterator[str]:
         if index == 0 and result.verdict.name == UNEXPLAINED:
             yield _figure(
                 pictures.remainder(result),
-                'The remainder, which no effect of the library accounts for. Left, red: more tracer'
-                f' in the rig than in the best model ({spoken(result.verdict.model.label)}). Right:'
-                ' divided by what noise and a front 0.12 cells off would leave; about 1 is '
-                'nothing.',
+                'The remainder, which no effect of the library accounts for. Red: more tracer in '
+                f'the rig than in the best model ({spoken(result.verdict.model.label)}); blue: '
+                'less. Right: divided by what noise and a front 0.12 cells off would leave, over '
+                'the whole recording; about 1 is nothing.',
             )
         yield _figure(
             pictures.course(result, index),
@@ -210,9 +216,10 @@ def _gap_caption(result: 'Diagnosis') -> str:
         and result.verdict.members
         else ''
     )
+    together = ', all recordings together' if len(result.recordings) > 1 else ''
     return (
         'Left: where the gap arises, before the flow has carried it anywhere (one-step residuals in'
-        ' weak form); dotted: hot spots with their share of the whole. Right: where the '
+        f' weak form){together}; dotted: hot spots with their share of the whole. Right: where the '
         f'free-running model is wrong in the end.{marks}'
     )
 
@@ -254,7 +261,6 @@ def _table(head: list[str], rows: list[list[str]], numbers: set[int]) -> str:
 def _ranking(result: 'Diagnosis') -> str:
     """Return the table of all effects, each fitted alone, with what it leaves."""
     before = max(result.summary['error']['before'], 1e-9)
-    alone = len(result.verdict.members) == 1  # else probabilities of single effects say nothing
     rows = []
     for row in result.summary['effects']:
         name, left = row['name'], row['error_after']
@@ -266,15 +272,15 @@ def _ranking(result: 'Diagnosis') -> str:
             f'<span class="bar" style="width:{length:.0f}px"></span>',
             _percent(left),
         ]
-        rows.append([*cells, _probability(row['probability'])] if alone else cells)
-    head = ['effect', 'of', 'would mean', 'leaves, alone', '']
+        rows.append([*cells, _probability(row['probability'])])
+    head = ['effect', 'of', 'would mean', 'leaves, alone', '', 'probability']
     note = (
         f'<p>Every effect of the library was fitted to the first 70 % of the recording. Without any'
         f' effect the error of the held-out part is {_percent(before)}'
-        f'{_jointly(result)}. The order is that of the misfit at the fronts of the whole '
-        'recording.</p>'
+        f'{_jointly(result)}. Probabilities come from the misfit at the fronts of the '
+        'whole recording.</p>'
     )
-    return note + _table([*head, 'probability'] if alone else head, rows, {4, 5})
+    return note + _table(head, rows, {4, 5})
 
 
 def _jointly(result: 'Diagnosis') -> str:
@@ -303,9 +309,11 @@ def _pairs(result: 'Diagnosis') -> str:
 
 
 def _phases(result: 'Diagnosis') -> str:
+    several = len(result.recordings) > 1
     rows = [
         [
-            f'{phase.start / 60:.0f} – {phase.end / 60:.0f} min',
+            f'{phase.start / 60:.0f} – {phase.end / 60:.0f} min'
+            + (f', {result.recordings[phase.recording].source.name}' if several else ''),
             phase.state,
             f'{100 * phase.share:.0f} %',
         ]

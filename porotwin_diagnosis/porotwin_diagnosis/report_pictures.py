@@ -20,7 +20,8 @@ from porotwin_diagnosis.search import JUDGING
 from porotwin_diagnosis.verdict import NONE
 
 if TYPE_CHECKING:
-    from porotwin_diagnosis.diagnose import Diagnosis, HeldOut
+    from porotwin_diagnosis.diagnose import Diagnosis
+    from porotwin_diagnosis.held_out import HeldOut
 
 PER_CENT_A_MINUTE = 6e3
 """What one per second of the tracer stock is in per cent per minute."""
@@ -115,26 +116,24 @@ def gap(result: 'Diagnosis') -> Figure:
 
 
 def remainder(result: 'Diagnosis') -> Figure:
-    """Return what the best model leaves: signed, and beside what noise alone would leave."""
+    """Return what the best model leaves of the fitted and the held-out part, and beside noise."""
     part, sample = result.held_out[0], result.samples[0]
-    late = replace(
-        sample,
-        times=sample.times[sample.fitted :],
-        observed=sample.observed[sample.fitted :],
-        fitted=0,
-        weights={},
-    )
-    shown = part.after[np.searchsorted(part.times, late.times)]
+    _, early = _predicted(result, _fitted_part(sample))
+    late = part.after[np.searchsorted(part.times, sample.times[sample.fitted :])]
     soft = measure_blur(part.observed, part.after, sample.noise)
-    left = _rms(late.whitened(shown, width=WIDTH, soft=soft))
-    figure, axes = _panels(result, 1, 2)
-    mean = _mean(part.observed - part.after)
-    image = _map(axes[0, 0], result, mean, cmap=DIFFERENCE, vmin=-0.25, vmax=0.25)
-    axes[0, 0].set_title('observed − best model, mean of the held-out part', fontsize=10)
-    figure.colorbar(image, ax=axes[0, 0], label='difference [share of stock]', shrink=0.8)
-    image = _map(axes[0, 1], result, left, cmap='inferno', vmin=0, vmax=max(3.0, float(left.max())))
-    axes[0, 1].set_title('the same, beside what noise would leave', fontsize=10)
-    figure.colorbar(image, ax=axes[0, 1], label='rms, in deviations', shrink=0.8)
+    left = sample.whitened(np.concatenate([early, late]), width=WIDTH, soft=soft)
+    figure, axes = _panels(result, 1, 3)
+    fitted = sample.observed[: sample.fitted] - early
+    parts = (('fitted part', fitted), ('held-out part', part.observed - part.after))
+    for axis, (title, difference) in zip(axes[0], parts, strict=False):
+        image = _map(axis, result, _mean(difference), cmap=DIFFERENCE, vmin=-0.25, vmax=0.25)
+        axis.set_title(f'observed − best model, {title}', fontsize=9)
+    figure.colorbar(image, ax=axes[0, :2], label='mean [share of stock]', shrink=0.75)
+    beside = _rms(left)
+    top = max(3.0, float(beside.max()))
+    image = _map(axes[0, 2], result, beside, cmap='inferno', vmin=0, vmax=top)
+    axes[0, 2].set_title('beside what noise would leave', fontsize=9)
+    figure.colorbar(image, ax=axes[0, 2], label='rms [deviations]', shrink=0.75)
     return figure
 
 
@@ -178,12 +177,7 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
     Two simulations give the first part; the second is in the result.
     """
     sample, part = result.samples[number], result.held_out[number]
-    early = replace(
-        sample,
-        times=sample.times[: sample.fitted],
-        observed=sample.observed[: sample.fitted],
-        weights={},
-    )
+    early = _fitted_part(sample)
     before, after = _predicted(result, early)
     observed = np.concatenate([early.observed, part.observed])
     before = np.concatenate([before, part.before])
@@ -204,6 +198,11 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
         np.array(floor),
         sample.held_out_start,
     )
+
+
+def _fitted_part(sample: Sample) -> Sample:
+    end = sample.fitted
+    return replace(sample, times=sample.times[:end], observed=sample.observed[:end], weights={})
 
 
 def _predicted(result: 'Diagnosis', sample: Sample) -> tuple[FloatArray, FloatArray]:

@@ -10,11 +10,12 @@ from matplotlib.image import imsave
 
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import library
-from porotwin_diagnosis.diagnose import Diagnosis, HeldOut
+from porotwin_diagnosis.diagnose import Diagnosis
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter, Margin
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import map_gap
+from porotwin_diagnosis.held_out import HeldOut
 from porotwin_diagnosis.numerics import Numerics
 from porotwin_diagnosis.output import diagnosis_json
 from porotwin_diagnosis.report import sentence, write_report
@@ -116,6 +117,18 @@ def test_an_unexplained_gap_is_said_with_its_size_and_the_remainder_drawn(denser
     assert 'mm off would leave' in verdict_said
     assert text.count('data:image/png;base64,') == 4
     assert 'The remainder' in text
+
+
+def test_of_several_recordings_each_has_its_errors_and_its_course(denser, tmp_path):
+    twice = replace(
+        denser,
+        recordings=denser.recordings * 2,
+        samples=denser.samples * 2,
+        held_out=denser.held_out * 2,
+    )
+    text, _ = page(replace(twice, summary=diagnosis_json(twice)), tmp_path)
+    assert text.count('data:image/png;base64,') == 5
+    assert '<th class="n">gap closed</th>' in text
 
 
 def test_the_last_photograph_comes_first_and_a_broken_one_is_left_out(denser, tmp_path):
