@@ -260,17 +260,18 @@ def _table(head: list[str], rows: list[list[str]], numbers: set[int]) -> str:
 
 def _ranking(result: 'Diagnosis') -> str:
     """Return the table of all effects, each fitted alone, with what it leaves."""
-    before = max(result.summary['error']['before'], 1e-9)
+    errors = result.summary['error']
+    before, floor = max(errors['before'], 1e-9), errors['noise_floor']
     rows = []
     for row in result.summary['effects']:
         name, left = row['name'], row['error_after']
-        length = 80 * min(left / before, 1.5)
+        length = 80 * min(max(left, floor) / before, 1.5)
         cells = [
             f'<b>{spoken(name)}</b>' if name in result.verdict.members else spoken(name),
             'camera' if name in CAMERA else 'rig',
             phrase(name, row['parameters']),
             f'<span class="bar" style="width:{length:.0f}px"></span>',
-            _percent(left),
+            _percent(left) if left > floor else f'≤ {_percent(floor)}',  # nothing shows in noise
         ]
         rows.append([*cells, _probability(row['probability'])])
     head = ['effect', 'of', 'would mean', 'leaves, alone', '', 'probability']
