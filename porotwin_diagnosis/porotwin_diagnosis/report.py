@@ -337,7 +337,7 @@ def _checks(result: 'Diagnosis') -> str:
 
 def _proposals(result: 'Diagnosis') -> str:
     if not result.proposals:
-        return '<p>None needed.</p>'
+        return '<p>None that would tell more than the same recording once more.</p>'
     one, other = result.proposals[0].separates
     lacking = ', neither of which is enough' if result.verdict.name == UNEXPLAINED else ''
     rows = [
@@ -350,10 +350,9 @@ def _proposals(result: 'Diagnosis') -> str:
     ]
     note = (
         f'<p>To tell the two nearest explanations apart, {spoken(one)} and {spoken(other)}'
-        f'{lacking}; the '
-        'factor says how much further apart they would lie than in this recording.</p>'
+        f'{lacking}; the factor says how many times better than the same recording once more.</p>'
     )
-    return note + _table(['experiment', 'what to do', 'further apart'], rows, {2})
+    return note + _table(['experiment', 'what to do', 'tells'], rows, {2})
 
 
 def _strengths(result: 'Diagnosis') -> str:
