@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
@@ -26,17 +27,24 @@ def schedule():
     )
 
 
-def recorded(folder: Path, *effects: EffectDescription, seed: int = 3) -> Path:
-    """Make a recording of 45 min on a coarse grid with ordinary noise and sealed `effects`."""
+def recorded(
+    folder: Path,
+    *effects: EffectDescription,
+    seed: int = 3,
+    told: Schedule | None = None,
+    duration: float = 2700,
+    grid: Grid | None = None,
+) -> Path:
+    """Make a recording on a coarse grid with ordinary noise and sealed `effects`."""
     make_experiment(
         folder,
         SMALL,
-        told=schedule(),
-        duration=2700,
+        told=told or schedule(),
+        duration=duration,
         photo_interval=90,
         seed=seed,
         effects=effects,
         noise=MapNoise.drawn(seed),
-        grid=SMALL.grid(94, 56),
+        grid=grid or SMALL.grid(94, 56),
     )
     return folder
