@@ -228,9 +228,9 @@ SCHEDULES: tuple[tuple[str, str, Callable[[Sample], Sample | None]], ...] = (
     ('chase', 'inject water without tracer in the second half', _chase),
     (
         'one well at a time',
-        'let every pump run alone in turn, those with tracer first (after a single one water goes in '
-        'through the well next to it): what is wrong with one well shows in its turn only, what is '
-        'wrong with the sand in every turn',
+        'let every pump run alone in turn, those with tracer first (a single one is followed by '
+        'water through the well next to it): what is wrong with one well shows in its turn only, '
+        'what is wrong with the sand in every turn',
         _one_at_a_time,
     ),
 )
