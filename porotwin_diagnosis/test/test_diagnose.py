@@ -64,6 +64,16 @@ def test_gap_arises_at_the_leak_and_not_where_the_flow_carries_it(tmp_path):
     assert {phase.state for phase in gap.phases} <= {'injecting', 'resting', 'chasing'}
 
 
+def test_gap_arises_at_a_streak_that_no_effect_of_the_library_describes(tmp_path):
+    ends = {'x': 0.15, 'x_end': 0.34, 'z': 0.3, 'z_end': 0.3}
+    tight = {'width': 0.008, 'permeability_factor': 0.01}
+    streak = EffectDescription(name='streak', parameters={**ends, **tight})
+    strongest = map_gap(open_recording(recorded(tmp_path / 'recording', streak))).spots[0]
+    assert 0.12 < strongest.x < 0.37
+    assert strongest.z == pytest.approx(0.3, abs=0.05)
+    assert strongest.share > 0.3
+
+
 def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
     from diagnosis_examples import SMALL, schedule
 

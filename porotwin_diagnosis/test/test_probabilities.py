@@ -1,0 +1,43 @@
+"""The probabilities of effects in diagnosis.json agree with the confidence in the verdict."""
+
+import numpy as np
+import pytest
+
+from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.output import _probabilities
+from porotwin_diagnosis.verdict import Verdict
+
+MODEL = Fit((), np.zeros(0), 1.0, 1.0, 0.1, 0.1, np.zeros((0, 0)))
+RAW = {'porosity': 0.45, 'rate': 0.45, 'depth': 0.08, 'leak': 0.02, 'none': 0.0}
+NAMES = ['porosity', 'rate', 'depth', 'leak', 'clock']
+
+
+def shares(name, confidence, *, members=(), inseparable=()):
+    verdict = Verdict(name, confidence, MODEL, members, inseparable, RAW)
+    return _probabilities(verdict, NAMES)
+
+
+@pytest.mark.parametrize('name', ['none', 'unexplained'])
+def test_where_no_effect_is_the_verdict_all_together_have_what_the_confidence_leaves(name):
+    found = shares(name, 0.95)
+    assert sum(found.values()) <= 0.05 + 1e-9
+    assert max(found, key=found.get) in ('porosity', 'rate')
+
+
+def test_the_verdict_has_its_confidence():
+    found = shares('porosity', 0.9, members=('porosity',))
+    assert found['porosity'] == pytest.approx(0.9)
+    assert sum(found.values()) <= 1.0 + 1e-9
+    assert found['clock'] == 0.0
+
+
+def test_what_shows_the_same_shares_the_confidence():
+    found = shares('porosity', 0.9, members=('porosity',), inseparable=('rate',))
+    assert found['porosity'] == found['rate'] == pytest.approx(0.45)
+    assert found['depth'] > found['leak'] > 0.0
+
+
+def test_a_partner_is_half_as_sure():
+    found = shares('porosity', 0.8, members=('porosity', 'clock'))
+    assert found['clock'] == pytest.approx(0.4)
+    assert found['rate'] < 0.2
