@@ -203,10 +203,10 @@ def _camera(samples: Sequence[Sample]) -> list[Candidate]:
         Candidate(
             'registration',
             (
-                Knob('dx', 'm', 0.0, 0.4 * cell, -0.2 * reach, 0.2 * reach),
-                Knob('dz', 'm', 0.0, 0.4 * cell, -0.2 * reach, 0.2 * reach),
-                Knob('rotation', 'rad', 0.0, 0.4 * cell / (0.4 * reach), -0.3, 0.3),
-                Knob('scale', '-', 1.0, 0.4 * cell / (0.4 * reach), 0.7, 1.4),
+                Knob('dx', 'm', 0.0, 0.4 * cell, -0.1 * reach, 0.1 * reach),
+                Knob('dz', 'm', 0.0, 0.4 * cell, -0.1 * reach, 0.1 * reach),
+                Knob('rotation', 'rad', 0.0, 0.4 * cell / (0.4 * reach), -0.1, 0.1),
+                Knob('scale', '-', 1.0, 0.4 * cell / (0.4 * reach), 0.9, 1.1),
             ),
         ),
         _single('clock', Knob('offset', 's', 0.0, 0.01 * duration, -0.9 * duration, duration)),

@@ -1,13 +1,13 @@
 """The search for what explains a gap: every effect alone, then in pairs, coarse before fine.
 
 1. Screening: every candidate is fitted with the full model on cells twice as large.
-2. Pairs, where no single effect closes the gap: those whose response the best single effect cannot
-   copy, fitted together.
-3. Refinement: what is left is fitted again on the recording's cells, and judged on cells half as
+2. Refinement: what is left is fitted again on the recording's cells, and judged on cells half as
    large, where the scheme smears least.
+3. Pairs, where no single effect closes the gap: those whose response the best single effects cannot
+   copy, screened, refined and judged in the same way.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library
-from porotwin_diagnosis.evidence import Sample, coarsened, noise_misfit
+from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened, noise_misfit
 from porotwin_diagnosis.fit import Fit, Fitter, Margin
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.scan import starts
@@ -25,14 +25,21 @@ from porotwin_diagnosis.scan import starts
 Progress = Callable[[str, float], None]
 """Told the stage and the share that is done."""
 
-SCREENING = 2
-"""Cells of the recording per screening cell, each way."""
+SCREENING, FEWEST_COLUMNS = 2, 40
+"""Cells of the recording per screening cell, each way, as long as so many columns are left."""
 
 JUDGING = 2
 """Cells per cell of the recording in the final judgement, each way."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 2, 4
+REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 3, 3
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
+
+LIKELY_SECONDS = ('saturation', 'illumination')
+"""Partners that are always tried: they cost no simulation, and their response is not linear."""
+
+BASE = 1.8
+"""Fits whose misfit is above this many times the best one's are no base of a pair: the strongest
+effect of a pair need not be what imitates the pair best."""
 
 NEAR = 1.5
 """Fits whose misfit is above this many times the best one's go no further (but the second)."""
@@ -118,7 +125,7 @@ class Search:
         self.excluded = frozenset(excluded)
         self.progress = progress
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
-        coarse = [coarsened(sample, SCREENING) for sample in samples]
+        coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
         self.refining = self._fitter(samples, 1, EDGE_BLUR)
         self.judging = self._fitter(samples, JUDGING, EDGE_BLUR)
@@ -137,21 +144,28 @@ class Search:
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
         findings.noise = _together(*noise_misfit(self.samples))
-        findings.singles = self._finer(_near(_distinct(screened))[:REFINED], 0.3, 0.55)
+        refined = self._refined(_near(_distinct(screened))[:REFINED], 0.3)
+        findings.singles = self._judged(refined, 0.4)
         self._measure_blur(findings)
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
-            pairs = self._pairs(screened)
-            findings.pairs = self._finer(pairs[:JUDGED], 0.75, 0.92) if pairs else []
+            pairs = self._refined(self._pairs(screened)[:JUDGED], 0.75)
+            findings.pairs = self._judged(pairs, 0.8)
+            self._measure_blur(findings)
+            best = findings.singles[0]
         findings.margins = [self.judging.margin(best, fit) for fit in findings.singles]
         forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
         findings.runs = sum(forward.runs for forward in forwards)
         return findings
 
     def _measure_blur(self, findings: Findings) -> None:
-        """Judge with the edge blur that suits the best effect, or none where none is needed."""
-        unexplained = findings.excess(findings.null)
-        best = findings.null if unexplained < SMALL_EXCESS else findings.singles[0]
+        """Judge with the edge blur that suits the best model, without effect where none is needed.
+
+        A wrong model's blur would be that of its misplaced fronts.
+        """
+        best = min([*findings.singles[:1], *findings.pairs[:1]], key=score)
+        if findings.excess(findings.null) < SMALL_EXCESS:
+            best = findings.null
 
         def cost(blur: float) -> float:
             self.judging.soft = blur
@@ -159,9 +173,12 @@ class Search:
 
         found = minimize_scalar(cost, bounds=BLURS, method='bounded', options={'xatol': 0.02})
         self.judging.soft = float(found.x)
-        again = self.judging.judged
-        findings.null = again((), np.zeros(0))
-        findings.singles = _ranked([again(fit.members, fit.turns) for fit in findings.singles])
+        findings.null = self._judged_again(findings.null)
+        findings.singles = _ranked(map(self._judged_again, findings.singles))
+        findings.pairs = _ranked(map(self._judged_again, findings.pairs))
+
+    def _judged_again(self, fit: Fit) -> Fit:
+        return self.judging.judged(fit.members, fit.turns)
 
     def _screen(self) -> list[Fit]:
         candidates = [
@@ -213,7 +230,7 @@ class Search:
 
     def _pairs(self, screened: Sequence[Fit]) -> list[Fit]:
         alone = _distinct(screened)
-        bases = [fit for fit in alone if score(fit) < 1.6 * score(alone[0])][:PAIR_BASES]
+        bases = [fit for fit in alone if score(fit) < BASE * score(alone[0])][:PAIR_BASES]
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
             self.progress(f'pairs with {base.label}', 0.55 + 0.2 * index / len(bases))
@@ -233,7 +250,7 @@ class Search:
         With `places` also effects that need one, wherever they fit best beside `base`.
         """
         fitter = self.screening
-        residuals = fitter.residuals(base.effects, 1.5)
+        residuals = fitter.residuals(base.effects, WIDTH)
         own = fitter.responses(base.members, base.turns)
         gains: list[tuple[float, Candidate]] = []
         for fit in screened:
@@ -247,7 +264,11 @@ class Search:
                 (_gain(residuals, own, [c[len(base.turns) :] for c in columns]), candidate)
             )
         gains.sort(key=lambda item: -item[0])
-        partners = [candidate for _, candidate in gains[:PARTNERS]]
+        partners = [
+            candidate
+            for place, (_, candidate) in enumerate(gains)
+            if place < PARTNERS or candidate.effect in LIKELY_SECONDS
+        ]
         local = set(LOCAL) - self.excluded - {base.members[0].effect}
         for effect in sorted(local) if places else ():
             try:
@@ -257,31 +278,38 @@ class Search:
             partners.extend(found[:1])
         return partners
 
-    def _finer(self, fits: Sequence[Fit], begin: float, end: float) -> list[Fit]:
-        """Return `fits` refitted on the recording's cells, the best also judged on finer ones."""
+    def _refined(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
+        """Return `fits` refitted on the recording's cells; progress is at `begin`."""
         refined = []
         for index, fit in enumerate(fits):
-            self.progress(f'refining {fit.label}', begin + (end - begin) * 0.5 * index / len(fits))
+            self.progress(f'refining {fit.label}', begin + 0.1 * index / len(fits))
             refined.append(
                 self.refining.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=3)
             )
-        refined.sort(key=score)
+        return sorted(refined, key=score)
+
+    def _judged(self, refined: Sequence[Fit], begin: float) -> list[Fit]:
+        """Return the best of `refined`, refitted on the finest cells; progress is at `begin`."""
         judged = []
         for index, fit in enumerate(_near(refined)[:JUDGED]):
-            share = 0.5 + 0.5 * index / JUDGED
-            self.progress(f'judging {fit.label}', begin + (end - begin) * share)
+            self.progress(f'judging {fit.label}', begin + 0.12 * index / JUDGED)
             judged.append(self.judging.polished(fit, self.refining))
-        judged = [fit for fit in judged if not self._at_a_well(fit)] or judged
-        return _ranked(judged)
+        return _ranked([fit for fit in judged if not self._at_a_well(fit)] or judged)
 
 
-def _ranked(fits: Sequence[Fit]) -> list[Fit]:
+def _ranked(fits: Iterable[Fit]) -> list[Fit]:
     """Return the judged `fits`, the most plausible first."""
     return sorted(fits, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
 
 
+def _screening_factor(sample: Sample) -> int:
+    return SCREENING if sample.grid.nx >= SCREENING * FEWEST_COLUMNS else 1
+
+
 def _near(fits: Sequence[Fit]) -> list[Fit]:
     """Return the fits near the best of `fits`, which are in order, and the second in any case."""
+    if not fits:
+        return []
     kept = [
         fit for index, fit in enumerate(fits) if index < 2 or score(fit) < NEAR * score(fits[0])
     ]

@@ -31,8 +31,8 @@ class Thresholds:
     """
 
     quiet: float = 0.6
-    open: float = 0.65
-    open_pair: float = 0.65
+    open: float = 0.6
+    open_pair: float = 0.42
     pair_worth: float = 0.8
     sharpness: float = 1.0
     steepness: float = 12.0
