@@ -268,7 +268,8 @@ def _wells(axis: Axes, result: 'Diagnosis', *, dark: bool = False) -> None:
 
 def _fronts(axis: Axes, result: 'Diagnosis', part: 'HeldOut') -> None:
     """Draw where the three maps hold half the stock."""
-    rig, grid = result.recordings[0].rig, result.recordings[0].grid
+    rig = result.recordings[0].rig
+    grid = rig.grid(*part.observed.shape[:0:-1])
     shown = (
         (part.observed[-1], SEEN, '-', 2.4, 'observed'),
         (part.before[-1], BEFORE, '--', 1.2, 'as it is'),
