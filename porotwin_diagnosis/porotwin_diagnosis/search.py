@@ -149,7 +149,7 @@ class Search:
         self._measure_blur(findings)
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
-            pairs = self._refined(self._pairs(screened)[:JUDGED], 0.75)
+            pairs = self._refined(self._pairs(screened)[:JUDGED], 0.7)
             findings.pairs = self._judged(pairs, 0.8)
             self._measure_blur(findings)
             best = findings.singles[0]
@@ -233,7 +233,7 @@ class Search:
         bases = [fit for fit in alone if score(fit) < BASE * score(alone[0])][:PAIR_BASES]
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
-            self.progress(f'pairs with {base.label}', 0.55 + 0.2 * index / len(bases))
+            self.progress(f'pairs with {base.label}', 0.55 + 0.15 * index / len(bases))
             for partner in self._partners(base, screened, places=index == 0):
                 key = frozenset((base.members[0].label, partner.label))
                 if key in fits:
