@@ -11,8 +11,8 @@ from porotwin_diagnosis.diagnose import examine
 from porotwin_diagnosis.rival import sparse_regression
 from porotwin_recording.recording import open_recording
 
-CASES = (0, 5, 6, 9, 16, 27)
-"""Cases of the blind check: nothing, a zone, a shifted picture, porosity, dispersion, decay."""
+CASES = (0, 1, 3, 5, 7, 9)
+"""Cases of the blind check: one without an effect, and five with one of the library."""
 
 
 def run(cases: Sequence[int] = CASES, *, seed: int = 1) -> list[dict[str, object]]:
