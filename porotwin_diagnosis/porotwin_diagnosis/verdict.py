@@ -30,8 +30,8 @@ class Thresholds:
     logistic map of raw log-odds to seen frequency.
     """
 
-    quiet: float = 0.6
-    open: float = 0.6
+    quiet: float = 0.5
+    open: float = 0.5
     open_pair: float = 0.42
     pair_worth: float = 0.8
     sharpness: float = 1.0
