@@ -31,7 +31,7 @@ SCREENING, FEWEST_COLUMNS = 2, 40
 JUDGING = 2
 """Cells per cell of the recording in the final judgement, each way."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 3, 3
+REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 3, 4
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
 
 LIKELY_SECONDS = ('saturation', 'illumination')
@@ -62,6 +62,9 @@ AT_A_WELL = 5.0
 
 OCCAM = 1.015
 """Every knob must lower the misfit by this factor to be preferred."""
+
+PER_KNOB = 0.85
+"""By what every knob lowers the gain of a partner: many knobs imitate much."""
 
 EDGE_BLUR = 0.55
 """Blur [cells] by which recorded maps are softer than averages over cells, until measured."""
@@ -260,9 +263,8 @@ class Search:
             members = (*base.members, candidate)
             turns = np.concatenate([base.turns, candidate.first])
             columns = fitter.responses(members, turns)
-            gains.append(
-                (_gain(residuals, own, [c[len(base.turns) :] for c in columns]), candidate)
-            )
+            gain = _gain(residuals, own, [c[len(base.turns) :] for c in columns])
+            gains.append((gain * PER_KNOB ** len(candidate.knobs), candidate))
         gains.sort(key=lambda item: -item[0])
         partners = [
             candidate

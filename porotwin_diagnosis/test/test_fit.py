@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_examples import recorded
 
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_diagnosis.candidates import Knob, library
-from porotwin_diagnosis.evidence import read_sample
+from porotwin_diagnosis.evidence import noise_misfit, read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.search import Findings, Search
 from porotwin_recording.recording import open_recording
+from porotwin_rig.observation import MapNoise
 
 
 @pytest.fixture(scope='module')
@@ -79,3 +82,48 @@ def test_a_closed_rig_cannot_leak_nor_misdeliver(fitter):
     effects = {candidate.effect for candidate in library([sample])}
     assert effects.isdisjoint({'leak', 'rate'})
     assert 'heterogeneity' in effects
+
+
+def test_a_judged_fit_is_polished_with_the_slopes_of_coarser_cells(fitter, denser_sand):
+    sample = read_sample(open_recording(denser_sand))
+    judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
+    porosity = candidate(fitter, 'porosity')
+    off = judge.judged((porosity,), np.array([porosity.knobs[0].turn(0.93)]))
+    polished = judge.polished(off, fitter)
+    assert polished.fitted < 0.4 * off.fitted
+    assert polished.effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.01)
+
+
+def test_a_shifted_and_turned_picture_is_found_in_its_narrow_valley(tmp_path):
+    truth = {'dx': 0.006, 'dz': -0.008, 'rotation': -0.02, 'scale': 1.01}
+    effect = EffectDescription(name='registration', parameters=truth)
+    sample = read_sample(open_recording(recorded(tmp_path / 'recording', effect)))
+    fitter = Fitter([Forward(sample, refinement=2)], soft=0.55)
+    found = fitter.fit((candidate(fitter, 'registration'),)).effects[0].parameters
+    assert found['dx'] == pytest.approx(truth['dx'], abs=0.0015)
+    assert found['dz'] == pytest.approx(truth['dz'], abs=0.0015)
+    assert found['rotation'] == pytest.approx(truth['rotation'], abs=0.005)
+    assert found['scale'] == pytest.approx(truth['scale'], abs=0.004)
+
+
+def test_a_true_model_leaves_little_beyond_the_noise_and_a_wrong_one_much(fitter, denser_sand):
+    sample = read_sample(open_recording(denser_sand))
+    judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
+    noise = np.hypot(*noise_misfit([sample]))
+    right = judge.judged((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.88))
+    wrong = judge.judged((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.92))
+    assert np.hypot(right.fitted, right.held_out) < 1.5 * noise
+    assert np.hypot(wrong.fitted, wrong.held_out) > 3 * noise
+
+
+def fitter_turns(fitter, factor):
+    return np.array([candidate(fitter, 'porosity').knobs[0].turn(factor)])
+
+
+def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
+    search = Search([read_sample(open_recording(quiet))], workers=1)
+    null = search.judging.judged((), np.zeros(0))
+    findings = Findings(null, null, [], [null], noise=null.fitted)
+    search._measure_blur(findings)
+    assert search.judging.soft == pytest.approx(MapNoise.drawn(3).blur_cells, abs=0.2)
+    assert findings.null.fitted <= null.fitted + 1e-6
