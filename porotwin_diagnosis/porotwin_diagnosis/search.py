@@ -60,8 +60,9 @@ EXPLAINED = 0.45
 AT_A_WELL = 5.0
 """Cells about a well within which a leak cannot be told from a wrong rate of that well."""
 
-OCCAM = 1.015
-"""Every knob must lower the misfit by this factor to be preferred."""
+OCCAM, SCREENING_OCCAM = 1.03, 1.05
+"""Every knob must lower the misfit by this factor to be preferred, at last and among screened
+pairs, whose misfits hold the smearing of coarse cells."""
 
 PER_KNOB = 0.85
 """By what every knob lowers the gain of a partner: many knobs imitate much."""
@@ -237,7 +238,7 @@ class Search:
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
             self.progress(f'pairs with {base.label}', 0.55 + 0.15 * index / len(bases))
-            for partner in self._partners(base, screened, places=index == 0):
+            for partner in self._partners(base, screened, thorough=index == 0):
                 key = frozenset((base.members[0].label, partner.label))
                 if key in fits:
                     continue
@@ -245,12 +246,16 @@ class Search:
                 fits[key] = self.screening.fit(
                     (base.members[0], partner), start=start, coarse_steps=1, fine_steps=4
                 )
-        return sorted((fit for fit in fits.values() if not self._at_a_well(fit)), key=score)
+        return sorted(
+            (fit for fit in fits.values() if not self._at_a_well(fit)),
+            key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns),
+        )
 
-    def _partners(self, base: Fit, screened: Sequence[Fit], *, places: bool) -> list[Candidate]:
+    def _partners(self, base: Fit, screened: Sequence[Fit], *, thorough: bool) -> list[Candidate]:
         """Return the candidates whose response best explains what `base` leaves.
 
-        With `places` also effects that need one, wherever they fit best beside `base`.
+        If `thorough`, also all that have one knob and no place, and those that need a place,
+        wherever they fit best beside `base`.
         """
         fitter = self.screening
         residuals = fitter.residuals(base.effects, WIDTH)
@@ -269,10 +274,12 @@ class Search:
         partners = [
             candidate
             for place, (_, candidate) in enumerate(gains)
-            if place < PARTNERS or candidate.effect in LIKELY_SECONDS
+            if place < PARTNERS
+            or candidate.effect in LIKELY_SECONDS
+            or (thorough and len(candidate.knobs) == 1 and 'well' not in candidate.fixed)
         ]
         local = set(LOCAL) - self.excluded - {base.members[0].effect}
-        for effect in sorted(local) if places else ():
+        for effect in sorted(local) if thorough else ():
             try:
                 found = starts(fitter.forwards, effect, given=base.effects, pool=self._pool)
             except InputError:
