@@ -1,6 +1,7 @@
 """The blind check: sealed truths, drawn reproducibly, scored honestly."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -82,7 +83,10 @@ def test_a_truth_cannot_be_changed_after_it_was_sealed(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_a_check_goes_on_where_it_stopped(tmp_path):
+def test_a_check_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        blind_check, 'draw_case', lambda number, seed: replace(draw_case(number, seed), cell_m=0.01)
+    )
     first = blind_check.blind_check(tmp_path, cases=1)
     stamp = (tmp_path / 'case_000' / 'result' / 'diagnosis.json').stat().st_mtime_ns
     stages = []
