@@ -26,6 +26,10 @@ from porotwin_diagnosis.strength import smallest_strengths
 from porotwin_diagnosis.verdict import NONE, Verdict, decide
 from porotwin_recording.recording import Recording, open_recording
 
+FEWEST_COLUMNS, COARSE_CONFIDENCE = 80, 0.7
+"""Columns of a recording below which no verdict is surer than this: on 47 columns a shifted picture
+passed for a wrong rate, on 70 a wrong rate for unexplained."""
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -111,7 +115,7 @@ def examine(
     samples = tuple(read_sample(recording) for recording in recordings)
     search = Search(samples, excluded=excluded, workers=workers, progress=progress)
     findings = search.run()
-    verdict = decide(findings)
+    verdict = _no_surer_than_seen(decide(findings), samples)
     progress('measuring intervals', 0.92)
     verdict = replace(verdict, model=_with_interval(search, verdict.model))
     numerics = judge_numerics(samples, findings, setting=setting)
@@ -139,6 +143,13 @@ def examine(
     }
     result = Diagnosis(**parts, summary={})
     return replace(result, summary=diagnosis_json(result))
+
+
+def _no_surer_than_seen(verdict: Verdict, samples: Sequence[Sample]) -> Verdict:
+    """Return `verdict`, less sure where the cells of all recordings are too large to tell."""
+    if max(sample.grid.nx for sample in samples) >= FEWEST_COLUMNS:
+        return verdict
+    return replace(verdict, confidence=min(verdict.confidence, COARSE_CONFIDENCE))
 
 
 def _with_interval(search: Search, model: Fit) -> Fit:
