@@ -13,15 +13,14 @@ from porotwin_core.rig import Rig, write_rig
 from porotwin_diagnosis.evidence import Sample, read_sample
 from porotwin_diagnosis.findings_file import write_findings
 from porotwin_diagnosis.fit import Fit, Fitter
-from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import GapMap, map_gap
 from porotwin_diagnosis.held_out import HeldOut as HeldOut
 from porotwin_diagnosis.noise import measure_blur, noise_floor
-from porotwin_diagnosis.numerics import Numerics, judge_numerics
+from porotwin_diagnosis.numerics import Numerics, before_and_after, judge_numerics
 from porotwin_diagnosis.output import diagnosis_json, write_fields
 from porotwin_diagnosis.proposals import Proposal, propose
 from porotwin_diagnosis.report import write_report
-from porotwin_diagnosis.search import JUDGING, Findings, Progress, Search
+from porotwin_diagnosis.search import Findings, Progress, Search
 from porotwin_diagnosis.strength import smallest_strengths
 from porotwin_diagnosis.verdict import NONE, Verdict, decide
 from porotwin_recording.recording import Recording, open_recording
@@ -121,7 +120,7 @@ def examine(
     numerics = judge_numerics(samples, findings, setting=setting)
     verdict = numerics.amended(verdict)
     held_out = tuple(
-        _held_out(recording, sample, verdict.model, setting, numerics)
+        _held_out(recording, sample, verdict.model, numerics)
         for recording, sample in zip(recordings, samples, strict=True)
     )
     progress('mapping where the gap arises', 0.95)
@@ -163,20 +162,11 @@ def _with_interval(search: Search, model: Fit) -> Fit:
     return replace(model, covariance=refined.covariance + np.diag(shift**2))
 
 
-def _held_out(
-    recording: Recording, sample: Sample, model: Fit, setting: str, numerics: Numerics
-) -> HeldOut:
+def _held_out(recording: Recording, sample: Sample, model: Fit, numerics: Numerics) -> HeldOut:
     chosen = np.flatnonzero(recording.times >= sample.held_out_start)
     observed = recording.concentration[chosen].astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted=0, weights={})
-    sharp = Forward(part, refinement=JUDGING)
-    after = np.clip(sharp.maps(model.effects), 0.0, 1.0)
-    if numerics.found or setting != 'accurate':
-        before = Forward(part, setting=setting).maps(())
-        if not model.members and not numerics.found:
-            after = before
-    else:
-        before = sharp.maps(())
+    before, after = before_and_after(part, model, numerics)
     width = measure_blur(observed, after, sample.noise)
     floor = noise_floor(replace(sample.noise, blur=width), after, observed)
     return HeldOut(

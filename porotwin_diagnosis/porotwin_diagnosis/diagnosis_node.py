@@ -32,7 +32,7 @@ class CalledOffError(Exception):
 
 
 class DiagnosisNode(Node):
-    """Keeps what the running graph has seen since its last clean state, and diagnoses on demand."""
+    """Keeps what the running graph has seen since its experiment began, and diagnoses on demand."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Read parameters, listen, offer the action.

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.evidence import Sample, misfit
+from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import Findings, score
+from porotwin_diagnosis.search import JUDGING, Findings, overall, score
 from porotwin_diagnosis.verdict import NONE, NUMERICAL, Verdict
 
 WORTH = 0.75
@@ -50,10 +52,25 @@ def judge_numerics(samples: Sequence[Sample], findings: Findings, *, setting: st
     residuals = [
         sample.whitened(Forward(sample, setting=setting).maps(()), soft=0.0) for sample in samples
     ]
-    configured = float(np.hypot(*misfit(samples, residuals)) / np.sqrt(2.0))
+    configured = overall(*misfit(samples, residuals))
     if configured < LEAST_MISFIT or sharp > WORTH * configured:
         return Numerics(setting, configured, sharp)
     return Numerics(setting, configured, sharp, _equivalent_diffusion(samples[0], setting), True)
+
+
+def before_and_after(
+    sample: Sample, model: Fit, numerics: Numerics
+) -> tuple[FloatArray, FloatArray]:
+    """Return the maps (nt, nz, nx) of `sample` by the configured model and by the mended one.
+
+    The mended one is sharp; where nothing was mended, both are the configured one.
+    """
+    sharp = Forward(sample, refinement=JUDGING)
+    after = np.clip(sharp.maps(model.effects), 0.0, 1.0)
+    if numerics.setting == 'accurate':
+        return sharp.maps(()), after
+    before = Forward(sample, setting=numerics.setting).maps(())
+    return before, after if model.members or numerics.found else before
 
 
 def _equivalent_diffusion(sample: Sample, setting: str) -> float:

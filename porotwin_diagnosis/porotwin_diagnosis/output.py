@@ -11,7 +11,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_diagnosis.candidates import LOCAL
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.gap_map import Phase, Spot
-from porotwin_diagnosis.held_out import HeldOut, root_mean, together
+from porotwin_diagnosis.held_out import HeldOut, gap_closed, root_mean, together
 from porotwin_diagnosis.search import Findings, score
 from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 
@@ -215,11 +215,10 @@ def _alone(fit: Fit, errors: dict[str, float], findings: Findings) -> dict[str, 
     before, floor = errors['before'], errors['noise_floor']
     null = findings.null if fit in findings.singles else findings.screened_null
     after = before * fit.error / max(null.error, 1e-9)
-    closed = (before - after) / (before - floor) if before - floor > 1e-4 else 0.0
     return {
         'error_before': before,
         'error_after': round(after, 5),
-        'gap_closed': round(min(max(closed, 0.0), 1.0), 4),
+        'gap_closed': round(gap_closed(before, after, floor), 4),
     }
 
 

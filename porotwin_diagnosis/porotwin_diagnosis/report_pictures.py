@@ -14,9 +14,8 @@ from matplotlib.patheffects import withStroke
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.evidence import WIDTH, Sample
-from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.noise import measure_blur, noise_floor
-from porotwin_diagnosis.search import JUDGING
+from porotwin_diagnosis.numerics import before_and_after
 from porotwin_diagnosis.verdict import NONE
 
 if TYPE_CHECKING:
@@ -118,7 +117,7 @@ def gap(result: 'Diagnosis') -> Figure:
 def remainder(result: 'Diagnosis') -> Figure:
     """Return what the best model leaves of the fitted and the held-out part, and beside noise."""
     part, sample = result.held_out[0], result.samples[0]
-    _, early = _predicted(result, _fitted_part(sample))
+    _, early = before_and_after(_fitted_part(sample), result.verdict.model, result.numerics)
     late = part.after[np.searchsorted(part.times, sample.times[sample.fitted :])]
     soft = measure_blur(part.observed, part.after, sample.noise)
     left = sample.whitened(np.concatenate([early, late]), width=WIDTH, soft=soft)
@@ -178,7 +177,7 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
     """
     sample, part = result.samples[number], result.held_out[number]
     early = _fitted_part(sample)
-    before, after = _predicted(result, early)
+    before, after = before_and_after(early, result.verdict.model, result.numerics)
     observed = np.concatenate([early.observed, part.observed])
     before = np.concatenate([before, part.before])
     after = np.concatenate([after, part.after])
@@ -203,17 +202,6 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
 def _fitted_part(sample: Sample) -> Sample:
     end = sample.fitted
     return replace(sample, times=sample.times[:end], observed=sample.observed[:end], weights={})
-
-
-def _predicted(result: 'Diagnosis', sample: Sample) -> tuple[FloatArray, FloatArray]:
-    """Return the maps of `sample` before and after, by the schemes that judge the held-out part."""
-    numerics, model = result.numerics, result.verdict.model
-    sharp = Forward(sample, refinement=JUDGING)
-    after = np.clip(sharp.maps(model.effects), 0.0, 1.0)
-    if not numerics.found and numerics.setting == 'accurate':
-        return sharp.maps(()), after
-    before = Forward(sample, setting=numerics.setting).maps(())
-    return before, after if model.members or numerics.found else before
 
 
 def _panels(result: 'Diagnosis', rows: int, columns: int) -> tuple[Figure, Any]:

@@ -106,10 +106,11 @@ class Findings:
 
 def score(fit: Fit) -> float:
     """Return the misfit of fitted and held-out part together."""
-    return _together(fit.fitted, fit.held_out)
+    return overall(fit.fitted, fit.held_out)
 
 
-def _together(fitted: float, held_out: float) -> float:
+def overall(fitted: float, held_out: float) -> float:
+    """Return the misfit of both parts together, of theirs."""
     return float(np.hypot(fitted, held_out) / np.sqrt(2.0))
 
 
@@ -147,7 +148,7 @@ class Search:
                 forward.lean_on(finer)
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
-        findings.noise = _together(*noise_misfit(self.samples))
+        findings.noise = overall(*noise_misfit(self.samples))
         refined = self._refined(_near(_distinct(screened))[:REFINED], 0.3)
         findings.singles = self._judged(refined, 0.4)
         self._measure_blur(findings)
