@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from rig_examples import SMALL
 
-from porotwin_core.rig import Boundaries
+from porotwin_core.rig import Boundaries, rig_from_maps
 from porotwin_rig.flow import BoxFlow, Fluxes, held_vertices, no_flux, radial_fluxes
 from porotwin_rig.mesh import Mesh
 
@@ -84,6 +85,18 @@ def test_fluxes_in_a_closed_box_agree_with_image_wells() -> None:
     exact = image_fluxes(mesh, *SOURCE, open_top=False) - image_fluxes(mesh, *SINK, open_top=False)
     # the sum of images of one sign converges slowly: what is left comes from those left out
     assert relative_difference(found, exact) < 3e-4
+
+
+@pytest.mark.parametrize(('columns', 'at_most'), [(30, 0.01), (280, 0.0034), (2800, 0.0031)])
+def test_elements_are_small_beside_the_cells_of_a_permeability_map(
+    columns: int, at_most: float
+) -> None:
+    sand = np.full((columns // 2, columns), 1e-9)
+    numbers = {'depth_m': 0.02, 'porosity': 0.4}
+    data = {**SMALL, 'width_m': 2.8, 'height_m': 1.5}
+    mesh = Mesh.over(rig_from_maps(data, {**numbers, 'permeability_m2': sand}))
+    assert mesh.hx < at_most
+    assert mesh.nx * mesh.nz < 500_000
 
 
 def test_forced_through_flow_is_uniform_in_uniform_sand() -> None:
