@@ -24,14 +24,15 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.blind_cases import BlindCase, draw_case
 from porotwin_diagnosis.blind_effects import equal_names
+from porotwin_diagnosis.blind_truth import Truth, truth_of
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
 
 CaseProgress = Callable[[int, int, str], None]
 """Told how many cases are done, of how many, and what happened."""
 
-RESULT = Path('result') / 'diagnosis.json'
-"""Where the diagnosis of a case lies; a case that has it is done."""
+FIGURES = 'figures.json'
+"""Where the truth's own figures of a case lie; a case that has them is done."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def blind_check(
     folder.mkdir(parents=True, exist_ok=True)
     drawn = [draw_case(number, seed) for number in range(cases)]
     _publish_seals(folder, drawn, seed)
-    missing = [case for case in drawn if not (folder / case.name / RESULT).exists()]
+    missing = [case for case in drawn if not (folder / case.name / FIGURES).exists()]
     with ThreadPoolExecutor(workers) as pool:
         work = {pool.submit(_make_and_diagnose, case, folder / case.name): case for case in missing}
         for done, finished in enumerate(as_completed(work), start=cases - len(missing) + 1):
@@ -78,8 +79,9 @@ def blind_check(
             progress(done, cases, f'{work[finished].name} diagnosed')
     scores = []
     for case in drawn:
-        _open(case, folder / case.name)
-        scores.append(score_case(case, folder / case.name / 'result'))
+        place = folder / case.name
+        _open(case, place)
+        scores.append(score_case(case, place / 'result', Truth.read(place / FIGURES)))
     figures = summary(scores)
     (folder / 'scores.json').write_text(
         json.dumps({'summary': figures, 'cases': [score.__dict__ for score in scores]}, indent=1)
@@ -92,6 +94,7 @@ def blind_check(
 def _make_and_diagnose(case: BlindCase, place: Path) -> None:
     make_recording(case, place / 'recording')
     _diagnose_apart(place / 'recording', place / 'result', case.withheld)
+    truth_of(case, place / 'result').write(place / FIGURES)
 
 
 def make_recording(case: BlindCase, folder: Path) -> None:
@@ -158,8 +161,12 @@ def _open(case: BlindCase, place: Path) -> None:
     (place / 'truth.json').write_text(_truth_text(case), encoding='utf-8')
 
 
-def score_case(case: BlindCase, result: Path) -> Score:
-    """Return how the diagnosis in `result` compares with the truth of `case`."""
+def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
+    """Return how the diagnosis in `result` compares with the truth of `case`.
+
+    Of a pair only the stronger effect is right. The share of the gap that is closed is not what the
+    diagnosis says, but recomputed against the virtual rig's maps without noise.
+    """
     said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
     verdict = str(said['verdict'])
     both = None
@@ -174,9 +181,9 @@ def score_case(case: BlindCase, result: Path) -> Score:
         truth=tuple(effect.name for effect in case.effects) or ('none',),
         verdict=verdict,
         confidence=float(said['confidence']),
-        right=verdict in case.right,
+        right=verdict in truth.strongest,
         both_found=both,
-        gap_closed=float(said['error']['gap_closed']) if said['combination'] else None,
+        gap_closed=truth.gap_closed if said['combination'] else None,
         parameter_errors=tuple(error for error, _ in parameters),
         intervals_held=sum(inside for _, inside in parameters),
         distance_m=_distance(case, said),

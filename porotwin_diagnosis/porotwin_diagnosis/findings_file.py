@@ -6,6 +6,7 @@ which is how confidence is calibrated (`calibration`).
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,9 @@ def write_findings(path: Path, findings: Findings) -> None:
         'screened': [_fit_json(fit) for fit in findings.screened],
         'singles': [_fit_json(fit) for fit in findings.singles],
         'pairs': [_fit_json(fit) for fit in findings.pairs],
-        'margins': [
-            {'advantage': margin.advantage, 'distance': margin.distance}
-            for margin in findings.margins
-        ],
+        'parts': [_fit_json(fit) for fit in findings.parts],
+        'margins': [asdict(margin) for margin in findings.margins],
+        'pair_margins': [asdict(margin) for margin in findings.pair_margins],
     }
     path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
 
@@ -47,7 +47,9 @@ def read_findings(path: Path) -> Findings:
         screened=fits('screened'),
         singles=fits('singles'),
         pairs=fits('pairs'),
+        parts=fits('parts'),
         margins=[Margin(**margin) for margin in content['margins']],
+        pair_margins=[Margin(**margin) for margin in content['pair_margins']],
         noise=content['noise'],
         runs=content['runs'],
     )

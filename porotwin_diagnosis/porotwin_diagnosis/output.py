@@ -34,6 +34,7 @@ def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
         'confidence': round(verdict.confidence, 3),
         'not_separable_from': list(verdict.inseparable),
         'combination': list(verdict.members) if kept else [],
+        'combination_alternatives': [list(names) for names in verdict.alternatives],
         'effects': _effects(result),
         'error': _errors(held_out),
         'where': {
@@ -213,8 +214,11 @@ def _numerical_row(result: 'Diagnosis', errors: dict[str, float]) -> dict[str, A
 def _alone(fit: Fit, errors: dict[str, float], findings: Findings) -> dict[str, float]:
     """Return the errors of one effect alone, as far as it went relative to the model without."""
     before, floor = errors['before'], errors['noise_floor']
-    null = findings.null if fit in findings.singles else findings.screened_null
-    after = before * fit.error / max(null.error, 1e-9)
+    if fit in findings.singles:
+        after = before * fit.error / max(findings.null.error, 1e-9)
+    else:  # coarse cells have less noise; on those of the recording nothing comes below its floor
+        after = before * fit.error / max(findings.screened_null.error, 1e-9)
+        after = min(before, max(after, floor))
     return {
         'error_before': before,
         'error_after': round(after, 5),

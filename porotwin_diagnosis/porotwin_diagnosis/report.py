@@ -108,6 +108,8 @@ def sentence(result: 'Diagnosis') -> str:
         names = ' or '.join(f'<b>{spoken(name)}</b>' for name in _members_and_alike(result))
         names += ', which this recording cannot tell apart'
         means = ', or '.join(_meaning(name, result) for name in _members_and_alike(result))
+    for other in verdict.alternatives:
+        means += f'; or {" and ".join(map(spoken, other))}, which show the camera the same'
     return (
         f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means} ({sure}). Mended, the model misses '
         f'the held-out part by {after} instead of {before}; {floor}, so that '

@@ -57,6 +57,9 @@ ALIKE = 1.03
 EXPLAINED = 0.45
 """Excess below which a judged effect leaves nothing for a second one."""
 
+NEARLY_CLOSED = 1.5
+"""Excess of the best refined pair below which more pairs are refined."""
+
 AT_A_WELL = 5.0
 """Cells about a well within which a leak cannot be told from a wrong rate of that well."""
 
@@ -86,7 +89,9 @@ class Findings:
     `screened_null` are the model without any effect, judged and as screened.
 
     `noise` is the misfit that the noise alone leads one to expect of judged fits. `margins`
-    compares the best single effect with every one of `singles`, itself first.
+    compares the best single effect with every one of `singles`, itself first; `pair_margins` the
+    best pair with all `pairs`. `parts` are the members of the best pair, each alone with the
+    parameters that it has there.
     """
 
     null: Fit
@@ -95,6 +100,8 @@ class Findings:
     singles: list[Fit] = field(default_factory=list)
     pairs: list[Fit] = field(default_factory=list)
     margins: list[Margin] = field(default_factory=list)
+    pair_margins: list[Margin] = field(default_factory=list)
+    parts: list[Fit] = field(default_factory=list)
     noise: float = 0.0
     runs: int = 0
 
@@ -154,11 +161,15 @@ class Search:
         self._measure_blur(findings)
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
-            pairs = self._refined(self._pairs(screened)[:JUDGED], 0.7)
-            findings.pairs = self._judged(pairs, 0.8)
+            findings.pairs = self._judged(self._refined_pairs(findings), 0.8)
             self._measure_blur(findings)
-            best = findings.singles[0]
-        findings.margins = [self.judging.margin(best, fit) for fit in findings.singles]
+        findings.margins = self._margins(findings.singles)
+        findings.pair_margins = self._margins(findings.pairs)
+        findings.parts = [
+            self.judging.judged((member,), turns)
+            for pair in findings.pairs[:1]
+            for member, turns, _ in pair.parts()
+        ]
         forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
         findings.runs = sum(forward.runs for forward in forwards)
         return findings
@@ -181,6 +192,9 @@ class Search:
         findings.null = self._judged_again(findings.null)
         findings.singles = _ranked(map(self._judged_again, findings.singles))
         findings.pairs = _ranked(map(self._judged_again, findings.pairs))
+
+    def _margins(self, fits: Sequence[Fit]) -> list[Margin]:
+        return [self.judging.margin(fits[0], fit) for fit in fits]
 
     def _judged_again(self, fit: Fit) -> Fit:
         return self.judging.judged(fit.members, fit.turns)
@@ -251,6 +265,18 @@ class Search:
             (fit for fit in fits.values() if not self._at_a_well(fit)),
             key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns),
         )
+
+    def _refined_pairs(self, findings: Findings) -> list[Fit]:
+        """Return the best pairs, refitted on the recording's cells.
+
+        Coarse cells confuse effects that delay or pale the plume alike, so that where a pair nearly
+        closes the gap, more of them get their turn.
+        """
+        pairs = _near(self._pairs(findings.screened))[:REFINED]
+        refined = self._refined(pairs[:JUDGED], 0.7)
+        if findings.excess(refined[0]) < NEARLY_CLOSED:
+            refined += self._refined(pairs[JUDGED:], 0.75)
+        return sorted(refined, key=score)
 
     def _partners(self, base: Fit, screened: Sequence[Fit], *, thorough: bool) -> list[Candidate]:
         """Return the candidates whose response best explains what `base` leaves.

@@ -53,8 +53,9 @@ class Verdict:
     """What the recording says.
 
     `name` is the verdict, `model` the fit that is kept (for `none` the model without effect),
-    `members` its effects, the strongest first, `inseparable` other effects that show the same.
-    `probabilities` belong to the single effects, by name.
+    `members` its effects, the strongest first, `inseparable` other effects that show the same;
+    `alternatives`, of a pair, are other pairs that do. `probabilities` belong to the single
+    effects, by name.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Verdict:
     members: tuple[str, ...]
     inseparable: tuple[str, ...]
     probabilities: dict[str, float]
+    alternatives: tuple[tuple[str, ...], ...] = ()
 
 
 def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
@@ -95,7 +97,13 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
     )
     odds = min(lead, 6.0 - 4.0 * openness)
     return Verdict(
-        members[0], _calibrated(odds, limits), model, members, inseparable, probabilities
+        members[0],
+        _calibrated(odds, limits),
+        model,
+        members,
+        inseparable,
+        probabilities,
+        _alternatives(model, findings, limits),
     )
 
 
@@ -160,7 +168,7 @@ def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
 
 def _by_strength(model: Fit, findings: Findings) -> tuple[str, ...]:
     """Return the names of the members of `model`, that which closes most alone first."""
-    alone = {fit.label: score(fit) for fit in reversed(findings.screened)}
+    alone = {fit.label: score(fit) for fit in findings.parts}
     members = sorted(model.members, key=lambda member: alone.get(member.label, math.inf))
     return tuple(member.effect for member in members)
 
@@ -173,4 +181,17 @@ def _inseparable(model: Fit, findings: Findings, limits: Thresholds, name: str) 
         fit.members[0].effect
         for fit, margin in zip(findings.singles, findings.margins, strict=True)
         if fit.members[0].effect != name and margin.distance < limits.same
+    )
+
+
+def _alternatives(
+    model: Fit, findings: Findings, limits: Thresholds
+) -> tuple[tuple[str, ...], ...]:
+    """Return the judged pairs whose best fits show the camera the same as the pair `model`."""
+    if len(model.members) < 2:
+        return ()
+    return tuple(
+        tuple(member.effect for member in fit.members)
+        for fit, margin in zip(findings.pairs, findings.pair_margins, strict=True)
+        if fit is not model and margin.distance < limits.same
     )

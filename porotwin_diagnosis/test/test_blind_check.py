@@ -3,12 +3,19 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis import blind_check
 from porotwin_diagnosis.blind_cases import draw_case
 from porotwin_diagnosis.blind_check import Score, calibration_error, score_case, summary, table
+from porotwin_diagnosis.blind_truth import Truth, truth_of
+from porotwin_diagnosis.held_out import HeldOut
+from porotwin_diagnosis.output import write_fields
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.experiment import signals
 
 
 def test_cases_are_drawn_reproducibly_and_of_every_kind():
@@ -40,8 +47,9 @@ def said(tmp_path, verdict, confidence, combination=()):
 
 def test_scores_tell_right_from_sure_and_wrong(tmp_path):
     none = next(c for c in (draw_case(n, 1) for n in range(20)) if c.kind == 'none')
-    right = score_case(none, said(tmp_path / 'a', 'none', 0.9))
-    wrong = score_case(none, said(tmp_path / 'b', 'rate', 0.9, ['rate']))
+    truth = Truth(0.01, 0.02, ('none',))
+    right = score_case(none, said(tmp_path / 'a', 'none', 0.9), truth)
+    wrong = score_case(none, said(tmp_path / 'b', 'rate', 0.9, ['rate']), truth)
     assert right.right and not wrong.right
     figures = summary([right, wrong])
     assert figures['right'] == 0.5
@@ -79,6 +87,37 @@ def test_a_truth_cannot_be_changed_after_it_was_sealed(tmp_path):
     blind_check._publish_seals(tmp_path, [draw_case(0, 1), draw_case(1, 1)], 1)
     with pytest.raises(InputError, match='another truth'):
         blind_check._publish_seals(tmp_path, [draw_case(0, 2)], 2)
+
+
+def test_of_a_pair_only_the_stronger_effect_is_right(tmp_path):
+    effects = (
+        EffectDescription(name='decay', parameters={'rate': 2e-5}),
+        EffectDescription(name='depth', parameters={'factor_centre': 1.3}),
+    )
+    case = replace(
+        draw_case(4, 1), effects=effects, right=('decay', 'depth'), duration=900.0, cell_m=0.01
+    )
+    grid = case.rig.default_grid(case.cell_m)
+    times = np.array([600.0, 900.0])
+    nothing, everything = (
+        np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
+        for rig in (VirtualRig(case.rig), VirtualRig(case.rig, effects=effects))
+    )
+    write_fields(
+        tmp_path / 'fields.nc',
+        grid,
+        everything[0],
+        HeldOut(times, everything, nothing, everything, 0.1, 0.0, 0.0),
+    )
+    truth_of(case, tmp_path).write(tmp_path / 'truth.json')
+    truth = Truth.read(tmp_path / 'truth.json')
+    assert truth.strongest == ('depth',)
+    assert truth.before > 0.03 > truth.after
+    assert truth.gap_closed == pytest.approx(truth.before / (truth.before - 0.02), rel=1e-3)
+    said(tmp_path, 'decay', 0.9, ['decay', 'depth'])
+    score = score_case(case, tmp_path, truth)
+    assert not score.right
+    assert score.both_found
 
 
 @pytest.mark.slow

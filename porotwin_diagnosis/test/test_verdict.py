@@ -22,7 +22,7 @@ def fit(*effects, misfit):
     return Fit(members, np.ones(size), misfit, misfit, 0.1, 0.1, np.zeros((size, size)))
 
 
-def findings(null, *singles, pairs=(), margins=None):
+def findings(null, *singles, pairs=(), margins=None, pair_margins=None, parts=()):
     fits = [fit(name, misfit=value) for name, value in singles]
     margins = margins or [Margin(0.0, 0.0)] + [Margin(20.0, 3.0)] * (len(fits) - 1)
     without = fit(misfit=null)
@@ -33,6 +33,8 @@ def findings(null, *singles, pairs=(), margins=None):
         fits,
         [fit(*names, misfit=m) for names, m in pairs],
         margins,
+        pair_margins or [Margin(0.0, 0.0)] + [Margin(20.0, 3.0)] * (len(pairs) - 1),
+        [fit(name, misfit=value) for name, value in parts],
         noise=NOISE,
     )
 
@@ -73,10 +75,21 @@ def test_rivals_that_explain_as_well_but_differ_lower_the_confidence():
 
 def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():
     alone = (('rate', 1.6), ('saturation', 4.0))
-    pair = decide(findings(6.0, *alone, pairs=[(('saturation', 'rate'), 0.5)]), LIMITS)
+    pairs, parts = [(('saturation', 'rate'), 0.5)], (('saturation', 4.0), ('rate', 1.7))
+    pair = decide(findings(6.0, *alone, pairs=pairs, parts=parts), LIMITS)
     assert pair.members == ('rate', 'saturation')
     single = decide(findings(6.0, *alone, pairs=[(('saturation', 'rate'), 1.5)]), LIMITS)
     assert single.members in (('rate',), ())
+
+
+def test_pairs_that_show_the_camera_the_same_are_declared():
+    pairs = [(('decay', name), 0.5) for name in ('porosity', 'retardation', 'rate')]
+    margins = [Margin(0.0, 0.0), Margin(0.1, 0.01), Margin(2.0, 0.4)]
+    parts = (('decay', 2.0), ('porosity', 8.0))
+    found = findings(9.0, ('decay', 1.7), pairs=pairs, pair_margins=margins, parts=parts)
+    verdict = decide(found, LIMITS)
+    assert verdict.members == ('decay', 'porosity')
+    assert verdict.alternatives == (('decay', 'retardation'),)
 
 
 @pytest.mark.parametrize('misfit', [0.3, 0.6, 2.0, 5.0])
@@ -88,7 +101,8 @@ def test_confidence_is_a_probability(misfit):
 
 def test_a_verdict_can_be_decided_again_from_the_file_of_findings(tmp_path):
     alone = (('rate', 1.6), ('saturation', 4.0))
-    found = findings(6.0, *alone, pairs=[(('saturation', 'rate'), 0.5)])
+    parts = (('saturation', 4.0), ('rate', 1.7))
+    found = findings(6.0, *alone, pairs=[(('saturation', 'rate'), 0.5)], parts=parts)
     write_findings(tmp_path / 'findings.json', found)
     again = read_findings(tmp_path / 'findings.json')
     first, second = decide(found, LIMITS), decide(again, LIMITS)

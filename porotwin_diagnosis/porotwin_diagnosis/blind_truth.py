@@ -1,0 +1,87 @@
+"""What only the virtual rig knows of a case: its maps without noise, and each effect by itself."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Self
+
+import netCDF4
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.blind_cases import BlindCase
+from porotwin_diagnosis.blind_effects import equal_names
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.experiment import signals
+
+SOLVER_FLOOR = 0.02
+"""Relative L2 error that a good solver keeps against maps without noise."""
+
+CLEAR_GAP = 1.15
+"""Errors below this many solver floors hold no gap whose closing could be measured."""
+
+AS_STRONG = 1.1
+"""Effects of a pair that alone leave errors within this factor are equally strong."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """`before`, `after`: relative L2 error of the predictions against the maps without noise, over
+    the held-out part; `strongest`: the effects that close most when added alone."""
+
+    before: float
+    after: float
+    strongest: tuple[str, ...]
+
+    @property
+    def gap_closed(self) -> float | None:
+        """Share of the gap above what any solver leaves that is closed; None without a gap."""
+        if self.before < CLEAR_GAP * SOLVER_FLOOR:
+            return None
+        return (self.before - self.after) / (self.before - SOLVER_FLOOR)
+
+    def write(self, path: Path) -> None:
+        """Write the figures as JSON."""
+        path.write_text(json.dumps(asdict(self), indent=1) + '\n', encoding='utf-8')
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Return what was written."""
+        content = json.loads(path.read_text(encoding='utf-8'))
+        return cls(content['before'], content['after'], tuple(content['strongest']))
+
+
+def truth_of(case: BlindCase, result: Path) -> Truth:
+    """Return how the predictions in `result` compare with what the virtual rig truly did."""
+    with netCDF4.Dataset(result / 'fields.nc') as fields:
+        times = np.asarray(fields['time'][:], dtype=float)
+        before, after = (
+            np.asarray(fields[f'predicted_{name}'][:], dtype=float) for name in ('before', 'after')
+        )
+    clean = _maps(case, case.effects, times)
+    return Truth(_relative(before, clean), _relative(after, clean), _strongest(case, clean, times))
+
+
+def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArray) -> FloatArray:
+    """Return what a camera without noise would show at `times` [s], (nt, nz, nx)."""
+    rig = VirtualRig(case.rig, effects=effects)
+    grid = case.rig.default_grid(case.cell_m)
+    return np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
+
+
+def _relative(maps: FloatArray, clean: FloatArray) -> float:
+    return float(np.linalg.norm(maps - clean) / np.linalg.norm(clean))
+
+
+def _strongest(case: BlindCase, clean: FloatArray, times: FloatArray) -> tuple[str, ...]:
+    if len(case.effects) < 2:
+        return case.right
+    left = [_relative(_maps(case, (effect,), times), clean) for effect in case.effects]
+    return tuple(
+        name
+        for effect, error in zip(case.effects, left, strict=True)
+        if error <= AS_STRONG * min(left)
+        for name in equal_names(effect)
+    )
