@@ -15,6 +15,12 @@ CHECKS = (
     ('mypy', ['-m', 'mypy']),
 )
 
+TESTS = (
+    ('tests', ['-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '-m', 'not graph']),
+    ('tests with ROS 2 nodes', ['-m', 'graph']),
+)
+"""Graphs of nodes run one after the other: beside other work their photographs would come late."""
+
 
 def command(
     arguments: Annotated[list[str] | None, typer.Argument(help='Passed on to pytest.')] = None,
@@ -23,16 +29,12 @@ def command(
 
     Example: ./porotwin test            Example: ./porotwin test porotwin_hub -k limits
     """
+    chosen = [('tests', arguments)] if arguments else TESTS
+    runs = [(name, ['-m', 'pytest', *options]) for name, options in chosen]
     failed = []
-    if not arguments:
-        for name, check in CHECKS:
-            say(f'{name} ...')
-            if subprocess.run([sys.executable, *check], cwd=ROOT, check=False).returncode != 0:
-                failed.append(name)
-    pytest = subprocess.run(
-        [sys.executable, '-m', 'pytest', *(arguments or [])], cwd=ROOT, check=False
-    )
-    if pytest.returncode != 0:
-        failed.append('pytest')
+    for name, run in runs if arguments else (*CHECKS, *runs):
+        say(f'{name} ...')
+        if subprocess.run([sys.executable, *run], cwd=ROOT, check=False).returncode != 0:
+            failed.append(name)
     if failed:
         raise WorkFailed(f'failed: {", ".join(failed)}')

@@ -20,7 +20,7 @@ terms = st.floats(-3e-8, 3e-8)
 offsets = st.floats(-200, 200)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(terms, terms, terms, terms, offsets, offsets)
 def test_corners_stay_and_pixels_lead_back_to_metres(
     hb: float, vb: float, hs: float, vs: float, ho: float, vo: float

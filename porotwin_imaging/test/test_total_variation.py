@@ -87,7 +87,7 @@ def test_a_large_map_in_tiles_is_the_map_as_a_whole(monkeypatch) -> None:
     assert np.abs(difference).max() < 0.02
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000), st.floats(1e-5, 1e-2))
 def test_no_value_leaves_the_range_of_the_data(seed: int, length: float) -> None:
     generator = np.random.default_rng(seed)

@@ -161,7 +161,7 @@ well_rates = st.dictionaries(
         st.tuples(st.integers(0, 9 * 10**15).map(lambda ns: ns / 1e9), well_rates), max_size=6
     )
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_any_schedule_pumps_the_same_after_the_way_through_a_bag(
     tmp_path_factory: pytest.TempPathFactory, told: list
 ) -> None:

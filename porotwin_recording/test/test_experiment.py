@@ -5,7 +5,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_core.errors import InputError
@@ -128,7 +128,6 @@ def test_a_failing_writer_leaves_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@settings(deadline=None)
 @given(
     rates_ml_h=st.lists(st.floats(-2500, 2500), min_size=1, max_size=5),
     times=st.floats(0, 1e6),
@@ -147,7 +146,6 @@ def test_any_rate_in_ml_h_comes_back_exactly(
     assert read_rates(path, ['in']) == schedule
 
 
-@settings(deadline=None)
 @given(rate=st.floats(1e-12, 1e-5))
 def test_any_rate_in_si_comes_back_within_its_last_digit(
     tmp_path_factory: pytest.TempPathFactory, rate: float

@@ -91,7 +91,7 @@ def test_doublet_breaks_through_when_the_fastest_streamline_arrives() -> None:
     tracer=st.floats(0.05, 1.0),
     producer=st.floats(-900.0, 0.0),
 )
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_tracer_is_conserved_and_stays_within_its_bounds(
     control: list[float], tracer: float, producer: float
 ) -> None:

@@ -154,9 +154,7 @@ def test_decay_takes_what_it_should(rig, rates) -> None:
     )
 
 
-@settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.integers(0, 2**31),
     decades=st.floats(0.0, 4.0),
