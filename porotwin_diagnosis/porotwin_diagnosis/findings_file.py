@@ -6,14 +6,13 @@ which is how confidence is calibrated (`calibration`).
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from porotwin_diagnosis.candidates import Candidate
-from porotwin_diagnosis.fit import Fit, Margin
+from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.search import Findings
 
 
@@ -28,8 +27,8 @@ def write_findings(path: Path, findings: Findings) -> None:
         'singles': [_fit_json(fit) for fit in findings.singles],
         'pairs': [_fit_json(fit) for fit in findings.pairs],
         'parts': [_fit_json(fit) for fit in findings.parts],
-        'margins': [asdict(margin) for margin in findings.margins],
-        'pair_margins': [asdict(margin) for margin in findings.pair_margins],
+        'distances': findings.distances,
+        'pair_distances': findings.pair_distances,
     }
     path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
 
@@ -48,8 +47,8 @@ def read_findings(path: Path) -> Findings:
         singles=fits('singles'),
         pairs=fits('pairs'),
         parts=fits('parts'),
-        margins=[Margin(**margin) for margin in content['margins']],
-        pair_margins=[Margin(**margin) for margin in content['pair_margins']],
+        distances=content['distances'],
+        pair_distances=content['pair_distances'],
         noise=content['noise'],
         runs=content['runs'],
     )

@@ -37,15 +37,6 @@ CHEAP_CHANGE = 0.25
 """Half the difference in turns from which such a fit takes its derivatives."""
 
 
-@dataclass(frozen=True)
-class Margin:
-    """How two fits compare: `advantage` of the first in standard deviations of the difference of
-    squared residuals over tiles, and the whitened `distance` of their predictions per cell."""
-
-    advantage: float
-    distance: float
-
-
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Effects fitted together: `turns` of all their knobs, and what they leave.
@@ -182,27 +173,16 @@ class Fitter:
         ]
         return float(np.sqrt(np.mean(np.square(errors))))
 
-    def margin(self, one: Fit, other: Fit) -> Margin:
-        """Return by how much `one` explains the recordings better than `other`.
+    def distance(self, one: Fit, other: Fit) -> float:
+        """Return the whitened root mean square difference of two predictions, per cell with tracer.
 
-        The noise is common to both, so that their difference is known far better than either
-        misfit; residuals of a tile, over all times, count as one observation.
+        It is free of noise, which both are compared with.
         """
-        differences, distance, cells = [], 0.0, 0
         pairs = zip(
-            self.residuals(one.effects, WIDTH),
-            self.residuals(other.effects, WIDTH),
-            self.samples,
-            strict=True,
+            self.residuals(one.effects, WIDTH), self.residuals(other.effects, WIDTH), strict=True
         )
-        for first, second, sample in pairs:
-            differences.append(_tile_sums((second**2 - first**2)[None]).ravel())
-            distance += float(np.sum((first - second) ** 2))
-            cells += sample.active
-        all_tiles = np.concatenate(differences)
-        spread = float(np.sqrt(np.sum(all_tiles**2)))
-        advantage = float(all_tiles.sum()) / spread if spread > 0 else 0.0
-        return Margin(advantage, float(np.sqrt(distance / max(cells, 1))))
+        total = sum(float(np.sum((first - second) ** 2)) for first, second in pairs)
+        return float(np.sqrt(total / max(sum(sample.active for sample in self.samples), 1)))
 
     def with_covariance(self, fit: Fit) -> Fit:
         """Return `fit` with the covariance of its turns, residuals of a tile counting as one."""

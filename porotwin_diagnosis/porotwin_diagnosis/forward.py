@@ -53,15 +53,16 @@ class Forward:
             ]
         )
 
-    def lean_on(self, finer: 'Forward') -> None:
-        """From now on add what `finer` cells change in the maps without any effect.
+    def lean_on(self, finer: 'Forward', effects: Sequence[EffectDescription] = ()) -> None:
+        """From now on add what `finer` cells change in the maps with `effects`.
 
-        What a coarse grid does wrong is nearly the same with and without a small effect.
+        What a coarse grid does wrong is nearly the same wherever fronts lie nearly the same.
         """
         shape = self.sample.grid.shape
-        sharp = [conservative_resample(frame, shape) for frame in finer.maps(())]
+        physics = [effect for effect in effects if effect.name not in IMAGE]
+        sharp = [conservative_resample(frame, shape) for frame in finer.maps(physics)]
         self.offset = None
-        self.offset = np.stack(sharp) - self.maps(())
+        self.offset = np.stack(sharp) - self.maps(physics)
 
     def _simulated(
         self, physics: tuple[EffectDescription, ...], *, fitted_only: bool

@@ -18,7 +18,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library
 from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened, noise_misfit
-from porotwin_diagnosis.fit import Fit, Fitter, Margin
+from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.scan import starts
 
@@ -28,8 +28,9 @@ Progress = Callable[[str, float], None]
 SCREENING, FEWEST_COLUMNS = 2, 40
 """Cells of the recording per screening cell, each way, as long as so many columns are left."""
 
-JUDGING = 2
-"""Cells per cell of the recording in the final judgement, each way."""
+JUDGING, FINEST = 2, 4
+"""Cells per cell of the recording in the final judgement, each way, and in the one run that tells
+what its cells do wrong."""
 
 REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 3, 4
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
@@ -58,7 +59,8 @@ EXPLAINED = 0.45
 """Excess below which a judged effect leaves nothing for a second one."""
 
 NEARLY_CLOSED = 1.5
-"""Excess of the best refined pair below which more pairs are refined."""
+"""Excess of the best model below which it is worth to look more closely: with more pairs, and with
+finer cells."""
 
 AT_A_WELL = 5.0
 """Cells about a well within which a leak cannot be told from a wrong rate of that well."""
@@ -88,9 +90,9 @@ class Findings:
     """All fits at the finest level each has reached; `null` and
     `screened_null` are the model without any effect, judged and as screened.
 
-    `noise` is the misfit that the noise alone leads one to expect of judged fits. `margins`
-    compares the best single effect with every one of `singles`, itself first; `pair_margins` the
-    best pair with all `pairs`. `parts` are the members of the best pair, each alone with the
+    `noise` is the misfit that the noise alone leads one to expect of judged fits. `distances`
+    are those of the predictions of all `singles` from the best one's, `pair_distances` those of
+    `pairs`. `parts` are the members of the best pair, each alone with the
     parameters that it has there.
     """
 
@@ -99,21 +101,27 @@ class Findings:
     screened: list[Fit]
     singles: list[Fit] = field(default_factory=list)
     pairs: list[Fit] = field(default_factory=list)
-    margins: list[Margin] = field(default_factory=list)
-    pair_margins: list[Margin] = field(default_factory=list)
+    distances: list[float] = field(default_factory=list)
+    pair_distances: list[float] = field(default_factory=list)
     parts: list[Fit] = field(default_factory=list)
     noise: float = 0.0
     runs: int = 0
 
     def excess(self, fit: Fit) -> float:
-        """Return the misfit of a judged `fit` beyond that of the noise: what it leaves unexplained,
-        in units of the share of a cell by which no front is known."""
-        return float(np.sqrt(max(score(fit) ** 2 - (NOISE_DOUBT * self.noise) ** 2, 0.0)))
+        """Return what a judged `fit` leaves beyond the noise, in units of the share of a cell by
+        which no front is known."""
+        return float(np.sqrt(max(worse(fit) ** 2 - (NOISE_DOUBT * self.noise) ** 2, 0.0)))
 
 
 def score(fit: Fit) -> float:
     """Return the misfit of fitted and held-out part together."""
     return overall(fit.fitted, fit.held_out)
+
+
+def worse(fit: Fit) -> float:
+    """Return the misfit of the part, fitted or held out, where `fit` leaves more: a wrong effect
+    adapts to what it is fitted to, and fails in what it has not seen."""
+    return max(fit.fitted, fit.held_out)
 
 
 def overall(fitted: float, held_out: float) -> float:
@@ -158,13 +166,13 @@ class Search:
         findings.noise = overall(*noise_misfit(self.samples))
         refined = self._refined(_near(_distinct(screened))[:REFINED], 0.3)
         findings.singles = self._judged(refined, 0.4)
-        self._measure_blur(findings)
+        self._sharpen(findings, 0.5)
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
             findings.pairs = self._judged(self._refined_pairs(findings), 0.8)
-            self._measure_blur(findings)
-        findings.margins = self._margins(findings.singles)
-        findings.pair_margins = self._margins(findings.pairs)
+            self._sharpen(findings, 0.88)
+        findings.distances = self._distances(findings.singles)
+        findings.pair_distances = self._distances(findings.pairs)
         findings.parts = [
             self.judging.judged((member,), turns)
             for pair in findings.pairs[:1]
@@ -174,14 +182,25 @@ class Search:
         findings.runs = sum(forward.runs for forward in forwards)
         return findings
 
-    def _measure_blur(self, findings: Findings) -> None:
-        """Judge with the edge blur that suits the best model, without effect where none is needed.
-
-        A wrong model's blur would be that of its misplaced fronts.
-        """
+    def _sharpen(self, findings: Findings, begin: float) -> None:
+        """Judge again with the blur that suits the best model, without effect where none is needed,
+        and, where that nearly closes the gap, with what finer cells change in it."""
         best = min([*findings.singles[:1], *findings.pairs[:1]], key=score)
         if findings.excess(findings.null) < SMALL_EXCESS:
             best = findings.null
+        self._measure_blur(best)
+        self.progress('running the best model on finer cells', begin)
+        if findings.excess(self._judged_again(best)) < NEARLY_CLOSED:
+            for forward in self.judging.forwards:
+                forward.lean_on(Forward(forward.sample, refinement=FINEST), best.effects)
+            self._measure_blur(best)
+        findings.null = self._judged_again(findings.null)
+        findings.singles = _ranked(map(self._polished_again, findings.singles))
+        findings.pairs = _ranked(map(self._polished_again, findings.pairs))
+
+    def _measure_blur(self, best: Fit) -> None:
+        """Judge with the edge blur that suits `best`; a wrong model's would be that of its
+        misplaced fronts."""
 
         def cost(blur: float) -> float:
             self.judging.soft = blur
@@ -189,12 +208,12 @@ class Search:
 
         found = minimize_scalar(cost, bounds=BLURS, method='bounded', options={'xatol': 0.02})
         self.judging.soft = float(found.x)
-        findings.null = self._judged_again(findings.null)
-        findings.singles = _ranked(map(self._judged_again, findings.singles))
-        findings.pairs = _ranked(map(self._judged_again, findings.pairs))
 
-    def _margins(self, fits: Sequence[Fit]) -> list[Margin]:
-        return [self.judging.margin(fits[0], fit) for fit in fits]
+    def _distances(self, fits: Sequence[Fit]) -> list[float]:
+        return [self.judging.distance(fits[0], fit) for fit in fits]
+
+    def _polished_again(self, fit: Fit) -> Fit:
+        return self.judging.polished(fit, self.refining)
 
     def _judged_again(self, fit: Fit) -> Fit:
         return self.judging.judged(fit.members, fit.turns)

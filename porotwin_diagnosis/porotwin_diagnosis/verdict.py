@@ -12,10 +12,13 @@ from importlib.resources import files
 
 import numpy as np
 
-from porotwin_diagnosis.fit import Fit, Margin
-from porotwin_diagnosis.search import NEAR, Findings, score
+from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.search import Findings, score, worse
 
 NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
+
+LEFT_BEHIND = 3.0
+"""Least log-odds against an effect that fell behind before the final judgement."""
 
 
 @dataclass(frozen=True)
@@ -24,18 +27,17 @@ class Thresholds:
 
     `quiet`: excess of a model that explains a recording down to its noise. `open`: excess above
     which the best model leaves too much, `open_pair` the same for a pair, which can imitate more.
-    `pair_worth`: a second effect must bring the misfit below this share to be kept. `sharpness`:
-    fall of log-odds per standard deviation of advantage, `steepness` per power of misfit. `same`:
-    largest whitened distance of two predictions that cannot be told apart. `scale`, `shift`:
-    logistic map of raw log-odds to seen frequency.
+    `pair_worth`: a second effect must bring the misfit below this share to be kept.
+    `systematic`: excess that the true effect leaves, as a standard deviation, for no scheme puts
+    fronts exactly where they are. `same`: largest whitened distance of two predictions that cannot
+    be told apart. `scale`, `shift`: logistic map of raw log-odds to seen frequency.
     """
 
     quiet: float = 0.5
     open: float = 0.5
-    open_pair: float = 0.42
+    open_pair: float = 0.47
     pair_worth: float = 0.8
-    sharpness: float = 1.0
-    steepness: float = 12.0
+    systematic: float = 0.25
     same: float = 0.06
     scale: float = 1.0
     shift: float = 0.0
@@ -86,7 +88,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         limits.open_pair if len(model.members) > 1 else limits.open
     )
     if openness > 1.0:
-        confidence = _calibrated(4.0 * math.log(openness) + 1.0, limits)
+        confidence = _calibrated(4.0 * math.log(openness), limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
     members = _by_strength(model, findings)
     inseparable = _inseparable(model, findings, limits, members[0])
@@ -117,12 +119,11 @@ def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> 
 def _lead_of_pair(model: Fit, name: str, findings: Findings, limits: Thresholds) -> float:
     """Return the log-odds of a pair with effect `name` against the best explanation without it."""
     rivals = [
-        score(fit)
+        worse(fit)
         for fit in (*findings.pairs, *findings.singles)
         if name not in (member.effect for member in fit.members)
     ]
-    nearest = min([*rivals, NEAR * score(model)])
-    return limits.steepness * math.log(max(nearest / score(model), 1.0))
+    return _behind(min(rivals, default=math.inf), worse(model), limits)
 
 
 def _calibrated(odds: float, limits: Thresholds) -> float:
@@ -130,36 +131,32 @@ def _calibrated(odds: float, limits: Thresholds) -> float:
     return float(np.clip(value, 0.05, 0.99))
 
 
-def _lead(fit: Fit, margin: Margin, best: float, limits: Thresholds) -> float:
-    """Return the log-odds by which the best effect leads `fit`; none where they show the same."""
-    if margin.distance < limits.same:
-        return 0.0
-    behind = limits.steepness * math.log(max(score(fit) / best, 1.0))
-    return max(behind, limits.sharpness * max(margin.advantage, 0.0))
+def _behind(misfit: float, best: float, limits: Thresholds) -> float:
+    """Return the log-odds of a model that leaves `best` against one that leaves `misfit`.
 
-
-def _ladder(findings: Findings) -> float:
-    """Return by what factor scores fall from screening to judgement, for those that made it."""
-    screened = {fit.label: score(fit) for fit in findings.screened}
-    ratios = [score(fit) / screened[fit.label] for fit in findings.singles if fit.label in screened]
-    return float(np.median(ratios)) if ratios else 1.0
+    Both hold the same noise; what is beyond it in the true one is normal with `systematic`.
+    """
+    return max(misfit**2 - best**2, 0.0) / (2.0 * limits.systematic**2)
 
 
 def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
     """Return the probability of every effect alone, and of none, the most probable first.
 
-    Among judged effects by their advantage over each other; the others, which stayed behind before,
-    by the misfit with which they did.
+    Among judged effects by what they leave; those that show the camera the same as the best one
+    share its odds. The others, which stayed behind before, by the misfit with which they did,
+    but at least by `LEFT_BEHIND`.
     """
     odds: dict[str, float] = {}
-    best = score(findings.singles[0])
-    for fit, margin in zip(findings.singles, findings.margins, strict=True):
-        odds.setdefault(fit.members[0].effect, -_lead(fit, margin, best, limits))
-    ladder = _ladder(findings)
+    best = worse(findings.singles[0])
+    for fit, distance in zip(findings.singles, findings.distances, strict=True):
+        behind = 0.0 if distance < limits.same else _behind(worse(fit), best, limits)
+        odds.setdefault(fit.members[0].effect, -behind)
+    screened = {fit.label: worse(fit) for fit in reversed(findings.screened)}
+    ahead = screened.get(findings.singles[0].label, 0.0)
     for fit in findings.screened:
-        behind = math.log(max(score(fit) * ladder / best, 1.05))
-        odds.setdefault(fit.members[0].effect, -limits.steepness * behind)
-    odds[NONE] = -limits.steepness * math.log(max(score(findings.null) / best, 1.0))
+        behind = max(_behind(worse(fit), ahead, limits), LEFT_BEHIND)
+        odds.setdefault(fit.members[0].effect, -behind)
+    odds[NONE] = -_behind(worse(findings.null), best, limits)
     weights = {name: math.exp(max(value, -60.0)) for name, value in odds.items()}
     total = sum(weights.values())
     shares = {name: weight / total for name, weight in weights.items()}
@@ -179,8 +176,8 @@ def _inseparable(model: Fit, findings: Findings, limits: Thresholds, name: str) 
         return ()
     return tuple(
         fit.members[0].effect
-        for fit, margin in zip(findings.singles, findings.margins, strict=True)
-        if fit.members[0].effect != name and margin.distance < limits.same
+        for fit, distance in zip(findings.singles, findings.distances, strict=True)
+        if fit.members[0].effect != name and distance < limits.same
     )
 
 
@@ -192,6 +189,6 @@ def _alternatives(
         return ()
     return tuple(
         tuple(member.effect for member in fit.members)
-        for fit, margin in zip(findings.pairs, findings.pair_margins, strict=True)
-        if fit is not model and margin.distance < limits.same
+        for fit, distance in zip(findings.pairs, findings.pair_distances, strict=True)
+        if fit is not model and distance < limits.same
     )

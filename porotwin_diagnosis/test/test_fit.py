@@ -11,7 +11,7 @@ from porotwin_diagnosis.candidates import Knob, library
 from porotwin_diagnosis.evidence import noise_misfit, read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import Findings, Search
+from porotwin_diagnosis.search import Findings, Search, score
 from porotwin_recording.recording import open_recording
 from porotwin_rig.observation import MapNoise
 
@@ -57,13 +57,12 @@ def test_retardation_and_porosity_are_one_product_for_the_camera(fitter):
     assert np.abs(maps[0] - maps[1]).max() < 1e-3
 
 
-def test_margin_favours_the_right_effect(fitter):
+def test_predictions_of_different_effects_lie_apart(fitter):
     right = fitter.fit((candidate(fitter, 'porosity'),))
     wrong = fitter.fit((candidate(fitter, 'saturation'),))
-    margin = fitter.margin(right, wrong)
-    assert margin.advantage > 1.5
-    assert fitter.margin(wrong, right).advantage == pytest.approx(-margin.advantage)
-    assert fitter.margin(right, right).distance == 0.0
+    assert fitter.distance(right, wrong) > 0.5
+    assert fitter.distance(wrong, right) == pytest.approx(fitter.distance(right, wrong))
+    assert fitter.distance(right, right) == 0.0
 
 
 def test_model_without_effect_leaves_only_noise_of_a_quiet_recording(quiet):
@@ -124,7 +123,16 @@ def fitter_turns(fitter, factor):
 def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
     search = Search([read_sample(open_recording(quiet))], workers=1)
     null = search.judging.judged((), np.zeros(0))
-    findings = Findings(null, null, [], [null], noise=null.fitted)
-    search._measure_blur(findings)
+    search._measure_blur(null)
     assert search.judging.soft == pytest.approx(MapNoise.drawn(3).blur_cells, abs=0.2)
-    assert findings.null.fitted <= null.fitted + 1e-6
+    assert search.judging.judged((), np.zeros(0)).fitted <= null.fitted + 1e-6
+
+
+def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
+    search = Search([read_sample(open_recording(quiet))], workers=1)
+    before = search.judging.judged((), np.zeros(0))
+    other = search.judging.judged((candidate(search.judging, 'porosity'),), np.zeros(1))
+    findings = Findings(before, before, [], [other], noise=before.fitted)
+    search._sharpen(findings, 0.5)
+    assert score(findings.null) < score(before)
+    assert search.judging.forwards[0].offset is not None

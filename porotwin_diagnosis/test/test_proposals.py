@@ -10,7 +10,7 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.evidence import coarsened, read_sample
-from porotwin_diagnosis.fit import Fitter, Margin
+from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.proposals import SCHEDULES, propose
 from porotwin_diagnosis.search import Findings
@@ -53,7 +53,7 @@ def proposed(sample, one, other):
         ]
         fits.append(fitter.judged((candidates[label],), np.array(turns)))
     null = fitter.judged((), np.zeros(0))
-    findings = Findings(null, null, fits, fits, margins=[Margin(0.0, 0.0), Margin(1.0, 0.1)])
+    findings = Findings(null, null, fits, fits, distances=[0.0, 0.1])
     name = fits[0].members[0].effect
     return propose(fitter, findings, Verdict(name, 0.5, fits[0], (name,), (), {}))
 

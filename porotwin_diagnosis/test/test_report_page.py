@@ -12,7 +12,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.diagnose import Diagnosis
 from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.fit import Fitter, Margin
+from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import map_gap
 from porotwin_diagnosis.held_out import HeldOut
@@ -42,8 +42,8 @@ def denser(tmp_path_factory):
     other = fitter.judged((rate,), np.array([1.0]))
     pair = fitter.judged((porosity, rate), np.array([found[0], 0.5]))
     singles = [best, other]
-    margins = [Margin(0.0, 0.0), Margin(20.0, 3.0)]
-    findings = Findings(null, null, singles, singles, [pair], margins, noise=0.3, runs=4)
+    distances = [0.0, 3.0]
+    findings = Findings(null, null, singles, singles, [pair], distances, noise=0.3, runs=4)
     late = recording.times >= sample.held_out_start
     observed = recording.concentration[late].astype(float)
     part = replace(sample, times=recording.times[late], observed=observed, fitted=0, weights={})

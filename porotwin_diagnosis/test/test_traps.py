@@ -88,7 +88,6 @@ def test_what_the_camera_does_does_not_pass_as_physics(tmp_path, effect, imposto
     fitter = Fitter([Forward(sample)], soft=0.3)
     camera, physics = fitted(fitter, effect.name), fitted(fitter, impostor)
     assert camera.held_out < 0.75 * physics.held_out
-    assert fitter.margin(camera, physics).advantage > 0
 
 
 def test_a_shift_of_a_fraction_of_a_cell_is_no_gap_but_two_percent_of_retardation_is(quiet):

@@ -7,7 +7,7 @@ import pytest
 
 from porotwin_diagnosis.candidates import Candidate, Knob
 from porotwin_diagnosis.findings_file import read_findings, write_findings
-from porotwin_diagnosis.fit import Fit, Margin
+from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.search import Findings
 from porotwin_diagnosis.verdict import Thresholds, decide
 
@@ -22,9 +22,9 @@ def fit(*effects, misfit):
     return Fit(members, np.ones(size), misfit, misfit, 0.1, 0.1, np.zeros((size, size)))
 
 
-def findings(null, *singles, pairs=(), margins=None, pair_margins=None, parts=()):
+def findings(null, *singles, pairs=(), distances=None, pair_distances=None, parts=()):
     fits = [fit(name, misfit=value) for name, value in singles]
-    margins = margins or [Margin(0.0, 0.0)] + [Margin(20.0, 3.0)] * (len(fits) - 1)
+    distances = distances or [0.0] + [3.0] * (len(fits) - 1)
     without = fit(misfit=null)
     return Findings(
         without,
@@ -32,8 +32,8 @@ def findings(null, *singles, pairs=(), margins=None, pair_margins=None, parts=()
         fits,
         fits,
         [fit(*names, misfit=m) for names, m in pairs],
-        margins,
-        pair_margins or [Margin(0.0, 0.0)] + [Margin(20.0, 3.0)] * (len(pairs) - 1),
+        distances,
+        pair_distances or [0.0] + [3.0] * (len(pairs) - 1),
         [fit(name, misfit=value) for name, value in parts],
         noise=NOISE,
     )
@@ -59,16 +59,18 @@ def test_a_gap_that_nothing_closes_is_unexplained():
 
 
 def test_two_effects_that_show_the_camera_the_same_are_declared_inseparable():
-    margins = [Margin(0.0, 0.0), Margin(0.2, 0.01), Margin(9.0, 0.8)]
-    found = findings(3.0, ('porosity', 0.5), ('retardation', 0.5), ('depth', 0.6), margins=margins)
+    distances = [0.0, 0.01, 0.8]
+    found = findings(
+        3.0, ('porosity', 0.5), ('retardation', 0.5), ('depth', 0.6), distances=distances
+    )
     verdict = decide(found, LIMITS)
     assert verdict.inseparable == ('retardation',)
     assert verdict.confidence > 0.8
 
 
 def test_rivals_that_explain_as_well_but_differ_lower_the_confidence():
-    margins = [Margin(0.0, 0.0), Margin(0.1, 0.9)]
-    verdict = decide(findings(3.0, ('leak', 0.5), ('rate', 0.5), margins=margins), LIMITS)
+    distances = [0.0, 0.9]
+    verdict = decide(findings(3.0, ('leak', 0.5), ('rate', 0.5), distances=distances), LIMITS)
     assert verdict.inseparable == ()
     assert verdict.confidence < 0.7
 
@@ -84,9 +86,9 @@ def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():
 
 def test_pairs_that_show_the_camera_the_same_are_declared():
     pairs = [(('decay', name), 0.5) for name in ('porosity', 'retardation', 'rate')]
-    margins = [Margin(0.0, 0.0), Margin(0.1, 0.01), Margin(2.0, 0.4)]
+    distances = [0.0, 0.01, 0.4]
     parts = (('decay', 2.0), ('porosity', 8.0))
-    found = findings(9.0, ('decay', 1.7), pairs=pairs, pair_margins=margins, parts=parts)
+    found = findings(9.0, ('decay', 1.7), pairs=pairs, pair_distances=distances, parts=parts)
     verdict = decide(found, LIMITS)
     assert verdict.members == ('decay', 'porosity')
     assert verdict.alternatives == (('decay', 'retardation'),)
