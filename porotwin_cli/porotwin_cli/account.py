@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, relative_error
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_hub.graph import NAMESPACE
@@ -91,7 +91,7 @@ def summary(account: Account, rig: Rig, controlled: Truth, free: Truth) -> dict[
     """Return the figures of a run; volumes in ml, errors relative L2 in the median over photos."""
     with_control, without = controlled.disallowed(rig), free.disallowed(rig)
     image_errors = [
-        _relative(values, controlled.at(time))
+        relative_error(values, controlled.at(time))
         for time, values in account.observed.items()
         if time > 0
     ]
@@ -120,9 +120,3 @@ def summary(account: Account, rig: Rig, controlled: Truth, free: Truth) -> dict[
 def _dose(times: FloatArray, volumes: FloatArray) -> float:
     """Return the integral over time of the tracer in the zone [ml min]."""
     return float(np.trapezoid(volumes * ML, times / 60.0))
-
-
-def _relative(values: FloatArray, truth: FloatArray) -> float:
-    seen = np.isfinite(values)
-    norm = np.linalg.norm(truth[seen])
-    return float(np.linalg.norm((values - truth)[seen]) / norm) if norm > 0 else float('nan')

@@ -107,3 +107,13 @@ def conservative_resample(field: FloatArray, shape: tuple[int, int]) -> FloatArr
     moved = rows @ np.where(unknown, 0.0, field) @ columns.T
     touched = (rows > 0).astype(float) @ unknown @ (columns > 0).T.astype(float) > 0
     return np.where(touched, np.nan, moved)
+
+
+def relative_error(values: FloatArray, reference: FloatArray) -> float:
+    """Return the relative L2 norm of values - reference over the cells known in both.
+
+    NaN when nothing is known, or `reference` is zero: there is nothing to be relative to.
+    """
+    known = np.isfinite(values) & np.isfinite(reference)
+    norm = np.linalg.norm(reference[known])
+    return float(np.linalg.norm((values - reference)[known]) / norm) if norm > 0 else float('nan')

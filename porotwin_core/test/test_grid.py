@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid, conservative_resample
+from porotwin_core.grid import Grid, conservative_resample, relative_error
 
 SIZES = st.integers(1, 23)
 
@@ -53,3 +53,9 @@ def test_a_grid_that_cannot_be_read_says_how_to_write_it(text: str) -> None:
 def test_a_grid_without_cells_is_refused() -> None:
     with pytest.raises(InputError, match='at least one cell'):
         Grid.parse('0x5', 1.0, 1.0)
+
+
+def test_unseen_cells_do_not_count_in_the_relative_error() -> None:
+    observed = np.array([[1.0, np.nan]])
+    assert relative_error(np.array([[0.9, 55.0]]), observed) == pytest.approx(0.1)
+    assert np.isnan(relative_error(np.ones((1, 2)), np.zeros((1, 2))))

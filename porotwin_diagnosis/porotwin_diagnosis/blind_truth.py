@@ -9,7 +9,7 @@ from typing import Self
 import netCDF4
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.blind_cases import BlindCase
 from porotwin_diagnosis.blind_effects import equal_names
@@ -61,7 +61,9 @@ def truth_of(case: BlindCase, result: Path) -> Truth:
             np.asarray(fields[f'predicted_{name}'][:], dtype=float) for name in ('before', 'after')
         )
     clean = _maps(case, case.effects, times)
-    return Truth(_relative(before, clean), _relative(after, clean), _strongest(case, clean, times))
+    return Truth(
+        relative_error(before, clean), relative_error(after, clean), _strongest(case, clean, times)
+    )
 
 
 def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArray) -> FloatArray:
@@ -71,14 +73,10 @@ def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArr
     return np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
 
 
-def _relative(maps: FloatArray, clean: FloatArray) -> float:
-    return float(np.linalg.norm(maps - clean) / np.linalg.norm(clean))
-
-
 def _strongest(case: BlindCase, clean: FloatArray, times: FloatArray) -> tuple[str, ...]:
     if len(case.effects) < 2:
         return case.right
-    left = [_relative(_maps(case, (effect,), times), clean) for effect in case.effects]
+    left = [relative_error(_maps(case, (effect,), times), clean) for effect in case.effects]
     return tuple(
         name
         for effect, error in zip(case.effects, left, strict=True)

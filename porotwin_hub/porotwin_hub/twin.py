@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, relative_error
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.control import Decision, Limits, optimise
 from porotwin_hub.objective import Objective
@@ -99,16 +99,6 @@ class Cycle:
     forecast: Forecast | None = None
     durations: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
-
-
-def relative_error(expected: FloatArray, observed: FloatArray) -> float:
-    """Return the relative L2 norm of expected - observed over the cells that were seen.
-
-    NaN when nothing was seen, or no tracer: there is nothing to be relative to.
-    """
-    seen = np.isfinite(observed)
-    norm = np.linalg.norm(observed[seen])
-    return float(np.linalg.norm((expected - observed)[seen]) / norm) if norm > 0 else math.nan
 
 
 def fill_unseen(observed: FloatArray, believed: FloatArray | None) -> FloatArray:

@@ -19,7 +19,6 @@ from porotwin_hub.twin import (
     Twin,
     fill_unseen,
     no_correction,
-    relative_error,
 )
 
 RIG: Rig = parse_rig(
@@ -171,9 +170,3 @@ def test_unseen_cells_are_taken_from_what_the_twin_believes() -> None:
     believed = np.array([[0.9, 0.7], [0.9, 0.9]])
     assert fill_unseen(observed, believed).tolist() == [[0.2, 0.7], [1.0, 0.0]]
     assert fill_unseen(observed, None).tolist() == [[0.2, 0.0], [1.0, 0.0]]
-
-
-def test_unseen_cells_do_not_count_in_the_error() -> None:
-    observed = np.array([[1.0, np.nan]])
-    assert relative_error(np.array([[0.9, 55.0]]), observed) == pytest.approx(0.1)
-    assert math.isnan(relative_error(np.ones((1, 2)), np.zeros((1, 2))))
