@@ -31,6 +31,9 @@ from porotwin_rig.observation import MapNoise
 CaseProgress = Callable[[int, int, str], None]
 """Told how many cases are done, of how many, and what happened."""
 
+RESULT = Path('result') / 'report.html'
+"""What a diagnosis writes last."""
+
 FIGURES = 'figures.json'
 """Where the truth's own figures of a case lie; a case that has them is done."""
 
@@ -92,8 +95,9 @@ def blind_check(
 
 
 def _make_and_diagnose(case: BlindCase, place: Path) -> None:
-    make_recording(case, place / 'recording')
-    _diagnose_apart(place / 'recording', place / 'result', case.withheld)
+    if not (place / RESULT).exists():
+        make_recording(case, place / 'recording')
+        _diagnose_apart(place / 'recording', place / 'result', case.withheld)
     truth_of(case, place / 'result').write(place / FIGURES)
 
 
@@ -183,7 +187,7 @@ def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
         confidence=float(said['confidence']),
         right=verdict in truth.strongest,
         both_found=both,
-        gap_closed=truth.gap_closed if said['combination'] else None,
+        gap_closed=truth.gap_closed,
         parameter_errors=tuple(error for error, _ in parameters),
         intervals_held=sum(inside for _, inside in parameters),
         distance_m=_distance(case, said),

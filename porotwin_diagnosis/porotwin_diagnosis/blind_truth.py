@@ -43,8 +43,10 @@ class Truth:
         return (self.before - self.after) / (self.before - SOLVER_FLOOR)
 
     def write(self, path: Path) -> None:
-        """Write the figures as JSON."""
-        path.write_text(json.dumps(asdict(self), indent=1) + '\n', encoding='utf-8')
+        """Write the figures as JSON, whole or not at all."""
+        half = path.with_suffix('.half')
+        half.write_text(json.dumps(asdict(self), indent=1) + '\n', encoding='utf-8')
+        half.replace(path)
 
     @classmethod
     def read(cls, path: Path) -> Self:

@@ -163,12 +163,13 @@ def read_sample(recording: Recording) -> Sample:
             f'{recording.source}: {len(times)} maps are too few to judge a model; '
             f'record at least {FEWEST_FRAMES}'
         )
-    if not np.nanmax(maps[after]) > 0.1 or not np.nanmax(maps[before]) > 0.1:
+    seen = np.array([bool(np.any(frame > 0.1)) for frame in maps])
+    with_tracer = before[seen[before]]
+    if not with_tracer.size or not seen[after].any():
         raise InputError(
             f'{recording.source}: shows no tracer in its first 70 % or its last 30 %; '
             'record while tracer is in the rig'
         )
-    with_tracer = before[[bool(np.nanmax(maps[index]) > 0.1) for index in before]]
     chosen = np.concatenate([_spread(with_tracer, FITTED_FRAMES), _spread(after, HELD_OUT_FRAMES)])
     return Sample(
         rig=recording.rig,

@@ -16,6 +16,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import IMAGE, Candidate, Knob
 from porotwin_diagnosis.evidence import COARSE_WIDTH, WIDTH, misfit
 from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.noise import blur
 
 TILE = 5
 """Compared cells per side of a tile whose residuals count as one observation."""
@@ -42,7 +43,8 @@ class Fit:
     """Effects fitted together: `turns` of all their knobs, and what they leave.
 
     `fitted` and `held_out` are whitened misfits (see `evidence.misfit`); `error` and `fitted_error`
-    the relative L2 errors of the maps; `covariance` that of the turns, from tiles.
+    the relative L2 errors of maps as soft as recorded ones; `covariance` that of the turns, from
+    tiles.
     """
 
     members: tuple[Candidate, ...]
@@ -168,7 +170,7 @@ class Fitter:
 
     def _error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:
         errors = [
-            sample.relative_error(shown, held_out=held_out)
+            sample.relative_error(blur(shown, self.soft), held_out=held_out)
             for sample, shown in zip(self.samples, maps, strict=True)
         ]
         return float(np.sqrt(np.mean(np.square(errors))))

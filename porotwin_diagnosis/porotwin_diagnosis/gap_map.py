@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_recording.recording import Recording
@@ -24,6 +25,9 @@ TEST_WIDTH = 2.0
 COARSENING = 2
 STEPS = 30
 """Pairs of frames looked at."""
+
+LEAST_SEEN = 0.5
+"""Share of a frame's cells that must be seen."""
 
 SPOTS, SPOT_RADIUS, LEAST_SHARE = 4, 0.06, 0.05
 
@@ -74,7 +78,7 @@ def map_gap(*recordings: Recording) -> GapMap:
     """Return where and when the model of the rig departs from `recordings`, which are of one rig.
 
     Raises:
-        InputError: a recording holds no maps.
+        InputError: a recording holds no maps, or fewer than two of which enough is seen.
     """
     steps = [_one_steps(recording) for recording in recordings]
     grid = steps[0][0]
@@ -120,9 +124,18 @@ def _on_grid(strength: FloatArray, grid: Grid) -> FloatArray:
 def observed_maps(
     recording: Recording, grid: Grid, count: int
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Return at most `count` times and observed maps, evenly spread, without NaN, on `grid`."""
-    frames = np.linspace(0, len(recording.times) - 1, count).round().astype(int)
-    frames = np.unique(frames)
+    """Return at most `count` times and observed maps, evenly spread, without NaN, on `grid`.
+
+    Frames of which little is seen are left out: filled, they would look like another state.
+    """
+    seen = [
+        index
+        for index, frame in enumerate(recording.concentration)
+        if np.isfinite(frame).mean() > LEAST_SEEN
+    ]
+    if len(seen) < 2:
+        raise InputError(f'{recording.source}: most maps are empty; two are needed with half seen')
+    frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])
     maps = [_filled(recording.concentration[frame], grid) for frame in frames]
     return recording.times[frames], maps
 

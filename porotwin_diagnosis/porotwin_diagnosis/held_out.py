@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -33,16 +32,6 @@ class HeldOut:
     error_before: float
     error_after: float
     noise_floor: float
-
-    @property
-    def gap_closed(self) -> float:
-        """The share of the gap above the noise floor that the model closes."""
-        return gap_closed(self.error_before, self.error_after, self.noise_floor)
-
-    @cached_property
-    def gap_closed_interval(self) -> tuple[float, float]:
-        """The 90 % interval of `gap_closed`."""
-        return together([self])[1]
 
     @property
     def remainder(self) -> FloatArray:

@@ -12,7 +12,7 @@ from porotwin_diagnosis.evidence import Sample, misfit
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.search import JUDGING, Findings, overall, score
-from porotwin_diagnosis.verdict import NONE, NUMERICAL, Verdict
+from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 
 WORTH = 0.75
 """The sharper scheme must bring the misfit below this share of the configured one's."""
@@ -37,7 +37,7 @@ class Numerics:
 
     def amended(self, verdict: Verdict) -> Verdict:
         """Return `verdict` with the model's smearing in it, where that is what closes the gap."""
-        if not self.found:
+        if not self.found or verdict.name == UNEXPLAINED:
             return verdict
         if verdict.name == NONE:
             return replace(verdict, name=NUMERICAL, members=(NUMERICAL,))

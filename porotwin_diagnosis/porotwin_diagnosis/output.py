@@ -18,6 +18,13 @@ from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 if TYPE_CHECKING:
     from porotwin_diagnosis.diagnose import Diagnosis
 
+FIXED_UNITS = {
+    'diffusion': 'm2/s',
+    'longitudinal_dispersivity': 'm',
+    'transverse_dispersivity': 'm',
+}
+"""Units of parameters that a candidate may hold fixed."""
+
 INTERVAL = 1.645 * 1.7
 """Standard deviations of a 90 % interval, widened: what the scheme does wrong shifts parameters as
 well, and with tiles alone the intervals held only two thirds of the truths of another simulator."""
@@ -141,8 +148,8 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
     best: dict[str, Fit] = {}
     for fit in [*result.findings.singles, *result.findings.screened]:
         best.setdefault(fit.members[0].effect, fit)
-    for member in verdict.model.members:  # a partner may have been found beside another only
-        best.setdefault(member.effect, verdict.model)
+    for fit in result.findings.parts:  # a partner may have been found beside another only
+        best.setdefault(fit.members[0].effect, fit)
     shares = _probabilities(verdict, list(best))
     rows: dict[str, dict[str, Any]] = {}
     for name, fit in best.items():
@@ -214,10 +221,10 @@ def _numerical_row(result: 'Diagnosis', errors: dict[str, float]) -> dict[str, A
 def _alone(fit: Fit, errors: dict[str, float], findings: Findings) -> dict[str, float]:
     """Return the errors of one effect alone, as far as it went relative to the model without."""
     before, floor = errors['before'], errors['noise_floor']
-    if fit in findings.singles:
-        after = before * fit.error / max(findings.null.error, 1e-9)
-    else:  # coarse cells have less noise; on those of the recording nothing comes below its floor
-        after = before * fit.error / max(findings.screened_null.error, 1e-9)
+    judged = fit in findings.singles or fit in findings.parts
+    null = findings.null if judged else findings.screened_null
+    after = before * fit.error / max(null.error, 1e-9)
+    if not judged:  # coarse cells have less noise; no fit on the recording's comes below its floor
         after = min(before, max(after, floor))
     return {
         'error_before': before,
@@ -235,7 +242,7 @@ def _parameters(fit: Fit, name: str) -> dict[str, Any]:
         for key, value in member.fixed.items():
             found[key] = {'value': value}
             if not isinstance(value, str):
-                found[key] |= {'low': None, 'high': None, 'unit': ''}
+                found[key] |= {'low': None, 'high': None, 'unit': FIXED_UNITS[key]}
         for knob, turn, deviation in zip(member.knobs, turns, deviations, strict=True):
             low, high = None, None
             if deviation > 0 and math.isfinite(deviation):

@@ -78,7 +78,8 @@ def _rivals(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
     ]
     if not others:
         return None
-    others.sort(key=lambda fit: fit.members[0].effect not in verdict.inseparable)
+    alike = {(name,) for name in verdict.inseparable} | set(verdict.alternatives)
+    others.sort(key=lambda fit: tuple(member.effect for member in fit.members) not in alike)
     return kept, others[0]
 
 

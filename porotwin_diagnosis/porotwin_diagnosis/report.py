@@ -3,7 +3,7 @@
 import base64
 import html
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from porotwin_diagnosis import report_pictures as pictures
 from porotwin_diagnosis.candidates import CAMERA, LOCAL
 from porotwin_diagnosis.evidence import FRONT_TOLERANCE
 from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.output import FIXED_UNITS
 from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
 from porotwin_diagnosis.search import score
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED
@@ -102,19 +103,22 @@ def sentence(result: 'Diagnosis') -> str:
             f'the best, {_label(verdict.model)}, still misses it by {after}, with '
             f'{_beyond_noise(result, verdict.model)} ({sure}).'
         )
-    names = ' and '.join(f'<b>{spoken(name)}</b>' for name in verdict.members)
+    alike = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.inseparable]
+    names = ' or '.join(map(_together, [verdict.members, *alike]))
     means = ', and '.join(_meaning(name, result) for name in verdict.members)
-    if verdict.inseparable:
-        names = ' or '.join(f'<b>{spoken(name)}</b>' for name in _members_and_alike(result))
+    if alike:
         names += ', which this recording cannot tell apart'
-        means = ', or '.join(_meaning(name, result) for name in _members_and_alike(result))
-    for other in verdict.alternatives:
-        means += f'; or {" and ".join(map(spoken, other))}, which show the camera the same'
+    if not verdict.alternatives:
+        means = ', or '.join([means, *(_meaning(name, result) for name in verdict.inseparable)])
     return (
         f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means} ({sure}). Mended, the model misses '
         f'the held-out part by {after} instead of {before}; {floor}, so that '
         f'{_closed(errors)} of the gap is closed.'
     )
+
+
+def _together(names: Iterable[str]) -> str:
+    return ' and '.join(f'<b>{spoken(name)}</b>' for name in names)
 
 
 def _closed(errors: Mapping[str, float]) -> str:
@@ -152,7 +156,8 @@ def _kept(result: 'Diagnosis') -> Iterator[str]:
         if row['name'] not in _members_and_alike(result):
             continue
         for name, parameter in row['parameters'].items():
-            if isinstance(parameter['value'], str) or parameter.get('unit'):  # not what is fixed
+            fixed = name in FIXED_UNITS and parameter['low'] is None
+            if not fixed:
                 middle, span = interval(name, parameter)
                 rows.append([spoken(row['name']), spoken(name), middle, span])
     if rows:

@@ -2,12 +2,12 @@
 
 1. Screening: every candidate is fitted with the full model on cells twice as large.
 2. Refinement: what is left is fitted again on the recording's cells, and judged on cells half as
-   large, where the scheme smears least.
+   large, where the scheme smears least, with what the finest cells change in the best one.
 3. Pairs, where no single effect closes the gap: those whose response the best single effects cannot
    copy, screened, refined and judged in the same way.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -79,7 +79,7 @@ NOISE_DOUBT = 1.15
 """By how much the noise may be stronger than measured."""
 
 SMALL_EXCESS = 0.8
-"""Excess of the model as it is below which its blur is measured without any effect."""
+"""Excess of the model as it is below which blur and finest cells are seen without any effect."""
 
 BLURS = (0.3, 0.9)
 """Least and largest blur [cells] that is put down to the camera."""
@@ -143,12 +143,16 @@ class Search:
         """Search `samples` without the effects named in `excluded`."""
         self.samples = list(samples)
         self.excluded = frozenset(excluded)
+        known = {candidate.effect for candidate in library(samples)} | set(LOCAL)
+        if not known - set(LOCAL) - self.excluded:
+            raise InputError('all effects without a place are excluded; leave at least one in')
         self.progress = progress
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
         self.refining = self._fitter(samples, 1, EDGE_BLUR)
         self.judging = self._fitter(samples, JUDGING, EDGE_BLUR)
+        self.finest = [Forward(sample, refinement=FINEST) for sample in samples]
 
     def _fitter(self, samples: Sequence[Sample], refinement: int, soft: float) -> Fitter:
         forwards = [Forward(sample, refinement=refinement) for sample in samples]
@@ -166,11 +170,11 @@ class Search:
         findings.noise = overall(*noise_misfit(self.samples))
         refined = self._refined(_near(_distinct(screened))[:REFINED], 0.3)
         findings.singles = self._judged(refined, 0.4)
-        self._sharpen(findings, 0.5)
+        self._sharpen(findings, 0.48)
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
-            findings.pairs = self._judged(self._refined_pairs(findings), 0.8)
-            self._sharpen(findings, 0.88)
+            findings.pairs = self._judged(self._refined_pairs(findings), 0.78)
+            self._sharpen(findings, 0.86)
         findings.distances = self._distances(findings.singles)
         findings.pair_distances = self._distances(findings.pairs)
         findings.parts = [
@@ -178,8 +182,9 @@ class Search:
             for pair in findings.pairs[:1]
             for member, turns, _ in pair.parts()
         ]
-        forwards = [*self.screening.forwards, *self.refining.forwards, *self.judging.forwards]
-        findings.runs = sum(forward.runs for forward in forwards)
+        fitters = (self.screening, self.refining, self.judging)
+        forwards = [forward for fitter in fitters for forward in fitter.forwards]
+        findings.runs = sum(forward.runs for forward in (*forwards, *self.finest))
         return findings
 
     def _sharpen(self, findings: Findings, begin: float) -> None:
@@ -189,14 +194,14 @@ class Search:
         if findings.excess(findings.null) < SMALL_EXCESS:
             best = findings.null
         self._measure_blur(best)
-        self.progress('running the best model on finer cells', begin)
         if findings.excess(self._judged_again(best)) < NEARLY_CLOSED:
-            for forward in self.judging.forwards:
-                forward.lean_on(Forward(forward.sample, refinement=FINEST), best.effects)
+            self.progress(f'running {best.label} on finer cells', begin)
+            for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
+                forward.lean_on(finer, best.effects)
             self._measure_blur(best)
         findings.null = self._judged_again(findings.null)
-        findings.singles = _ranked(map(self._polished_again, findings.singles))
-        findings.pairs = _ranked(map(self._polished_again, findings.pairs))
+        findings.singles = self._polished_again(findings.singles, begin + 0.02)
+        findings.pairs = self._polished_again(findings.pairs, begin + 0.04)
 
     def _measure_blur(self, best: Fit) -> None:
         """Judge with the edge blur that suits `best`; a wrong model's would be that of its
@@ -212,8 +217,12 @@ class Search:
     def _distances(self, fits: Sequence[Fit]) -> list[float]:
         return [self.judging.distance(fits[0], fit) for fit in fits]
 
-    def _polished_again(self, fit: Fit) -> Fit:
-        return self.judging.polished(fit, self.refining)
+    def _polished_again(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
+        polished = []
+        for index, fit in enumerate(fits):
+            self.progress(f'polishing {fit.label}', begin + 0.02 * index / len(fits))
+            polished.append(self.judging.polished(fit, self.refining))
+        return self._ranked(polished)
 
     def _judged_again(self, fit: Fit) -> Fit:
         return self.judging.judged(fit.members, fit.turns)
@@ -257,7 +266,8 @@ class Search:
     def _at_a_well(self, fit: Fit) -> bool:
         """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
         sample = self.samples[0]
-        pumping = [sample.rig.wells[name] for name in sample.schedule.wells]
+        names = {name for one in self.samples for name in one.schedule.wells}
+        pumping = [sample.rig.wells[name] for name in sorted(names)]
         leaks = [effect.parameters for effect in fit.effects if effect.name == 'leak']
         return any(
             np.hypot(float(leak['x']) - well.x_m, float(leak['z']) - well.z_m)
@@ -271,7 +281,7 @@ class Search:
         bases = [fit for fit in alone if score(fit) < BASE * score(alone[0])][:PAIR_BASES]
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
-            self.progress(f'pairs with {base.label}', 0.55 + 0.15 * index / len(bases))
+            self.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
             for partner in self._partners(base, screened, thorough=index == 0):
                 key = frozenset((base.members[0].label, partner.label))
                 if key in fits:
@@ -292,9 +302,9 @@ class Search:
         closes the gap, more of them get their turn.
         """
         pairs = _near(self._pairs(findings.screened))[:REFINED]
-        refined = self._refined(pairs[:JUDGED], 0.7)
-        if findings.excess(refined[0]) < NEARLY_CLOSED:
-            refined += self._refined(pairs[JUDGED:], 0.75)
+        refined = self._refined(pairs[:JUDGED], 0.66)
+        if refined and findings.excess(refined[0]) < NEARLY_CLOSED:
+            refined += self._refined(pairs[JUDGED:], 0.72)
         return sorted(refined, key=score)
 
     def _partners(self, base: Fit, screened: Sequence[Fit], *, thorough: bool) -> list[Candidate]:
@@ -337,7 +347,7 @@ class Search:
         """Return `fits` refitted on the recording's cells; progress is at `begin`."""
         refined = []
         for index, fit in enumerate(fits):
-            self.progress(f'refining {fit.label}', begin + 0.1 * index / len(fits))
+            self.progress(f'refining {fit.label}', begin + 0.06 * index / len(fits))
             refined.append(
                 self.refining.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=3)
             )
@@ -347,14 +357,15 @@ class Search:
         """Return the best of `refined`, refitted on the finest cells; progress is at `begin`."""
         judged = []
         for index, fit in enumerate(_near(refined)[:JUDGED]):
-            self.progress(f'judging {fit.label}', begin + 0.12 * index / JUDGED)
+            self.progress(f'judging {fit.label}', begin + 0.08 * index / JUDGED)
             judged.append(self.judging.polished(fit, self.refining))
-        return _ranked([fit for fit in judged if not self._at_a_well(fit)] or judged)
+        return self._ranked(judged)
 
-
-def _ranked(fits: Iterable[Fit]) -> list[Fit]:
-    """Return the judged `fits`, the most plausible first."""
-    return sorted(fits, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
+    def _ranked(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Return the judged `fits`, the most plausible first, without leaks that moved to a well
+        unless all did."""
+        kept = [fit for fit in fits if not self._at_a_well(fit)] or fits
+        return sorted(kept, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
 
 
 def _screening_factor(sample: Sample) -> int:

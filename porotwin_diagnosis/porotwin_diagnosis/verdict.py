@@ -6,6 +6,7 @@ gaps without simulating again; see `calibration`.
 
 import json
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -91,22 +92,16 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         confidence = _calibrated(4.0 * math.log(openness), limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
     members = _by_strength(model, findings)
-    inseparable = _inseparable(model, findings, limits, members[0])
-    lead = (
-        _lead_of_pair(model, members[0], findings, limits)
-        if len(model.members) > 1
-        else _lead_of_single((members[0], *inseparable), probabilities)
-    )
-    odds = min(lead, 6.0 - 4.0 * openness)
-    return Verdict(
-        members[0],
-        _calibrated(odds, limits),
-        model,
-        members,
-        inseparable,
-        probabilities,
-        _alternatives(model, findings, limits),
-    )
+    alternatives: tuple[tuple[str, ...], ...] = ()
+    if len(members) == 1:
+        inseparable = _same_as_best(findings.singles, findings.distances, limits)
+        lead = _lead_of_single((members[0], *inseparable), probabilities)
+    else:
+        alternatives = _alternatives(findings, limits)
+        inseparable = _in_place_of(members, alternatives)
+        lead = _lead_of_pair(model, {members[0], *inseparable}, findings, limits)
+    confidence = _calibrated(min(lead, 6.0 - 4.0 * openness), limits)
+    return Verdict(members[0], confidence, model, members, inseparable, probabilities, alternatives)
 
 
 def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:
@@ -116,12 +111,15 @@ def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> 
     return math.log(known / (1 - known))
 
 
-def _lead_of_pair(model: Fit, name: str, findings: Findings, limits: Thresholds) -> float:
-    """Return the log-odds of a pair with effect `name` against the best explanation without it."""
+def _lead_of_pair(
+    model: Fit, names: Collection[str], findings: Findings, limits: Thresholds
+) -> float:
+    """Return the log-odds of the pair `model` with one of `names`, which show the same, against
+    the best explanation without any of them."""
     rivals = [
         worse(fit)
         for fit in (*findings.pairs, *findings.singles)
-        if name not in (member.effect for member in fit.members)
+        if not any(member.effect in names for member in fit.members)
     ]
     return _behind(min(rivals, default=math.inf), worse(model), limits)
 
@@ -164,31 +162,48 @@ def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
 
 
 def _by_strength(model: Fit, findings: Findings) -> tuple[str, ...]:
-    """Return the names of the members of `model`, that which closes most alone first."""
-    alone = {fit.label: score(fit) for fit in findings.parts}
+    """Return the names of the members of `model`, that which closes most alone first.
+
+    As the diagnosis contract has it, by the relative error of the held-out part.
+    """
+    alone = {fit.label: fit.error for fit in findings.parts}
     members = sorted(model.members, key=lambda member: alone.get(member.label, math.inf))
     return tuple(member.effect for member in members)
 
 
-def _inseparable(model: Fit, findings: Findings, limits: Thresholds, name: str) -> tuple[str, ...]:
-    """Return the judged effects whose best fits show the camera the same as that of `name`."""
-    if len(model.members) > 1:
-        return ()
-    return tuple(
+def _same_as_best(
+    fits: Sequence[Fit], distances: Sequence[float], limits: Thresholds
+) -> tuple[str, ...]:
+    """Return the other effects among the single `fits` that show the camera the same as the best,
+    which comes first; `distances` are those from it."""
+    best = fits[0].members[0].effect
+    alike = (
         fit.members[0].effect
-        for fit, distance in zip(findings.singles, findings.distances, strict=True)
-        if fit.members[0].effect != name and distance < limits.same
+        for fit, distance in zip(fits, distances, strict=True)
+        if distance < limits.same
     )
+    return tuple(name for name in dict.fromkeys(alike) if name != best)
 
 
-def _alternatives(
-    model: Fit, findings: Findings, limits: Thresholds
-) -> tuple[tuple[str, ...], ...]:
-    """Return the judged pairs whose best fits show the camera the same as the pair `model`."""
-    if len(model.members) < 2:
-        return ()
+def _alternatives(findings: Findings, limits: Thresholds) -> tuple[tuple[str, ...], ...]:
+    """Return the judged pairs whose best fits show the camera the same as the best pair."""
     return tuple(
         tuple(member.effect for member in fit.members)
-        for fit, distance in zip(findings.pairs, findings.pair_distances, strict=True)
-        if fit is not model and distance < limits.same
+        for fit, distance in zip(findings.pairs[1:], findings.pair_distances[1:], strict=True)
+        if distance < limits.same
     )
+
+
+def _in_place_of(
+    members: tuple[str, ...], alternatives: Sequence[tuple[str, ...]]
+) -> tuple[str, ...]:
+    """Return the effects that stand in the place of the first of `members` in a pair that shows
+    the camera the same, the second being kept."""
+    first, *others = members
+    replaced = (
+        name
+        for pair in alternatives
+        if set(others) < set(pair) and first not in pair
+        for name in set(pair) - set(others)
+    )
+    return tuple(dict.fromkeys(replaced))

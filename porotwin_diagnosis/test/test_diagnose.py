@@ -1,6 +1,7 @@
 """The diagnosis from a folder to a report, on recordings of an independent simulator."""
 
 import json
+from dataclasses import replace
 
 import netCDF4
 import numpy as np
@@ -9,8 +10,12 @@ from diagnosis_examples import recorded
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, load_rig
+from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.diagnose import diagnose
+from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.gap_map import map_gap
+from porotwin_diagnosis.search import Findings, Search
+from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
 
 
@@ -90,3 +95,41 @@ def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
     )
     with pytest.raises(InputError, match='too few'):
         diagnose(tmp_path / 'short', tmp_path / 'out')
+
+
+def with_frames(recording, times, maps):
+    series = ConcentrationMaps(times, recording.grid, lambda start, stop: maps[start:stop])
+    return replace(recording, maps=series)
+
+
+def test_a_recording_whose_tracer_comes_late_is_refused_in_one_line(quiet):
+    recording = open_recording(quiet)
+    late = np.concatenate([[0.0], recording.times[-9:]])
+    maps = np.stack([recording.concentration[0], *recording.concentration[-9:]])
+    with pytest.raises(InputError, match='no tracer in its first 70 %'):
+        read_sample(with_frames(recording, late, maps))
+
+
+def test_a_blocked_view_is_not_a_place_where_the_gap_arises(quiet):
+    recording = open_recording(quiet)
+    maps = np.array(recording.concentration)
+    free = map_gap(with_frames(recording, recording.times, maps)).strength
+    maps[15] = np.nan
+    blocked = map_gap(with_frames(recording, recording.times, maps)).strength
+    assert np.linalg.norm(blocked) < 1.5 * np.linalg.norm(free)
+
+
+def test_a_search_with_nothing_to_look_for_is_refused(quiet):
+    sample = read_sample(open_recording(quiet))
+    names = {candidate.effect for candidate in library([sample])}
+    with pytest.raises(InputError, match='excluded'):
+        Search([sample], excluded=sorted(names))
+
+
+def test_a_search_that_finds_no_pairs_goes_on_without(quiet, monkeypatch):
+    search = Search([read_sample(open_recording(quiet))], workers=1)
+    null = search.judging.judged((), np.zeros(0))
+    monkeypatch.setattr(search, '_pairs', lambda screened: [])
+    findings = Findings(null, null, [])
+    assert search._refined_pairs(findings) == []
+    assert search._judged([], 0.5) == []

@@ -20,24 +20,24 @@ def part(before, after, *, uneven=0.0, floor=0.02):
 
 def test_the_interval_holds_the_estimate_and_is_the_same_each_time():
     held = part(0.3, 0.08, uneven=0.8)
-    low, high = held.gap_closed_interval
-    assert 0.0 <= low <= held.gap_closed <= high <= 1.0
-    assert (low, high) == part(0.3, 0.08, uneven=0.8).gap_closed_interval
+    closed, (low, high) = together([held])
+    assert 0.0 <= low <= closed <= high <= 1.0
+    assert (closed, (low, high)) == together([part(0.3, 0.08, uneven=0.8)])
 
 
 def test_an_uneven_gap_is_less_sure():
     after = TRUTH.copy()
     after[:, :, :15] *= 1.2  # one half stays as wrong as before, the other is mended
     held = HeldOut(np.arange(8.0), TRUTH, 1.2 * TRUTH, after, 0.2, 0.2 / np.sqrt(2), 0.01)
-    low, high = held.gap_closed_interval
-    even = part(0.2, 0.2 / np.sqrt(2), floor=0.01)
-    assert high - low > 3 * (even.gap_closed_interval[1] - even.gap_closed_interval[0])
+    _, (low, high) = together([held])
+    _, (even_low, even_high) = together([part(0.2, 0.2 / np.sqrt(2), floor=0.01)])
+    assert high - low > 3 * (even_high - even_low)
 
 
 def test_nothing_closes_where_there_is_no_gap():
     held = part(0.02, 0.01, floor=0.03)
-    assert held.gap_closed == 0.0
-    assert held.gap_closed_interval[0] == 0.0
+    closed, (low, _) = together([held])
+    assert closed == low == 0.0
 
 
 def test_a_recording_without_a_gap_does_not_water_down_another():
@@ -52,6 +52,6 @@ def test_cells_that_nobody_saw_do_not_count():
     observed = TRUTH.copy()
     observed[:, :, -3:] = np.nan
     held = HeldOut(seen.times, observed, seen.before, seen.after, 0.3, 0.1, 0.02)
-    assert np.isfinite(held.gap_closed_interval).all()
+    assert np.isfinite(together([held])[1]).all()
     assert (held.remainder[:, -3:] == 0.0).all()
     assert held.remainder[:, :-3].mean() > 0.0

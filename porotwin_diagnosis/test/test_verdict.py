@@ -8,6 +8,7 @@ import pytest
 from porotwin_diagnosis.candidates import Candidate, Knob
 from porotwin_diagnosis.findings_file import read_findings, write_findings
 from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.numerics import Numerics
 from porotwin_diagnosis.search import Findings
 from porotwin_diagnosis.verdict import Thresholds, decide
 
@@ -16,10 +17,12 @@ NOISE = 0.4
 """Misfit of nothing but noise in these findings."""
 
 
-def fit(*effects, misfit):
+def fit(*effects, misfit, held_out=None, error=0.1):
     members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in effects)
     size = len(members)
-    return Fit(members, np.ones(size), misfit, misfit, 0.1, 0.1, np.zeros((size, size)))
+    return Fit(
+        members, np.ones(size), misfit, held_out or misfit, 0.1, error, np.zeros((size, size))
+    )
 
 
 def findings(null, *singles, pairs=(), distances=None, pair_distances=None, parts=()):
@@ -34,7 +37,7 @@ def findings(null, *singles, pairs=(), distances=None, pair_distances=None, part
         [fit(*names, misfit=m) for names, m in pairs],
         distances,
         pair_distances or [0.0] + [3.0] * (len(pairs) - 1),
-        [fit(name, misfit=value) for name, value in parts],
+        [fit(name, misfit=5.0, error=value) for name, value in parts],
         noise=NOISE,
     )
 
@@ -92,6 +95,39 @@ def test_pairs_that_show_the_camera_the_same_are_declared():
     verdict = decide(found, LIMITS)
     assert verdict.members == ('decay', 'porosity')
     assert verdict.alternatives == (('decay', 'retardation'),)
+
+
+def test_a_pair_whose_stronger_effect_has_a_double_is_sure_of_both():
+    pairs = [(('retardation', 'decay'), 0.5), (('porosity', 'decay'), 0.5)]
+    parts = (('retardation', 0.1), ('decay', 0.3))
+    found = findings(9.0, ('leak', 2.0), pairs=pairs, pair_distances=[0.0, 0.01], parts=parts)
+    verdict = decide(found, LIMITS)
+    assert verdict.name == 'retardation'
+    assert verdict.inseparable == ('porosity',)
+    assert verdict.confidence > 0.9
+
+
+def test_of_a_pair_the_effect_comes_first_that_leaves_the_smaller_error():
+    pairs, parts = (
+        [(('registration', 'dispersion'), 0.5)],
+        (('registration', 0.3), ('dispersion', 0.2)),
+    )
+    found = findings(9.0, ('leak', 3.0), pairs=pairs, parts=parts)
+    found.parts[0] = fit('registration', misfit=3.0, error=0.3)
+    assert decide(found, LIMITS).name == 'dispersion'
+
+
+def test_an_effect_that_fails_in_what_it_has_not_seen_explains_nothing():
+    found = findings(6.0, ('background_flow', 0.45), ('leak', 3.0))
+    found.singles[0] = fit('background_flow', misfit=0.45, held_out=0.9)
+    assert decide(found, LIMITS).name == 'unexplained'
+
+
+def test_smearing_does_not_turn_a_rejected_effect_into_a_finding():
+    verdict = decide(findings(6.0, ('rate', 4.0), ('clock', 4.1)), LIMITS)
+    amended = Numerics('upwind', 9.0, 6.0, 1e-8, found=True).amended(verdict)
+    assert amended.name == 'unexplained'
+    assert amended.members == ()
 
 
 @pytest.mark.parametrize('misfit', [0.3, 0.6, 2.0, 5.0])
