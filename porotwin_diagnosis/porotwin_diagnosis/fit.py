@@ -31,8 +31,14 @@ CHEAP_STEPS = 8
 TRIALS = 4
 """Lengths of a step that are tried before a fit gives up; with foreign slopes only one."""
 
+REFUSED = 0.3
+"""Least damping after a step that was refused: a second that is hardly shorter would be as well."""
+
 POLISHING_STEPS = 4
 """Steps that are taken with the slopes of a coarser fit."""
+
+LEAST_STEP = 0.004
+"""Turns below which a step is not taken; one turn of a well's place moves a front by a cell."""
 
 CHEAP_CHANGE = 0.25
 """Half the difference in turns from which such a fit takes its derivatives."""
@@ -278,7 +284,7 @@ class Fitter:
             accepted = False
             for _ in range(TRIALS if slopes is None else 1):
                 step = _bounded_step(normal, gradient, damping, turns, low, high)
-                if np.abs(step).max() < 0.02:
+                if np.abs(step).max() < LEAST_STEP:
                     return turns
                 trial = np.clip(turns + step, low, high)
                 trial_residuals = self._fitted_residuals(members, trial, width)
@@ -286,12 +292,12 @@ class Fitter:
                 if trial_cost < cost:
                     accepted = True
                     break
-                damping = max(10 * damping, 1e-2)
+                damping = max(10 * damping, REFUSED)
             if not accepted:
                 return turns
             gain = 1.0 - trial_cost / cost
             turns, residuals, cost = trial, trial_residuals, trial_cost
-            damping *= 0.2
+            damping *= 0.1
             if gain < LEAST_GAIN:
                 return turns
         return turns

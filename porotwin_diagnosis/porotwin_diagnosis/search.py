@@ -2,7 +2,7 @@
 
 1. Screening: every candidate is fitted with the full model on cells twice as large.
 2. Refinement: what is left is fitted again on the recording's cells, and judged on cells half as
-   large, where the scheme smears least, with what the finest cells change in the best one.
+   large, where the scheme smears least, with what the finest cells change in one run of each.
 3. Pairs, where no single effect closes the gap: those whose response the best single effects cannot
    copy, screened, refined and judged in the same way.
 """
@@ -29,8 +29,8 @@ SCREENING, FEWEST_COLUMNS = 2, 40
 """Cells of the recording per screening cell, each way, as long as so many columns are left."""
 
 JUDGING, FINEST = 2, 4
-"""Cells per cell of the recording in the final judgement, each way, and in the one run that tells
-what its cells do wrong."""
+"""Cells per cell of the recording in the final judgement, each way, and in the one run of every
+judged model that tells what its cells do wrong."""
 
 REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 3, 4
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
@@ -55,7 +55,7 @@ above it fronts lie too far apart for that correction to stay in place."""
 ALIKE = 1.03
 """Fits whose misfit is within this factor of the last one that goes on go on with it."""
 
-EXPLAINED = 0.45
+EXPLAINED = 0.35
 """Excess below which a judged effect leaves nothing for a second one."""
 
 NEARLY_CLOSED = 1.5
@@ -79,7 +79,7 @@ NOISE_DOUBT = 1.15
 """By how much the noise may be stronger than measured."""
 
 SMALL_EXCESS = 0.8
-"""Excess of the model as it is below which blur and finest cells are seen without any effect."""
+"""Excess of the model as it is below which the model without any effect counts as the best."""
 
 BLURS = (0.3, 0.9)
 """Least and largest blur [cells] that is put down to the camera."""
@@ -188,28 +188,37 @@ class Search:
         return findings
 
     def _sharpen(self, findings: Findings, begin: float) -> None:
-        """Judge again with the blur that suits the best model, without effect where none is needed,
-        and, where that nearly closes the gap, with what finer cells change in it."""
+        """Judge again all models that nearly close the gap, each with what finer cells change in it
+        and with the edge blur that suits it, the others with those of the best.
+
+        A picture that is moved is also blurred; a wrong model's blur would be that of its misplaced
+        fronts.
+        """
         best = min([*findings.singles[:1], *findings.pairs[:1]], key=score)
         if findings.excess(findings.null) < SMALL_EXCESS:
             best = findings.null
         self._measure_blur(best)
-        if findings.excess(self._judged_again(best)) < NEARLY_CLOSED:
-            self.progress(f'running {best.label} on finer cells', begin)
-            for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
-                forward.lean_on(finer, best.effects)
-            self._measure_blur(best)
-        findings.null = self._judged_again(findings.null)
-        findings.singles = self._polished_again(findings.singles, begin + 0.02)
-        findings.pairs = self._polished_again(findings.pairs, begin + 0.04)
+        self._attune(findings, best)
+        self._attune(findings, findings.null)
+        findings.null = self.judging.judged((), findings.null.turns)
+        findings.singles = self._polished_again(findings, findings.singles, begin)
+        findings.pairs = self._polished_again(findings, findings.pairs, begin + 0.03)
+        self._attune(findings, best)
 
-    def _measure_blur(self, best: Fit) -> None:
-        """Judge with the edge blur that suits `best`; a wrong model's would be that of its
-        misplaced fronts."""
+    def _attune(self, findings: Findings, fit: Fit) -> None:
+        """Judge from now on with blur and finest cells of `fit`, if that nearly closes the gap."""
+        if findings.excess(fit) > NEARLY_CLOSED:
+            return
+        for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
+            forward.lean_on(finer, fit.effects)
+        self._measure_blur(fit)
+
+    def _measure_blur(self, fit: Fit) -> None:
+        """Judge from now on with the edge blur that suits `fit`."""
 
         def cost(blur: float) -> float:
             self.judging.soft = blur
-            return self.judging.judged(best.members, best.turns).fitted
+            return self.judging.judged(fit.members, fit.turns).fitted
 
         found = minimize_scalar(cost, bounds=BLURS, method='bounded', options={'xatol': 0.02})
         self.judging.soft = float(found.x)
@@ -217,15 +226,13 @@ class Search:
     def _distances(self, fits: Sequence[Fit]) -> list[float]:
         return [self.judging.distance(fits[0], fit) for fit in fits]
 
-    def _polished_again(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
+    def _polished_again(self, findings: Findings, fits: Sequence[Fit], begin: float) -> list[Fit]:
         polished = []
         for index, fit in enumerate(fits):
-            self.progress(f'polishing {fit.label}', begin + 0.02 * index / len(fits))
+            self.progress(f'polishing {fit.label}', begin + 0.03 * index / len(fits))
+            self._attune(findings, fit)
             polished.append(self.judging.polished(fit, self.refining))
         return self._ranked(polished)
-
-    def _judged_again(self, fit: Fit) -> Fit:
-        return self.judging.judged(fit.members, fit.turns)
 
     def _screen(self) -> list[Fit]:
         candidates = [

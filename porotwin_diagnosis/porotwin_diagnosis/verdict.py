@@ -34,11 +34,11 @@ class Thresholds:
     be told apart. `scale`, `shift`: logistic map of raw log-odds to seen frequency.
     """
 
-    quiet: float = 0.5
-    open: float = 0.5
-    open_pair: float = 0.47
+    quiet: float = 0.45
+    open: float = 0.42
+    open_pair: float = 0.42
     pair_worth: float = 0.8
-    systematic: float = 0.25
+    systematic: float = 0.2
     same: float = 0.06
     scale: float = 1.0
     shift: float = 0.0
