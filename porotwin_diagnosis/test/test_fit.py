@@ -7,7 +7,7 @@ import pytest
 from diagnosis_examples import recorded
 
 from porotwin_core.rig import Boundaries, EffectDescription
-from porotwin_diagnosis.candidates import Knob, library
+from porotwin_diagnosis.candidates import Candidate, Knob, library
 from porotwin_diagnosis.evidence import noise_misfit, read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
@@ -136,3 +136,18 @@ def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
     search._sharpen(findings, 0.5)
     assert score(findings.null) < score(before)
     assert search.judging.forwards[0].offset is not None
+
+
+class Arctangent(Fitter):
+    """A fit of a number whose slope vanishes far from the optimum at zero."""
+
+    def residuals(self, effects, width, *, fitted_only=False):
+        return [np.arctan([[[float(effects[0].parameters['value'])]]])]
+
+
+def test_a_fit_that_starts_where_nothing_changes_takes_shorter_steps_until_one_helps():
+    knob = Knob('value', '-', 0.0, 1.0)
+    turns = Arctangent([])._descend(
+        (Candidate('decay', (knob,)),), [knob], np.array([10.0]), 1.5, steps=8
+    )
+    assert abs(turns[0]) < 0.5
