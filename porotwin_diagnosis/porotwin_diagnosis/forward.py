@@ -53,8 +53,15 @@ class Forward:
             ]
         )
 
-    def lean_on(self, finer: 'Forward', effects: Sequence[EffectDescription] = ()) -> None:
-        """From now on add what `finer` cells change in the maps with `effects`.
+    def lean_on(
+        self,
+        finer: 'Forward',
+        effects: Sequence[EffectDescription] = (),
+        *,
+        extrapolation: float = 1.0,
+    ) -> None:
+        """From now on add what `finer` cells change in the maps with `effects`, `extrapolation`
+        times.
 
         What a coarse grid does wrong is nearly the same wherever fronts lie nearly the same.
         """
@@ -62,7 +69,7 @@ class Forward:
         physics = [effect for effect in effects if effect.name not in IMAGE]
         sharp = [conservative_resample(frame, shape) for frame in finer.maps(physics)]
         self.offset = None
-        self.offset = np.stack(sharp) - self.maps(physics)
+        self.offset = extrapolation * (np.stack(sharp) - self.maps(physics))
 
     def _simulated(
         self, physics: tuple[EffectDescription, ...], *, fitted_only: bool

@@ -131,10 +131,9 @@ def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
 def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
     search = Search([read_sample(open_recording(quiet))], workers=1)
     before = search.judging.judged((), np.zeros(0))
-    other = search.judging.judged((candidate(search.judging, 'porosity'),), np.zeros(1))
-    findings = Findings(before, before, [], [other], noise=before.fitted)
-    search._sharpen(findings, 0.5)
-    assert score(findings.null) < score(before)
+    search._attune(Findings(before, before, [], noise=before.fitted), before)
+    after = search.judging.judged((), np.zeros(0))
+    assert score(after) < score(before)
     assert search.judging.forwards[0].offset is not None
 
 
