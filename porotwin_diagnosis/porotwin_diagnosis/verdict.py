@@ -35,8 +35,8 @@ class Thresholds:
     """
 
     quiet: float = 0.45
-    open: float = 0.42
-    open_pair: float = 0.42
+    open: float = 0.53
+    open_pair: float = 0.47
     pair_worth: float = 0.8
     systematic: float = 0.2
     same: float = 0.06
