@@ -59,7 +59,7 @@ above it fronts lie too far apart for that correction to stay in place."""
 ALIKE = 1.03
 """Fits whose misfit is within this factor of the last one that goes on go on with it."""
 
-EXPLAINED = 0.35
+EXPLAINED = 0.5
 """Excess below which a judged effect leaves nothing for a second one."""
 
 NEARLY_CLOSED = 1.5
