@@ -23,13 +23,14 @@ CLEAR_GAP = 1.15
 """Errors below this many solver floors hold no gap whose closing could be measured."""
 
 AS_STRONG = 1.1
-"""Effects of a pair that alone leave errors within this factor are equally strong."""
+"""Effects of a pair that alone leave errors, or make gaps, within this factor are equally strong."""
 
 
 @dataclass(frozen=True)
 class Truth:
     """`before`, `after`: relative L2 error of the predictions against the maps without noise, over
-    the held-out part; `strongest`: the effects that close most when added alone."""
+    the held-out part; `strongest`: the effects that close most when added alone, or make the
+    largest gap alone, which need not be the same: two effects can hide each other."""
 
     before: float
     after: float
@@ -78,10 +79,13 @@ def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArr
 def _strongest(case: BlindCase, clean: FloatArray, times: FloatArray) -> tuple[str, ...]:
     if len(case.effects) < 2:
         return case.right
-    left = [relative_error(_maps(case, (effect,), times), clean) for effect in case.effects]
+    nothing = _maps(case, (), times)
+    alone = [_maps(case, (effect,), times) for effect in case.effects]
+    left = [relative_error(maps, clean) for maps in alone]
+    made = [relative_error(maps, nothing) for maps in alone]
     return tuple(
         name
-        for effect, error in zip(case.effects, left, strict=True)
-        if error <= AS_STRONG * min(left)
+        for effect, error, gap in zip(case.effects, left, made, strict=True)
+        if error <= AS_STRONG * min(left) or gap >= max(made) / AS_STRONG
         for name in equal_names(effect)
     )
