@@ -23,7 +23,7 @@ CLEAR_GAP = 1.15
 """Errors below this many solver floors hold no gap whose closing could be measured."""
 
 AS_STRONG = 1.1
-"""Effects of a pair that alone leave errors, or make gaps, within this factor are equally strong."""
+"""Effects of a pair whose errors left, or gaps made, alone lie within this factor are equal."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,9 @@ JUDGING, FINEST = 2, 3
 """Cells per cell of the recording in the final judgement, each way, and in the one run of every
 judged model that tells what its cells do wrong. Of coupled flow a finer one would take minutes."""
 
+SLOW, MOST_CELLS = ('buoyancy', 'viscosity', 'dispersion'), 250_000
+"""Effects of which a run on more than so many cells takes minutes, and is left out."""
+
 EXTRAPOLATION = 1.6
 """How many times the change from judging to finest cells is taken off (Richardson): with errors
 that fall with the cells' size to the power of 1 to 1.4, as seen, it would be 2.3 to 3.3 in full."""
@@ -217,8 +220,12 @@ class Search:
         """Judge from now on with blur and finest cells of `fit`, if that nearly closes the gap."""
         if findings.excess(fit) > NEARLY_CLOSED:
             return
+        slow = any(effect.name in SLOW for effect in fit.effects)
         for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
-            forward.lean_on(finer, fit.effects, extrapolation=EXTRAPOLATION)
+            forward.offset = None
+            cells = forward.sample.grid.nx * forward.sample.grid.nz * FINEST**2
+            if not slow or cells <= MOST_CELLS:
+                forward.lean_on(finer, fit.effects, extrapolation=EXTRAPOLATION)
         self._measure_blur(fit)
 
     def _measure_blur(self, fit: Fit) -> None:
