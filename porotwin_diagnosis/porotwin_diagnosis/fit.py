@@ -28,11 +28,9 @@ LEAST_GAIN = 5e-4
 CHEAP_STEPS = 8
 """How many times more steps a fit may take that needs no simulation."""
 
-TRIALS = 4
-"""Lengths of a step that are tried before a fit gives up; with foreign slopes only one."""
-
-REFUSED = 0.3
-"""Least damping after a step that was refused: a second that is hardly shorter would be as well."""
+TRIALS = 6
+"""Lengths of a step that are tried before a fit gives up, the last a hundredth of the first; with
+foreign slopes only one."""
 
 POLISHING_STEPS = 4
 """Steps that are taken with the slopes of a coarser fit."""
@@ -292,12 +290,12 @@ class Fitter:
                 if trial_cost < cost:
                     accepted = True
                     break
-                damping = max(10 * damping, REFUSED)
+                damping = max(10 * damping, 1e-2)
             if not accepted:
                 return turns
             gain = 1.0 - trial_cost / cost
             turns, residuals, cost = trial, trial_residuals, trial_cost
-            damping *= 0.1
+            damping *= 0.2
             if gain < LEAST_GAIN:
                 return turns
         return turns
