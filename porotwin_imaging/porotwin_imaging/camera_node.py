@@ -51,6 +51,10 @@ class CameraNode(Node):
         return Device(device, width=width, height=height)
 
     def _look(self) -> None:
+        # a photograph is sent once: before everyone who wants it is there, it stays where it is
+        listening = self._state.get_subscription_count()
+        if listening == 0 or listening < self.count_subscribers(self._state.topic_name):
+            return
         photos, problems = self._source.poll()
         for problem in problems:
             self.get_logger().warning(problem.reason)
