@@ -13,9 +13,10 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from itertools import pairwise
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -68,14 +69,14 @@ def blind_check(
 
     `output` receives `seal.json` (the hashes, first of all), one folder per case, `scores.json`
     and `report.md` with the table and the confusion matrix. Cases that are there already are kept;
-    `workers` cases are worked on at a time.
+    `workers` cases are worked on at a time, each in a process: netCDF is not safe in threads.
     """
     folder = Path(output)
     folder.mkdir(parents=True, exist_ok=True)
     drawn = [draw_case(number, seed) for number in range(cases)]
     _publish_seals(folder, drawn, seed)
     missing = [case for case in drawn if not (folder / case.name / FIGURES).exists()]
-    with ThreadPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context('spawn')) as pool:
         work = {pool.submit(_make_and_diagnose, case, folder / case.name): case for case in missing}
         for done, finished in enumerate(as_completed(work), start=cases - len(missing) + 1):
             finished.result()

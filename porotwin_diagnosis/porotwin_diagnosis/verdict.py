@@ -27,7 +27,9 @@ class Thresholds:
     """What decides, as found on simulated gaps (`calibration.json` says which).
 
     `quiet`: excess of a model that explains a recording down to its noise. `open`: excess above
-    which the best model leaves too much, `open_pair` the same for a pair, which can imitate more.
+    which the best model leaves too much, `open_pair` the same for a pair, which can imitate more;
+    `of_gap`: share of a large gap that even its true effect leaves, for no scheme follows a strong
+    effect exactly.
     `pair_worth`: a second effect must bring the misfit below this share to be kept.
     `systematic`: excess that the true effect leaves, as a standard deviation, for no scheme puts
     fronts exactly where they are. `same`: largest whitened distance of two predictions that cannot
@@ -37,6 +39,7 @@ class Thresholds:
     quiet: float = 0.45
     open: float = 0.53
     open_pair: float = 0.47
+    of_gap: float = 0.01
     pair_worth: float = 0.8
     systematic: float = 0.2
     same: float = 0.06
@@ -81,13 +84,11 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         odds = 4.0 * (1.0 - before / limits.quiet) + 1.0
         return Verdict(NONE, _calibrated(odds, limits), null, (), (), probabilities)
     model = best
-    if findings.pairs and findings.excess(best) > limits.open:
+    if findings.pairs and _openness(best, findings, limits) > 1.0:
         pair = findings.pairs[0]
         if score(pair) < limits.pair_worth * score(best) and pair.held_out < best.held_out:
             model = pair
-    openness = findings.excess(model) / (
-        limits.open_pair if len(model.members) > 1 else limits.open
-    )
+    openness = _openness(model, findings, limits)
     if openness > 1.0:
         confidence = _calibrated(4.0 * math.log(openness), limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
@@ -102,6 +103,12 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         lead = _lead_of_pair(model, {members[0], *inseparable}, findings, limits)
     confidence = _calibrated(min(lead, 6.0 - 4.0 * openness), limits)
     return Verdict(members[0], confidence, model, members, inseparable, probabilities, alternatives)
+
+
+def _openness(model: Fit, findings: Findings, limits: Thresholds) -> float:
+    """Return what `model` leaves, relative to what the true effect may leave."""
+    limit = limits.open_pair if len(model.members) > 1 else limits.open
+    return findings.excess(model) / math.hypot(limit, limits.of_gap * findings.excess(findings.null))
 
 
 def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:

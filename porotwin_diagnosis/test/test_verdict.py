@@ -61,6 +61,13 @@ def test_a_gap_that_nothing_closes_is_unexplained():
     assert verdict.members == ()
 
 
+def test_of_a_large_gap_its_effect_may_leave_more_than_of_a_small_one():
+    large = decide(findings(60.0, ('heterogeneity', 0.8), ('leak', 40.0)), LIMITS)
+    assert large.name == 'heterogeneity'
+    small = decide(findings(6.0, ('heterogeneity', 0.8), ('leak', 4.0)), LIMITS)
+    assert small.name == 'unexplained'
+
+
 def test_two_effects_that_show_the_camera_the_same_are_declared_inseparable():
     distances = [0.0, 0.01, 0.8]
     found = findings(
