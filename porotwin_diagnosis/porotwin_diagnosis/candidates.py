@@ -156,32 +156,37 @@ def _most_porous(rig: Rig) -> float:
     return 1.0 / float(np.max(np.asarray(rig.believed_map('porosity'))))
 
 
-def _wells(samples: Sequence[Sample]) -> list[Candidate]:
-    rig, cell = samples[0].rig, samples[0].grid.dx
-    pumping = [
+def pumping_wells(samples: Sequence[Sample]) -> list[str]:
+    """Return the names of the wells through which something flows in any of `samples`."""
+    return [
         name
-        for name in rig.wells
+        for name in samples[0].rig.wells
         if any(row.well == name and row.rate.rate for s in samples for row in s.schedule.rows)
     ]
+
+
+def _wells(samples: Sequence[Sample]) -> list[Candidate]:
+    rig, cell = samples[0].rig, samples[0].grid.dx
     result = []
-    for name in pumping:
+    for name in pumping_wells(samples):
         well = rig.wells[name]
         if not rig.closed:
             factor = Knob('factor', '-', 1.0, 0.02, 0.0, 5.0)
             result.append(Candidate('rate', (factor,), {'well': name}))
         margin = 2 * well.radius_m
-        shifts = (
+        shifts = tuple(
             Knob(
-                'dx', 'm', 0.0, WELL_STEP * cell, margin - well.x_m, rig.width_m - margin - well.x_m
-            ),
-            Knob(
-                'dz',
+                axis,
                 'm',
                 0.0,
                 WELL_STEP * cell,
-                margin - well.z_m,
-                rig.height_m - margin - well.z_m,
-            ),
+                min(0.0, margin - place),
+                max(0.0, size - margin - place),
+            )
+            for axis, place, size in (
+                ('dx', well.x_m, rig.width_m),
+                ('dz', well.z_m, rig.height_m),
+            )
         )
         result.append(Candidate('well_position', shifts, {'well': name}))
     return result

@@ -15,19 +15,23 @@ from porotwin_diagnosis.findings_file import write_findings
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.gap_map import GapMap, map_gap
 from porotwin_diagnosis.held_out import HeldOut as HeldOut
+from porotwin_diagnosis.held_out import falls
 from porotwin_diagnosis.noise import measure_blur, noise_floor
 from porotwin_diagnosis.numerics import Numerics, before_and_after, judge_numerics
 from porotwin_diagnosis.output import diagnosis_json, write_fields
 from porotwin_diagnosis.proposals import Proposal, propose
 from porotwin_diagnosis.report import write_report
-from porotwin_diagnosis.search import Findings, Progress, Search
+from porotwin_diagnosis.search import EDGE_BLUR, Findings, Progress, Search
 from porotwin_diagnosis.strength import smallest_strengths
-from porotwin_diagnosis.verdict import NONE, Verdict, decide
+from porotwin_diagnosis.verdict import NONE, UNEXPLAINED, Verdict, decide, refuted
 from porotwin_recording.recording import Recording, open_recording
 
-FEWEST_COLUMNS, COARSE_CONFIDENCE = 80, 0.7
+FEWEST_COLUMNS, SCANT_CONFIDENCE = 80, 0.7
 """Columns of a recording below which no verdict is surer than this: on 47 columns a shifted picture
 passed for a wrong rate, on 70 a wrong rate for unexplained."""
+
+FEWEST_FITTED = 4
+"""Frames with tracer to fit to below which the same holds."""
 
 
 @dataclass(frozen=True)
@@ -117,12 +121,16 @@ def examine(
     verdict = _no_surer_than_seen(decide(findings), samples)
     progress('measuring intervals', 0.92)
     verdict = replace(verdict, model=_with_interval(search, verdict.model))
+    findings.singles = [
+        _with_interval(search, fit) if fit.members[0].effect in verdict.inseparable else fit
+        for fit in findings.singles
+    ]
     numerics = judge_numerics(samples, findings, setting=setting)
     verdict = numerics.amended(verdict)
-    held_out = tuple(
-        _held_out(recording, sample, verdict.model, numerics)
-        for recording, sample in zip(recordings, samples, strict=True)
-    )
+    held_out = _held_out(recordings, samples, verdict, numerics)
+    if verdict.members and not falls(held_out):
+        verdict = refuted(verdict)
+        held_out = _held_out(recordings, samples, verdict, numerics)
     progress('mapping where the gap arises', 0.95)
     gap = map_gap(*recordings)
     if verdict.name == NONE:
@@ -145,10 +153,12 @@ def examine(
 
 
 def _no_surer_than_seen(verdict: Verdict, samples: Sequence[Sample]) -> Verdict:
-    """Return `verdict`, less sure where the cells of all recordings are too large to tell."""
-    if max(sample.grid.nx for sample in samples) >= FEWEST_COLUMNS:
+    """Return `verdict`, less sure where the cells of all recordings are too large to tell, or where
+    few frames show the tracer before the part that no fit sees."""
+    fitted = sum(sample.fitted for sample in samples)
+    if fitted >= FEWEST_FITTED and max(s.grid.nx for s in samples) >= FEWEST_COLUMNS:
         return verdict
-    return replace(verdict, confidence=min(verdict.confidence, COARSE_CONFIDENCE))
+    return replace(verdict, confidence=min(verdict.confidence, SCANT_CONFIDENCE))
 
 
 def _with_interval(search: Search, model: Fit) -> Fit:
@@ -162,12 +172,31 @@ def _with_interval(search: Search, model: Fit) -> Fit:
     return replace(model, covariance=refined.covariance + np.diag(shift**2))
 
 
-def _held_out(recording: Recording, sample: Sample, model: Fit, numerics: Numerics) -> HeldOut:
+def _held_out(
+    recordings: Sequence[Recording],
+    samples: Sequence[Sample],
+    verdict: Verdict,
+    numerics: Numerics,
+) -> tuple[HeldOut, ...]:
+    return tuple(
+        _held_out_of(recording, sample, verdict, numerics)
+        for recording, sample in zip(recordings, samples, strict=True)
+    )
+
+
+def _held_out_of(
+    recording: Recording, sample: Sample, verdict: Verdict, numerics: Numerics
+) -> HeldOut:
+    """Return the held-out part with and without the verdict's model.
+
+    Beside a wrong model the edge blur would be that of its misplaced fronts, and is not measured.
+    """
     chosen = np.flatnonzero(recording.times >= sample.held_out_start)
     observed = recording.concentration[chosen].astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted=0, weights={})
-    before, after = before_and_after(part, model, numerics)
-    width = measure_blur(observed, after, sample.noise)
+    before, after = before_and_after(part, verdict.model, numerics)
+    wrong = verdict.name == UNEXPLAINED
+    width = EDGE_BLUR if wrong else measure_blur(observed, after, sample.noise)
     floor = noise_floor(replace(sample.noise, blur=width), after, observed)
     return HeldOut(
         recording.times[chosen],
@@ -177,4 +206,5 @@ def _held_out(recording: Recording, sample: Sample, model: Fit, numerics: Numeri
         part.relative_error(before),
         part.relative_error(after),
         floor,
+        width,
     )

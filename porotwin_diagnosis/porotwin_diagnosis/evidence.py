@@ -42,6 +42,9 @@ BACKGROUND_TOLERANCE = 0.004
 ACTIVE, FULL = 0.03, 0.9
 """Smoothed map above which a cell holds tracer; above which it holds nothing but stock."""
 
+TRACER, FILLED_SHARE = 0.3, 0.02
+"""A first map with more than this share of cells above this concentration holds tracer."""
+
 FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
 FEWEST_FRAMES = 8
 
@@ -51,7 +54,8 @@ class Sample:
     """One recording as the fits see it.
 
     `times` [s] and `observed` (nt, nz, nx) hold the chosen frames, those to be fitted first;
-    `fitted` counts them. `held_out_start` [s] is where the held-out part begins.
+    `fitted` counts them. `held_out_start` [s] is where the held-out part begins. `initial`
+    (nz, nx) is the first map, where that holds tracer which no pump has brought.
     """
 
     rig: Rig
@@ -64,7 +68,18 @@ class Sample:
     start: float
     held_out_start: float
     end: float
+    initial: FloatArray | None = None
     weights: dict[float, FloatArray] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def model_start(self) -> float:
+        """When the model begins [s]: with the experiment, or with the first map if that is where it
+        begins."""
+        return 0.0 if self.initial is None else self.start
+
+    def initial_on(self, grid: Grid) -> FloatArray | None:
+        """Return the map from which the model begins on `grid`; None for water."""
+        return None if self.initial is None else conservative_resample(self.initial, grid.shape)
 
     @cached_property
     def known(self) -> FloatArray:
@@ -182,7 +197,28 @@ def read_sample(recording: Recording) -> Sample:
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
+        initial=_initial(recording),
     )
+
+
+def _initial(recording: Recording) -> FloatArray | None:
+    """Return the first map if it holds tracer before anything was pumped, which is then where the
+    model begins; None for a rig that begins with water, or whose pumps ran before the first map."""
+    start, first = recording.times[0], recording.concentration[0]
+    pumped = any(row.rate.rate and row.time < start for row in recording.schedule.rows)
+    if pumped or np.mean(first > TRACER) < FILLED_SHARE:
+        return None
+    return filled_map(first, recording.grid)
+
+
+def filled_map(frame: FloatArray, grid: Grid) -> FloatArray:
+    """Return `frame` (nz, nx) on `grid`, 0 to 1, holes filled from what is seen around them."""
+    known = np.isfinite(frame)
+    if not known.all():
+        weight = gaussian_filter(known.astype(float), 3.0)
+        guess = gaussian_filter(np.where(known, frame, 0.0), 3.0) / np.maximum(weight, 1e-6)
+        frame = np.where(known, frame, guess)
+    return np.clip(conservative_resample(frame.astype(float), grid.shape), 0.0, 1.0)
 
 
 def coarsened(sample: Sample, factor: int) -> Sample:

@@ -208,11 +208,14 @@ class Fitter:
         covariance = inverse @ spread @ inverse
         return Fit(**{**fit.__dict__, 'covariance': covariance})
 
-    def responses(self, members: Sequence[Candidate], turns: FloatArray) -> list[FloatArray]:
-        """Return d prediction / d turn, whitened, of all frames: (knobs, nt, nz', nx') each."""
+    def responses(
+        self, members: Sequence[Candidate], turns: FloatArray, *, first: int = 0
+    ) -> list[FloatArray]:
+        """Return d prediction / d turn, whitened, of all frames: (knobs, nt, nz', nx') each, for
+        the knobs from the `first` on."""
         knobs = [knob for member in members for knob in member.knobs]
         base = self.residuals(described(members, turns), WIDTH)
-        return self._jacobian(members, knobs, turns, base, WIDTH, fitted_only=False)
+        return self._jacobian(members, knobs, turns, base, WIDTH, fitted_only=False, first=first)
 
     def _fitted_residuals(
         self, members: Sequence[Candidate], turns: FloatArray, width: float
@@ -228,8 +231,10 @@ class Fitter:
         width: float,
         *,
         fitted_only: bool = True,
+        first: int = 0,
     ) -> list[FloatArray]:
-        """Return minus d residual / d turn by differences that stay in range.
+        """Return minus d residual / d turn by differences that stay in range, of the knobs from the
+        `first` on.
 
         One-sided where every point is a simulation; central where none is.
         """
@@ -245,19 +250,19 @@ class Fitter:
             low, high = knobs[index].range
             turn = turns[index]
             if _cheap(members):
-                first, last = max(turn - CHEAP_CHANGE, low), min(turn + CHEAP_CHANGE, high)
+                begin, end = max(turn - CHEAP_CHANGE, low), min(turn + CHEAP_CHANGE, high)
             else:
-                first = turn
-                last = turn + 1.0 if turn + 1.0 <= high else max(turn - 1.0, low)
-            if last == first:
+                begin = turn
+                end = turn + 1.0 if turn + 1.0 <= high else max(turn - 1.0, low)
+            if end == begin:
                 return [np.zeros_like(residual) for residual in base]
-            pairs = zip(at(index, first), at(index, last), strict=True)
-            return [(before - after) / (last - first) for before, after in pairs]
+            pairs = zip(at(index, begin), at(index, end), strict=True)
+            return [(before - after) / (end - begin) for before, after in pairs]
 
         run: Callable[..., Iterable[list[FloatArray]]] = (
             map if self._pool is None else self._pool.map
         )
-        columns = list(run(column, range(len(knobs))))
+        columns = list(run(column, range(first, len(knobs))))
         return [np.stack([part[n] for part in columns]) for n in range(len(base))]
 
     def _descend(

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from threading import Lock
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class Forward:
         self.runs = 0
         self.offset: FloatArray | None = None
         self._known: OrderedDict[str, FloatArray] = OrderedDict()
+        self._lock = Lock()
 
     def maps(
         self, effects: Sequence[EffectDescription], *, fitted_only: bool = False
@@ -76,23 +78,28 @@ class Forward:
     ) -> FloatArray:
         key, sample = repr(physics), self.sample
         wanted = sample.fitted if fitted_only else len(sample.times)
-        if key in self._known and len(self._known[key]) >= wanted:
-            self._known.move_to_end(key)
-            return self._known[key][:wanted]
-        self.runs += 1
+        with self._lock:
+            if key in self._known and len(self._known[key]) >= wanted:
+                self._known.move_to_end(key)
+                return self._known[key][:wanted]
+            self.runs += 1
+        grid = sample.grid.refined(self.refinement)
         frames = simulated_maps(
             sample.rig,
             sample.schedule,
             sample.times[:wanted],
-            grid=sample.grid.refined(self.refinement),
+            grid=grid,
             setting=self.setting,
             effects=physics,
+            initial=sample.initial_on(grid),
+            start=sample.model_start,
         )
         shape = sample.grid.shape
         maps = np.stack(
             [conservative_resample(frame, shape).astype(np.float32) for frame in frames]
         )
-        self._known[key] = maps
-        while len(self._known) > REMEMBERED:
-            self._known.popitem(last=False)
+        with self._lock:
+            self._known[key] = maps
+            while len(self._known) > REMEMBERED:
+                self._known.popitem(last=False)
         return maps

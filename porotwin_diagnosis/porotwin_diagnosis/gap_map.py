@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.wells import Schedule, WellRates
+from porotwin_diagnosis.evidence import filled_map
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import Model
 
@@ -135,18 +136,20 @@ def observed_maps(
     ]
     if len(seen) < 2:
         raise InputError(f'{recording.source}: most maps are empty; two are needed with half seen')
+    seen = _apart(seen, recording.times)
     frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])
-    maps = [_filled(recording.concentration[frame], grid) for frame in frames]
+    maps = [filled_map(recording.concentration[frame], grid) for frame in frames]
     return recording.times[frames], maps
 
 
-def _filled(frame: FloatArray, grid: Grid) -> FloatArray:
-    known = np.isfinite(frame)
-    if not known.all():
-        weight = gaussian_filter(known.astype(float), 3.0)
-        guess = gaussian_filter(np.where(known, frame, 0.0), 3.0) / np.maximum(weight, 1e-6)
-        frame = np.where(known, frame, guess)
-    return np.clip(conservative_resample(frame.astype(float), grid.shape), 0.0, 1.0)
+def _apart(frames: list[int], times: FloatArray) -> list[int]:
+    """Return `frames` without those that follow another too soon to show more than noise."""
+    least = 0.5 * float(np.median(np.diff(times[frames])))
+    kept = frames[:1]
+    for frame in frames[1:]:
+        if times[frame] - times[kept[-1]] >= least:
+            kept.append(frame)
+    return kept
 
 
 def _spots(strength: FloatArray, grid: Grid) -> tuple[Spot, ...]:

@@ -22,7 +22,8 @@ INTERVAL = (5.0, 95.0)
 class HeldOut:
     """The held-out part of one recording in full: all frames, observed and predicted.
 
-    Arrays are (nt, nz, nx); errors are relative L2 norms over the frames.
+    Arrays are (nt, nz, nx); errors are relative L2 norms over the frames. `blur` [cells] is by how
+    much the observed maps are softer than the predicted ones.
     """
 
     times: FloatArray
@@ -32,6 +33,7 @@ class HeldOut:
     error_before: float
     error_after: float
     noise_floor: float
+    blur: float = 0.0
 
     @property
     def remainder(self) -> FloatArray:
@@ -70,6 +72,13 @@ def gap_closed(before: float, after: float, floor: float) -> float:
     """Return the share of a gap above the noise floor that closes, 0 to 1; 0 without a gap."""
     room = before - floor
     return float(np.clip((before - after) / room, 0.0, 1.0)) if room > LEAST_ROOM else 0.0
+
+
+def falls(parts: Sequence[HeldOut]) -> bool:
+    """Return whether the error of all recordings together falls."""
+    return root_mean([part.error_after for part in parts]) < root_mean(
+        [part.error_before for part in parts]
+    )
 
 
 def together(parts: Sequence[HeldOut]) -> tuple[float, tuple[float, float]]:

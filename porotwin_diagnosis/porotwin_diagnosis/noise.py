@@ -156,11 +156,20 @@ def _frame_noise(maps: FloatArray, full: NDArray[np.bool_]) -> float:
 
 
 def _grain_width(maps: FloatArray, full: NDArray[np.bool_]) -> float:
-    """Return the width [cells] of a Gaussian whose correlation is that of neighbouring cells."""
+    """Return the width [cells] of a Gaussian whose correlation is that of neighbouring cells.
+
+    Relative to a wide local mean, for a plume that fades from one side to the other is no grain.
+    """
     pairs = full[:, :, 1:] & full[:, :, :-1]
-    if np.count_nonzero(pairs) < 400:
+    if np.count_nonzero(pairs) < 2 * FEWEST:
         return 1.0
-    a, b = maps[:, :, 1:][pairs], maps[:, :, :-1][pairs]
+    width = (0.0, MARGIN, MARGIN)
+    weight = gaussian_filter(full.astype(float), width)
+    around = gaussian_filter(np.where(full, maps, 0.0), width) / np.maximum(weight, 1e-9)
+    grain = maps - around
+    a, b = grain[:, :, 1:][pairs], grain[:, :, :-1][pairs]
+    if min(np.ptp(a), np.ptp(b)) == 0.0:
+        return 1.0
     correlation = float(np.clip(np.corrcoef(a, b)[0, 1], 0.05, 0.95))
     return float(np.clip(1.0 / (2.0 * np.sqrt(-np.log(correlation))), 0.3, 3.0))
 

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.evidence import WIDTH, Sample
-from porotwin_diagnosis.noise import measure_blur, noise_floor
+from porotwin_diagnosis.noise import noise_floor
 from porotwin_diagnosis.numerics import before_and_after
 from porotwin_diagnosis.verdict import NONE
 
@@ -119,7 +119,7 @@ def remainder(result: 'Diagnosis') -> Figure:
     part, sample = result.held_out[0], result.samples[0]
     _, early = before_and_after(_fitted_part(sample), result.verdict.model, result.numerics)
     late = part.after[np.searchsorted(part.times, sample.times[sample.fitted :])]
-    soft = measure_blur(part.observed, part.after, sample.noise)
+    soft = part.blur
     left = sample.whitened(np.concatenate([early, late]), width=WIDTH, soft=soft)
     figure, axes = _panels(result, 1, 3)
     fitted = sample.observed[: sample.fitted] - early
@@ -181,7 +181,7 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
     observed = np.concatenate([early.observed, part.observed])
     before = np.concatenate([before, part.before])
     after = np.concatenate([after, part.after])
-    soft = replace(sample.noise, blur=measure_blur(part.observed, part.after, sample.noise))
+    soft = replace(sample.noise, blur=part.blur)
     norms = np.array([np.linalg.norm(np.nan_to_num(frame)) for frame in observed])
     clear = np.flatnonzero(norms > FAINT * norms.max())
 

@@ -8,14 +8,12 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates
+from porotwin_diagnosis.evidence import FILLED_SHARE, TRACER
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.experiment import write_experiment
 
 MOST_MAPS = 400
 """Maps kept; of more, every second is dropped. A diagnosis compares a few dozen."""
-
-TRACER, EMPTY_SHARE = 0.3, 0.02
-"""A first map with more than this share of cells above this concentration is not a beginning."""
 
 
 class RunSoFar:
@@ -77,7 +75,7 @@ class RunSoFar:
             raise InputError('diagnosis: the running graph has shown nothing yet; wait a while')
         begin = min([self._times[0], *(start for start, _ in self._rates)])
         share = float(np.mean(self._maps[0] > TRACER))
-        if self._times[0] == begin and share > EMPTY_SHARE:
+        if self._times[0] == begin and share > FILLED_SHARE:
             raise InputError(
                 f'diagnosis: the first map of the run, at {begin:.0f} s, holds tracer in '
                 f'{share:.0%} of the rig, and nobody saw how it got there; start the diagnosis '

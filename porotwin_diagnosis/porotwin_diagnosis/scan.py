@@ -65,6 +65,8 @@ class _Coarse:
             grid=self.grid,
             setting='fast',
             effects=effects,
+            initial=self.sample.initial_on(self.grid),
+            start=self.sample.model_start,
         )
 
     def smoothed(self, maps: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
-from porotwin_diagnosis.candidates import LOCAL, Candidate, library
+from porotwin_diagnosis.candidates import LOCAL, Candidate, library, pumping_wells
 from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened, noise_misfit
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
@@ -25,7 +25,7 @@ from porotwin_diagnosis.scan import starts
 Progress = Callable[[str, float], None]
 """Told the stage and the share that is done."""
 
-SCREENING, FEWEST_COLUMNS = 2, 40
+SCREENING, SCREENING_COLUMNS = 2, 40
 """Cells of the recording per screening cell, each way, as long as so many columns are left."""
 
 JUDGING, FINEST = 2, 3
@@ -208,10 +208,12 @@ class Search:
         small = findings.excess(findings.null) < SMALL_EXCESS
         best = findings.null if small else fits[0]
         self._measure_blur(best)
+        near = [fit for fit in fits if findings.excess(fit) <= NEARLY_CLOSED]
+        far = [fit for fit in fits if findings.excess(fit) > NEARLY_CLOSED]
         polished = []
-        for index, fit in enumerate(fits):
+        for index, fit in enumerate([*near, *far]):
             self.progress(f'polishing {fit.label}', begin + 0.05 * index / len(fits))
-            self._attune(findings, fit)
+            self._attune(findings, best if fit in far else fit)
             polished.append(self.judging.polished(fit, self.refining))
         self._attune(findings, best)
         return self._ranked(polished)
@@ -280,8 +282,7 @@ class Search:
     def _at_a_well(self, fit: Fit) -> bool:
         """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
         sample = self.samples[0]
-        names = {name for one in self.samples for name in one.schedule.wells}
-        pumping = [sample.rig.wells[name] for name in sorted(names)]
+        pumping = [sample.rig.wells[name] for name in pumping_wells(self.samples)]
         leaks = [effect.parameters for effect in fit.effects if effect.name == 'leak']
         return any(
             np.hypot(float(leak['x']) - well.x_m, float(leak['z']) - well.z_m)
@@ -337,8 +338,8 @@ class Search:
                 continue
             members = (*base.members, candidate)
             turns = np.concatenate([base.turns, candidate.first])
-            columns = fitter.responses(members, turns)
-            gain = _gain(residuals, own, [c[len(base.turns) :] for c in columns])
+            added = fitter.responses(members, turns, first=len(base.turns))
+            gain = _gain(residuals, own, added)
             gains.append((gain * PER_KNOB ** len(candidate.knobs), candidate))
         gains.sort(key=lambda item: -item[0])
         partners = [
@@ -379,11 +380,11 @@ class Search:
         """Return the judged `fits`, the most plausible first, without leaks that moved to a well
         unless all did."""
         kept = [fit for fit in fits if not self._at_a_well(fit)] or fits
-        return sorted(kept, key=lambda fit: score(fit) * OCCAM ** len(fit.turns))
+        return sorted(kept, key=lambda fit: worse(fit) * OCCAM ** len(fit.turns))
 
 
 def _screening_factor(sample: Sample) -> int:
-    return SCREENING if sample.grid.nx >= SCREENING * FEWEST_COLUMNS else 1
+    return SCREENING if sample.grid.nx >= SCREENING * SCREENING_COLUMNS else 1
 
 
 def _near(fits: Sequence[Fit]) -> list[Fit]:

@@ -7,7 +7,7 @@ gaps without simulating again; see `calibration`.
 import json
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 
@@ -20,6 +20,9 @@ NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
 
 LEFT_BEHIND = 3.0
 """Least log-odds against an effect that fell behind before the final judgement."""
+
+REFUTED = 0.6
+"""Confidence in `unexplained` where fronts and maps contradict each other."""
 
 
 @dataclass(frozen=True)
@@ -105,10 +108,25 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
     return Verdict(members[0], confidence, model, members, inseparable, probabilities, alternatives)
 
 
+def refuted(verdict: Verdict) -> Verdict:
+    """Return `verdict` on a recording whose held-out maps the named effects predict no better than
+    the model without them: unexplained, whatever the fronts say."""
+    return replace(
+        verdict,
+        name=UNEXPLAINED,
+        confidence=REFUTED,
+        members=(),
+        inseparable=(),
+        alternatives=(),
+    )
+
+
 def _openness(model: Fit, findings: Findings, limits: Thresholds) -> float:
     """Return what `model` leaves, relative to what the true effect may leave."""
     limit = limits.open_pair if len(model.members) > 1 else limits.open
-    return findings.excess(model) / math.hypot(limit, limits.of_gap * findings.excess(findings.null))
+    return findings.excess(model) / math.hypot(
+        limit, limits.of_gap * findings.excess(findings.null)
+    )
 
 
 def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:

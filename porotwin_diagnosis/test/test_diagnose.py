@@ -10,9 +10,11 @@ from diagnosis_examples import recorded
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, load_rig
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.diagnose import diagnose
 from porotwin_diagnosis.evidence import read_sample
+from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import map_gap
 from porotwin_diagnosis.search import Findings, Search
 from porotwin_recording.concentration import ConcentrationMaps
@@ -133,3 +135,33 @@ def test_a_search_that_finds_no_pairs_goes_on_without(quiet, monkeypatch):
     findings = Findings(null, null, [])
     assert search._refined_pairs(findings) == []
     assert search._judged([], 0.5) == []
+
+
+def test_photographs_in_quick_succession_do_not_hide_where_the_gap_arises(tmp_path):
+    leak = {'x': 0.62, 'z': 0.30, 'rate': 90.0}
+    recording = open_recording(
+        recorded(tmp_path / 'recording', EffectDescription(name='leak', parameters=leak))
+    )
+    times, maps = np.array(recording.times), np.array(recording.concentration)
+    order = np.argsort(np.concatenate([times, times[10:12] + 1.0]), kind='stable')
+    noisy = maps[10:12] + 0.02 * np.random.default_rng(1).standard_normal(maps[10:12].shape)
+    quick = with_frames(
+        recording,
+        np.concatenate([times, times[10:12] + 1.0])[order],
+        np.concatenate([maps, np.clip(noisy, 0, 1).astype(maps.dtype)])[order],
+    )
+    plain, burst = map_gap(recording), map_gap(quick)
+    assert burst.strength == pytest.approx(plain.strength, abs=1e-12)
+
+
+def test_a_model_begins_with_the_tracer_of_the_first_map(quiet):
+    """The second half of a recording alone, without pumps, after the plume has come to rest."""
+    recording = open_recording(quiet)
+    maps = np.array(recording.concentration)
+    still = np.repeat(maps[-1:], 20, axis=0)
+    times = np.arange(20) * 90.0
+    resting = Schedule(tuple(ScheduleRow(0.0, w, WellRate(0.0, 0.0)) for w in ('injector',)))
+    sample = read_sample(replace(with_frames(recording, times, still), told=resting))
+    shown = Forward(sample).maps(())
+    assert np.abs(shown - still[1]).mean() < 0.01
+    assert read_sample(recording).initial is None

@@ -7,7 +7,8 @@ import pytest
 from diagnosis_examples import recorded
 
 from porotwin_core.rig import Boundaries, EffectDescription
-from porotwin_diagnosis.candidates import Candidate, Knob, library
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
 from porotwin_diagnosis.evidence import noise_misfit, read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
@@ -150,3 +151,39 @@ def test_a_fit_that_starts_where_nothing_changes_takes_shorter_steps_until_one_h
         (Candidate('decay', (knob,)),), [knob], np.array([10.0]), 1.5, steps=8
     )
     assert abs(turns[0]) < 0.5
+
+
+def test_a_well_beside_a_wall_may_stay_where_it_is(fitter):
+    sample = fitter.samples[0]
+    well = sample.rig.wells['injector']
+    high = well.model_copy(update={'z_m': sample.rig.height_m - 0.5 * well.radius_m})
+    rig = sample.rig.model_copy(update={'wells': {**sample.rig.wells, 'injector': high}})
+    shifts = next(
+        c for c in library([replace(sample, rig=rig)]) if c.label == 'well_position injector'
+    )
+    assert shifts.knobs[1].range == (pytest.approx(shifts.knobs[1].range[0]), 0.0)
+    assert shifts.described((0.0, 0.0)).parameters['dz'] == 0.0
+
+
+def test_a_well_that_is_listed_but_rests_hides_no_leak(fitter):
+    sample = fitter.samples[0]
+    rest = ScheduleRow(0.0, 'control3', WellRate(0.0, 0.0))
+    resting = replace(sample, schedule=Schedule((*sample.schedule.rows, rest)))
+    assert 'control3' not in pumping_wells([resting])
+
+
+def test_the_slopes_of_later_knobs_are_those_of_all(fitter):
+    members = (candidate(fitter, 'porosity'), candidate(fitter, 'saturation'))
+    turns = np.array([-8.0, 0.5])
+    every = fitter.responses(members, turns)[0]
+    later = fitter.responses(members, turns, first=1)[0]
+    assert len(later) == 1
+    np.testing.assert_array_equal(every[1:], later)
+
+
+def test_fits_are_ranked_by_the_part_where_more_is_left(quiet):
+    search = Search([read_sample(open_recording(quiet))], workers=1)
+    null = search.judging.judged((), np.zeros(0))
+    even = replace(null, fitted=0.6, held_out=0.6)
+    adapted = replace(null, fitted=0.2, held_out=0.7)
+    assert search._ranked([adapted, even]) == [even, adapted]

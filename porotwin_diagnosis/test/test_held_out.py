@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.held_out import HeldOut, together
+from porotwin_diagnosis.held_out import HeldOut, falls, together
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))
 
@@ -55,3 +55,8 @@ def test_cells_that_nobody_saw_do_not_count():
     assert np.isfinite(together([held])[1]).all()
     assert (held.remainder[:, -3:] == 0.0).all()
     assert held.remainder[:, :-3].mean() > 0.0
+
+
+def test_an_effect_with_which_the_error_grows_is_seen():
+    assert falls([part(0.20, 0.05), part(0.10, 0.11)])
+    assert not falls([part(0.10, 0.11)])

@@ -65,3 +65,15 @@ def test_noise_of_an_independent_camera_is_found(name):
     assert found.grain == pytest.approx(truth['grain_sd'], rel=0.15)
     background = truth['frame_sd'] * truth['background_share']
     assert found.background == pytest.approx(background, rel=0.15)
+
+
+def test_a_plume_that_fades_from_one_side_to_the_other_is_no_grain():
+    truth = Noise(0.03, 0.005, 0.003, correlation=0.8)
+    fading = 1.0 - 0.5 * np.linspace(0.0, 1.0, 90)
+    found = measure_noise(recorded(truth) * fading)
+    assert found.correlation == pytest.approx(0.8, abs=0.25)
+
+
+def test_maps_without_any_noise_have_a_noise_that_can_be_divided_by():
+    found = measure_noise(np.clip(3.0 * np.stack([plume(radius=r) for r in range(4, 22)]), 0, 1))
+    assert np.isfinite([found.grain, found.frame, found.background, found.correlation]).all()

@@ -10,7 +10,7 @@ from porotwin_diagnosis.findings_file import read_findings, write_findings
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.numerics import Numerics
 from porotwin_diagnosis.search import Findings
-from porotwin_diagnosis.verdict import Thresholds, decide
+from porotwin_diagnosis.verdict import Thresholds, decide, refuted
 
 LIMITS = Thresholds()
 NOISE = 0.4
@@ -154,3 +154,9 @@ def test_a_verdict_can_be_decided_again_from_the_file_of_findings(tmp_path):
     assert (second.name, second.members) == (first.name, first.members) == ('rate', second.members)
     assert second.confidence == pytest.approx(first.confidence)
     assert second.probabilities == pytest.approx(first.probabilities)
+
+
+def test_an_effect_that_makes_the_held_out_maps_worse_is_not_named():
+    verdict = refuted(decide(findings(5.0, ('decay', 0.45), ('illumination', 2.4)), LIMITS))
+    assert (verdict.name, verdict.members) == ('unexplained', ())
+    assert verdict.confidence < 0.8
