@@ -72,9 +72,9 @@ finer cells."""
 AT_A_WELL = 5.0
 """Cells about a well within which a leak cannot be told from a wrong rate of that well."""
 
-OCCAM, SCREENING_OCCAM = 1.03, 1.05
+OCCAM, SCREENING_OCCAM = 1.08, 1.05
 """Every knob must lower the misfit by this factor to be preferred, at last and among screened
-pairs, whose misfits hold the smearing of coarse cells."""
+pairs: a wrong effect with many knobs takes up some of what the schemes do wrong."""
 
 PER_KNOB = 0.85
 """By what every knob lowers the gain of a partner: many knobs imitate much."""
