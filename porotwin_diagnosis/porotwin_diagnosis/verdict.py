@@ -93,7 +93,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
             model = pair
     openness = _openness(model, findings, limits)
     if openness > 1.0:
-        confidence = _calibrated(4.0 * math.log(openness), limits)
+        confidence = _calibrated(_odds_of_more(openness), limits)
         return Verdict(UNEXPLAINED, confidence, model, (), (), probabilities)
     members = _by_strength(model, findings)
     alternatives: tuple[tuple[str, ...], ...] = ()
@@ -104,6 +104,8 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         alternatives = _alternatives(findings, limits)
         inseparable = _in_place_of(members, alternatives)
         lead = _lead_of_pair(model, {members[0], *inseparable}, findings, limits)
+        # where one effect nearly suffices, the second may mend what the library lacks
+        lead = min(lead, _odds_of_more(_openness(best, findings, limits)))
     confidence = _calibrated(min(lead, 6.0 - 4.0 * openness), limits)
     return Verdict(members[0], confidence, model, members, inseparable, probabilities, alternatives)
 
@@ -127,6 +129,11 @@ def _openness(model: Fit, findings: Findings, limits: Thresholds) -> float:
     return findings.excess(model) / math.hypot(
         limit, limits.of_gap * findings.excess(findings.null)
     )
+
+
+def _odds_of_more(openness: float) -> float:
+    """Return the log-odds that there is more than the model with this `openness`, above 1."""
+    return 4.0 * math.log(openness)
 
 
 def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:

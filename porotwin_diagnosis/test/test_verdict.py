@@ -160,3 +160,11 @@ def test_an_effect_that_makes_the_held_out_maps_worse_is_not_named():
     verdict = refuted(decide(findings(5.0, ('decay', 0.45), ('illumination', 2.4)), LIMITS))
     assert (verdict.name, verdict.members) == ('unexplained', ())
     assert verdict.confidence < 0.8
+
+
+def test_a_pair_is_less_sure_where_one_of_its_effects_nearly_suffices():
+    pair = (('well_position', 'depth'), 0.45)
+    near = decide(findings(5.0, ('well_position', 0.9), pairs=[pair]), LIMITS)
+    far = decide(findings(5.0, ('well_position', 2.0), pairs=[pair]), LIMITS)
+    assert near.members == far.members == ('well_position', 'depth')
+    assert near.confidence < 0.85 < far.confidence
