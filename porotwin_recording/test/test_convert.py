@@ -312,6 +312,47 @@ def test_a_bag_with_an_unknown_well_is_named(tmp_path: Path) -> None:
         open_recording(tmp_path / 'run.mcap')
 
 
+def measured(stamp: int, well: str, rate: float) -> WellRates:
+    message = stamped(WellRates(wells=rates_to_msg({well: WellRate(1e-7)})), stamp)
+    message.start = message.header.stamp
+    message.wells[0].rate = rate
+    return message
+
+
+def test_rates_that_the_hub_ignored_are_left_out(tmp_path: Path) -> None:
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [
+            ('/lab/rig/description', rig_to_msg(make_rig())),
+            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
+            ('/lab/wells/measured', measured(SECOND, 'in', 1e-7)),
+            ('/lab/wells/measured', measured(2 * SECOND, 'in', float('nan'))),
+            ('/lab/wells/measured', measured(3 * SECOND, 'inn', 2e-7)),
+            ('/lab/wells/measured', measured(4 * SECOND, 'in', 3e-7)),
+            ('/lab/asset/new_state', state(4 * SECOND, 0.5)),
+        ],
+    )
+    recording = open_recording(tmp_path / 'run.mcap')
+    assert recording.measured is not None
+    assert [(row.time, row.rate.rate) for row in recording.measured.rows] == [(0, 1e-7), (3, 3e-7)]
+    assert len(recording.remarks) == 1
+    assert "2 messages of rates left out: well 'in': well rate nan" in recording.remarks[0]
+
+
+def test_an_odd_rig_description_is_named_and_a_rig_yaml_takes_its_place(
+    folder: Path, tmp_path: Path
+) -> None:
+    description = rig_to_msg(make_rig())
+    description.wells[0].radius = -1.0
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [('/lab/rig/description', description), ('/lab/asset/new_state', state(SECOND, 0.5))],
+    )
+    with pytest.raises(InputError, match=r'wells\.in\.radius_m = -1\.0.*name its rig\.yaml'):
+        open_recording(tmp_path / 'run.mcap')
+    assert open_recording(tmp_path / 'run.mcap', rig=folder).times.tolist() == [0.0]
+
+
 def test_packed_maps_come_back_as_the_same_values(tmp_path: Path) -> None:
     rig = make_rig()
     grid = rig.grid(8, 6)
