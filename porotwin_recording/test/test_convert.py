@@ -145,6 +145,46 @@ def test_progress_counts_every_map_and_photograph(folder: Path, tmp_path: Path) 
         assert [done for done, _ in steps] == sorted(done for done, _ in steps)
 
 
+@pytest.mark.parametrize('name', ['run', 'run.mcap'])
+def test_an_import_that_stops_half_way_leaves_nothing(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    photo = folder / 'photos' / 'c.png'
+    content = photo.read_bytes()
+
+    def lose_the_photograph(*_: int) -> None:
+        photo.unlink(missing_ok=True)
+
+    with pytest.raises(FileNotFoundError):
+        import_experiment(folder, tmp_path / name, progress=lose_the_photograph)
+    assert [path.name for path in tmp_path.iterdir()] == ['experiment']
+    photo.write_bytes(content)
+    import_experiment(folder, tmp_path / name)
+    assert_same(open_recording(tmp_path / name), open_recording(folder))
+
+
+def test_an_export_that_stops_half_way_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+
+    def stop(done: int, _: int) -> None:
+        if done == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_bag(tmp_path / 'run', tmp_path / 'back', progress=stop)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['experiment', 'run']
+    export_bag(tmp_path / 'run', tmp_path / 'back')
+    assert_same(open_recording(tmp_path / 'back'), open_recording(folder))
+
+
+def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+    with pytest.raises(InputError, match='run: exists already'):
+        import_experiment(folder, tmp_path / 'run')
+    with pytest.raises(InputError, match='experiment: exists already'):
+        export_bag(tmp_path / 'run', folder)
+
+
 def well_rate(rate: float, concentration: float) -> WellRate:
     return WellRate(rate, 0.0 if rate < 0 else concentration)
 
