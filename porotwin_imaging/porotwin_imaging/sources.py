@@ -135,7 +135,10 @@ class Folder:
                         continue
                     if Path(entry.name).suffix.lower() not in SUFFIXES:
                         continue
-                    status = entry.stat()
+                    try:
+                        status = entry.stat()
+                    except OSError:  # gone again, or a link that leads nowhere
+                        continue
                     known = self._watched.get(entry.name)
                     if known is None or (known.size, known.changed) != (
                         status.st_size,

@@ -113,6 +113,13 @@ def test_a_protocol_with_a_wrong_line_is_named(watch) -> None:
     assert 'write time_s,path,role' in watch.problems[0]
 
 
+def test_a_link_that_leads_nowhere_hides_no_other(watch) -> None:
+    (watch.path / '0.jpg').symlink_to(watch.path / 'nowhere.jpg')
+    watch.put('1.jpg', jpeg())
+    (watch.path / '2.jpg').symlink_to(watch.path / 'nowhere.jpg')
+    assert watch.look(2) == [('1.jpg', 'baseline')]
+
+
 def test_a_folder_that_goes_away_is_waited_for(watch) -> None:
     watch.put('a.jpg', jpeg())
     shutil.move(watch.path, watch.path.with_name('away'))
