@@ -8,12 +8,13 @@ first photograph of a session is the baseline.
 """
 
 import csv
+import math
 import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, cast, get_args
 
 import cv2
 
@@ -56,22 +57,30 @@ def read_protocol(path: Path) -> dict[Path, tuple[float, Role]]:
     """Return time [s] and role of every file that the protocol `path` names.
 
     Raises:
-        InputError: a line is not `time_s,path,role`.
+        InputError: a line is not `time_s,path,role`, or the file is no text in UTF-8.
     """
     lines: dict[Path, tuple[float, Role]] = {}
-    with path.open(encoding='utf-8-sig', newline='') as file:
-        for line in csv.DictReader(file, skipinitialspace=True):
-            try:
-                role = line['role']
-                if role not in ('baseline', 'state'):
-                    raise ValueError(role)
-                lines[(path.parent / line['path']).resolve()] = (float(line['time_s']), role)  # type: ignore[assignment]
-            except (KeyError, TypeError, ValueError):
-                raise InputError(
-                    f'{path}: cannot read {dict(line)}; write time_s,path,role with role baseline '
-                    'or state'
-                ) from None
+    try:
+        with path.open(encoding='utf-8-sig', newline='') as file:
+            for line in csv.DictReader(file, skipinitialspace=True):
+                place, told = _protocol_line(path, line)
+                lines[place] = told
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f'{path}: not readable ({error}); save it as CSV in UTF-8') from None
     return lines
+
+
+def _protocol_line(path: Path, line: dict[str, str]) -> tuple[Path, tuple[float, Role]]:
+    try:
+        time, role = float(line['time_s']), line['role']
+        if role not in get_args(Role) or not math.isfinite(time):
+            raise ValueError
+        return (path.parent / line['path']).resolve(), (time, cast(Role, role))
+    except (KeyError, TypeError, ValueError):
+        raise InputError(
+            f'{path}: cannot read {dict(line)}; write time_s,path,role with a finite number and '
+            'role baseline or state'
+        ) from None
 
 
 @dataclass
@@ -122,8 +131,8 @@ class Folder:
             else:
                 whole[name] = data
         problems += self._stuck(unfinished, now)
-        photos = [self._photo(name, data) for name, data in self._released(whole, unfinished, now)]
-        return self._with_baseline(sorted(photos, key=lambda photo: photo.time)), problems
+        photos, odd = self._photos(self._released(whole, unfinished, now))
+        return self._with_baseline(photos), [*problems, *odd]
 
     def _look(self, now: float) -> list[str]:
         """Return the names of files not sent yet, and note when each last changed."""
@@ -177,24 +186,33 @@ class Folder:
 
     def _released(
         self, whole: dict[str, bytes], unfinished: list[str], now: float
-    ) -> list[tuple[str, bytes]]:
+    ) -> dict[str, bytes]:
         """Return what may go now: not before older files that are still being written."""
         growing = [self._watched[name] for name in unfinished if not self._watched[name].reported]
         oldest = min((watched.changed for watched in growing), default=float('inf'))
-        released = []
+        released = {}
         for name, data in whole.items():
             watched = self._watched[name]
             if watched.changed <= oldest or now - watched.since >= self._patience:
-                released.append((name, data))
-                self._sent.add(name)
-                del self._watched[name]
+                released[name] = data
         return released
 
-    def _photo(self, name: str, data: bytes) -> Photo:
-        path = self.folder / name
-        told = self._protocol.get(path.resolve())
-        moment = exposure_time(data, told[0] if told else None, path)
-        return Photo(data, moment, told[1] if told else 'state', name)
+    def _photos(self, released: dict[str, bytes]) -> tuple[list[Photo], list[Problem]]:
+        """Return what is sent, in the order of exposure, and what has no time to be sent with."""
+        photos, problems = [], []
+        for name, data in released.items():
+            watched = self._watched[name]
+            told = self._protocol.get((self.folder / name).resolve())
+            try:
+                moment = exposure_time(data, told[0] if told else None, watched.changed)
+            except InputError as error:
+                watched.reported = True
+                problems.append(Problem(name, f"photograph '{name}' left out: {error}"))
+                continue
+            photos.append(Photo(data, moment, told[1] if told else 'state', name))
+            self._sent.add(name)
+            del self._watched[name]
+        return sorted(photos, key=lambda photo: photo.time), problems
 
     def _with_baseline(self, photos: list[Photo]) -> list[Photo]:
         """Make the first photograph of a session without a protocol its baseline."""

@@ -1,5 +1,6 @@
 """A watched folder: whole files, once, in order."""
 
+import io
 import os
 import shutil
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from porotwin_core.errors import InputError
 from porotwin_imaging.sources import Device, Folder
@@ -111,6 +113,54 @@ def test_a_protocol_with_a_wrong_line_is_named(watch) -> None:
     (watch.path / 'imaging.csv').write_text('time_s,path,role\nsoon,a.jpg,state\n')
     watch.look()
     assert 'write time_s,path,role' in watch.problems[0]
+
+
+def test_a_protocol_that_is_no_utf8_or_has_no_number_is_named(watch) -> None:
+    protocol = watch.path / 'imaging.csv'
+    protocol.write_bytes('time_s,path,role\n0,größe.jpg,baseline\n'.encode('cp1252'))
+    watch.put('a.jpg', jpeg())
+    assert watch.look(3) == [('a.jpg', 'baseline')]
+    protocol.write_text('time_s,path,role\nnan,a.jpg,state\n')
+    watch.put('b.jpg', jpeg(), age=1)
+    assert watch.look(3) == [('b.jpg', 'state')]
+    assert len(watch.problems) == 2
+    assert 'save it as CSV in UTF-8' in watch.problems[0]
+    assert 'a finite number' in watch.problems[1]
+
+
+def dated(original: str, offset: str) -> bytes:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x9003: original, 0x9011: offset})
+    file = io.BytesIO()
+    Image.new('RGB', (30, 20), (90, 90, 90)).save(file, 'JPEG', exif=exif)
+    return file.getvalue()
+
+
+def test_a_photograph_with_a_wrong_clock_is_named_and_the_others_go_on(watch) -> None:
+    watch.put('1.jpg', dated('2021:09:03 14:05:06', '+99:00'), age=1)
+    watch.put('2.jpg', dated('0001:01:01 00:00:00', ''), age=2)
+    watch.put('3.jpg', dated('2021:09:03 14:05:06', '+00:00'), age=3)
+    assert watch.look(5) == [('3.jpg', 'baseline')]
+    assert len(watch.problems) == 2
+    assert "photograph '1.jpg' left out: EXIF time '2021:09:03 14:05:06+99:00'" in watch.problems[0]
+    watch.put('1.jpg', dated('2021:09:03 14:05:36', '+00:00'), age=4)
+    assert watch.look(3) == [('1.jpg', 'state')]
+
+
+def test_a_photograph_removed_while_it_is_read_costs_nothing(watch, monkeypatch) -> None:
+    watch.put('1.jpg', jpeg(), age=1)
+    watch.put('2.jpg', jpeg(), age=2)
+    read = Path.read_bytes
+
+    def read_and_remove(path: Path) -> bytes:
+        data = read(path)
+        if path.name == '1.jpg':
+            path.unlink()
+        return data
+
+    monkeypatch.setattr(Path, 'read_bytes', read_and_remove)
+    assert watch.look(3) == [('1.jpg', 'baseline'), ('2.jpg', 'state')]
+    assert watch.problems == []
 
 
 def test_a_link_that_leads_nowhere_hides_no_other(watch) -> None:
