@@ -4,7 +4,8 @@ A folder is polled, since network shares report nothing. A photograph is sent on
 whole: its size has not changed between two looks and it ends as its format says. While an older
 file is still being written a newer one waits for it, but no longer than `patience`. A protocol
 `imaging.csv` (time_s, path, role) in the folder or above it gives roles and times; without it the
-first photograph of a session is the baseline.
+first photograph of a session is the baseline. Of a backlog only a few are read at one look, in the
+order of their exposure.
 """
 
 import csv
@@ -19,12 +20,14 @@ from typing import Literal, Protocol, cast, get_args
 import cv2
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.exposure import exposure_time
+from porotwin_imaging.exposure import HEADER_BYTES, exposure_time
 from porotwin_imaging.photograph import is_whole
 
 Role = Literal['baseline', 'state']
 SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
 PROTOCOL = 'imaging.csv'
+MOST_AT_ONCE = 4
+"""Photographs of one look at a folder: no more are in memory, and their topic keeps them all."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,8 @@ class _Watched:
     changed: float
     since: float
     """When it was first seen with this size and time of change (the clock of `Folder`)."""
+    exposed: float | None = None
+    """When it was exposed [s], once that was asked for."""
     reported: bool = False
 
 
@@ -121,21 +126,17 @@ class Folder:
         """Look once; cheap when nothing has changed. See `Source.poll`."""
         now = self._clock()
         problems = self._read_protocol()
-        candidates = self._look(now)
-        whole: dict[str, bytes] = {}
-        unfinished: list[str] = []
-        for name in candidates:
-            data = self._whole(name, now)
-            if data is None:
-                unfinished.append(name)
-            else:
-                whole[name] = data
-        problems += self._stuck(unfinished, now)
-        photos, odd = self._photos(self._released(whole, unfinished, now))
-        return self._with_baseline(photos), [*problems, *odd]
+        names = self._look(now)
+        growing = [n for n in names if self._watched[n].since == now]
+        due, undated = self._by_exposure([n for n in names if self._watched[n].since < now])
+        whole, unfinished = self._read(due)
+        unfinished += growing
+        problems += [*undated, *self._stuck(unfinished, now)]
+        photos = [self._photo(name, data) for name, data in self._released(whole, unfinished, now)]
+        return self._with_baseline(photos), problems
 
     def _look(self, now: float) -> list[str]:
-        """Return the names of files not sent yet, and note when each last changed."""
+        """Return the names of files that may be sent, and note when each last changed."""
         names = []
         try:
             with os.scandir(self.folder) as entries:
@@ -154,20 +155,56 @@ class Folder:
                         status.st_mtime,
                     ):
                         self._watched[entry.name] = _Watched(status.st_size, status.st_mtime, now)
-                    names.append(entry.name)
+                    if not self._watched[entry.name].reported:
+                        names.append(entry.name)
         except OSError:  # a share that is away for a moment: look again next time
             return []
         return names
 
-    def _whole(self, name: str, now: float) -> bytes | None:
+    def _by_exposure(self, names: list[str]) -> tuple[list[str], list[Problem]]:
+        """Return `names` in the order of exposure, without those that have no time that can be."""
+        dated, problems = [], []
+        for name in names:
+            try:
+                self._exposed(name)
+                dated.append(name)
+            except InputError as error:
+                self._watched[name].reported = True
+                problems.append(Problem(name, f"photograph '{name}' left out: {error}"))
+        return sorted(dated, key=self._exposed), problems
+
+    def _exposed(self, name: str) -> float:
         watched = self._watched[name]
-        if watched.since == now or watched.reported:
-            return None
+        if watched.exposed is None:
+            told = self._protocol.get((self.folder / name).resolve())
+            try:
+                with (self.folder / name).open('rb') as file:
+                    header = file.read(HEADER_BYTES)
+            except OSError:  # reading the whole of it will fail and be told
+                header = b''
+            watched.exposed = exposure_time(header, told[0] if told else None, watched.changed)
+        return watched.exposed
+
+    def _read(self, names: list[str]) -> tuple[dict[str, bytes], list[str]]:
+        """Return the first whole files of `names`, and those before them that are not whole."""
+        whole: dict[str, bytes] = {}
+        unfinished = []
+        for name in names:
+            if len(whole) == MOST_AT_ONCE:
+                break
+            data = self._whole(name)
+            if data is None:
+                unfinished.append(name)
+            else:
+                whole[name] = data
+        return whole, unfinished
+
+    def _whole(self, name: str) -> bytes | None:
         try:
             data = (self.folder / name).read_bytes()
         except OSError:
             return None
-        return data if len(data) == watched.size and is_whole(data) else None
+        return data if len(data) == self._watched[name].size and is_whole(data) else None
 
     def _stuck(self, unfinished: list[str], now: float) -> list[Problem]:
         problems = []
@@ -186,33 +223,24 @@ class Folder:
 
     def _released(
         self, whole: dict[str, bytes], unfinished: list[str], now: float
-    ) -> dict[str, bytes]:
+    ) -> list[tuple[str, bytes]]:
         """Return what may go now: not before older files that are still being written."""
         growing = [self._watched[name] for name in unfinished if not self._watched[name].reported]
         oldest = min((watched.changed for watched in growing), default=float('inf'))
-        released = {}
+        released = []
         for name, data in whole.items():
             watched = self._watched[name]
             if watched.changed <= oldest or now - watched.since >= self._patience:
-                released[name] = data
+                released.append((name, data))
         return released
 
-    def _photos(self, released: dict[str, bytes]) -> tuple[list[Photo], list[Problem]]:
-        """Return what is sent, in the order of exposure, and what has no time to be sent with."""
-        photos, problems = [], []
-        for name, data in released.items():
-            watched = self._watched[name]
-            told = self._protocol.get((self.folder / name).resolve())
-            try:
-                moment = exposure_time(data, told[0] if told else None, watched.changed)
-            except InputError as error:
-                watched.reported = True
-                problems.append(Problem(name, f"photograph '{name}' left out: {error}"))
-                continue
-            photos.append(Photo(data, moment, told[1] if told else 'state', name))
-            self._sent.add(name)
-            del self._watched[name]
-        return sorted(photos, key=lambda photo: photo.time), problems
+    def _photo(self, name: str, data: bytes) -> Photo:
+        """Return the photograph, which is not looked at again."""
+        told = self._protocol.get((self.folder / name).resolve())
+        photo = Photo(data, self._exposed(name), told[1] if told else 'state', name)
+        self._sent.add(name)
+        del self._watched[name]
+        return photo
 
     def _with_baseline(self, photos: list[Photo]) -> list[Photo]:
         """Make the first photograph of a session without a protocol its baseline."""
@@ -230,6 +258,8 @@ class Folder:
                 if stamp != self._protocol_stamp:
                     self._protocol_stamp = stamp
                     self._protocol = read_protocol(path)
+                    for watched in self._watched.values():
+                        watched.exposed = None
             except InputError as error:
                 return [Problem(PROTOCOL, str(error))]
             except OSError:

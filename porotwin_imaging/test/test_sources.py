@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.sources import Device, Folder
+from porotwin_imaging.sources import MOST_AT_ONCE, Device, Folder
 
 GENERATOR = np.random.default_rng(2)
 
@@ -186,9 +186,41 @@ def test_a_folder_that_is_not_there_is_refused(tmp_path) -> None:
 def test_looking_at_many_old_files_reads_none_of_them(watch, monkeypatch) -> None:
     for number in range(300):
         watch.put(f'{number:03d}.jpg', jpeg(), age=number)
-    assert len(watch.look(3)) == 300
+    assert len(watch.look(1 + 300 // MOST_AT_ONCE)) == 300
     monkeypatch.setattr(Path, 'read_bytes', lambda _: pytest.fail('read a file again'))
     assert watch.look(3) == []
+
+
+def test_a_backlog_comes_a_few_at_a_time_in_the_order_of_exposure(watch, monkeypatch) -> None:
+    # copied in the reverse order: the times of the files say nothing
+    names = [f'{number:03d}.jpg' for number in range(30)]
+    for number, name in enumerate(names):
+        watch.put(name, dated(f'2021:09:03 14:05:{number:02d}', '+00:00'), age=30 - number)
+    watch.put('015.jpg', jpeg()[:500], age=15)
+    read: list[str] = []
+    whole = Path.read_bytes
+    monkeypatch.setattr(Path, 'read_bytes', lambda path: read.append(path.name) or whole(path))
+    assert watch.look() == []
+    found = []
+    for _ in range(8):
+        read.clear()
+        looked = [name for name, _ in watch.look()]
+        assert len(looked) <= MOST_AT_ONCE
+        assert len(read) <= MOST_AT_ONCE + 1
+        found += looked
+    del names[15]
+    assert found == names[: len(found)]
+    assert found + [name for name, _ in watch.look(20)] == names
+    assert any("'015.jpg' is truncated" in problem for problem in watch.problems)
+
+
+def test_a_protocol_that_comes_late_gives_the_times_of_what_still_waits(watch) -> None:
+    for number in range(10):
+        watch.put(f'{number}.jpg', jpeg(), age=number)
+    assert watch.look(2) == [('0.jpg', 'baseline'), *((f'{n}.jpg', 'state') for n in (1, 2, 3))]
+    lines = [f'{60 - number},{number}.jpg,state' for number in range(10)]
+    (watch.path / 'imaging.csv').write_text('\n'.join(['time_s,path,role', *lines]))
+    assert [name for name, _ in watch.look(2)] == [f'{n}.jpg' for n in (9, 8, 7, 6, 5, 4)]
 
 
 def test_a_camera_that_is_not_there_is_refused() -> None:
