@@ -4,8 +4,8 @@ A folder is polled, since network shares report nothing. A photograph is sent on
 whole: its size has not changed between two looks and it ends as its format says. While an older
 file is still being written a newer one waits for it, but no longer than `patience`. A protocol
 `imaging.csv` (time_s, path, role) in the folder or above it gives roles and times; without it the
-first photograph of a session is the baseline. Of a backlog only a few are read at one look, in the
-order of their exposure.
+first photograph of a session that shows something is the baseline. Of a backlog only a few are read
+at one look, in the order of their exposure.
 """
 
 import csv
@@ -13,7 +13,7 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Protocol, cast, get_args
 
@@ -21,7 +21,7 @@ import cv2
 
 from porotwin_core.errors import InputError
 from porotwin_imaging.exposure import HEADER_BYTES, exposure_time
-from porotwin_imaging.photograph import is_whole
+from porotwin_imaging.photograph import decode, is_whole
 
 Role = Literal['baseline', 'state']
 SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
@@ -86,6 +86,21 @@ def _protocol_line(path: Path, line: dict[str, str]) -> tuple[Path, tuple[float,
         ) from None
 
 
+def _as_baseline(photo: Photo) -> Photo:
+    """Return the first photograph of a session as its baseline.
+
+    Raises:
+        InputError: it is broken, black or over-exposed.
+    """
+    try:
+        decode(photo.data, 8)
+    except InputError as error:
+        raise InputError(
+            f"photograph '{photo.name}' cannot be the baseline, the next one is tried: {error}"
+        ) from None
+    return replace(photo, role='baseline')
+
+
 @dataclass
 class _Watched:
     size: int
@@ -133,7 +148,8 @@ class Folder:
         unfinished += growing
         problems += [*undated, *self._stuck(unfinished, now)]
         photos = [self._photo(name, data) for name, data in self._released(whole, unfinished, now)]
-        return self._with_baseline(photos), problems
+        photos, refused = self._with_baseline(photos)
+        return photos, problems + refused
 
     def _look(self, now: float) -> list[str]:
         """Return the names of files that may be sent, and note when each last changed."""
@@ -242,13 +258,17 @@ class Folder:
         del self._watched[name]
         return photo
 
-    def _with_baseline(self, photos: list[Photo]) -> list[Photo]:
-        """Make the first photograph of a session without a protocol its baseline."""
-        if photos and not self._protocol and not self._baseline_sent:
-            first = photos[0]
-            photos = [Photo(first.data, first.time, 'baseline', first.name), *photos[1:]]
+    def _with_baseline(self, photos: list[Photo]) -> tuple[list[Photo], list[Problem]]:
+        """Make the first photograph of a session without a protocol its baseline, if it can be."""
+        problems = []
+        while photos and not self._protocol and not self._baseline_sent:
+            try:
+                photos[0] = _as_baseline(photos[0])
+                self._baseline_sent = True
+            except InputError as error:
+                problems.append(Problem(photos.pop(0).name, str(error)))
         self._baseline_sent = self._baseline_sent or bool(photos)
-        return photos
+        return photos, problems
 
     def _read_protocol(self) -> list[Problem]:
         for path in (self.folder / PROTOCOL, self.folder.parent / PROTOCOL):
@@ -272,7 +292,8 @@ class Device:
     """A USB or V4L camera through OpenCV, one photograph for every `poll`, encoded as JPEG.
 
     `device` is a number or a path such as /dev/video0; `width`, `height` are asked of the camera
-    [px]. The first photograph is the baseline. `clock` gives the exposure time [s].
+    [px]. The first photograph that shows something is the baseline. `clock` gives the exposure
+    time [s].
     """
 
     def __init__(
@@ -288,6 +309,7 @@ class Device:
         self._quality = quality
         self._clock = clock
         self._count = 0
+        self._baseline_taken = False
         self._camera = cv2.VideoCapture(int(device) if str(device).isdigit() else str(device))
         if not self._camera.isOpened():
             raise InputError(f"camera '{device}' cannot be opened; see which /dev/video* exist")
@@ -307,8 +329,15 @@ class Device:
         if not encoded:
             return [], [Problem(self._name, f"camera '{self._name}': picture cannot be encoded")]
         self._count += 1
-        role: Role = 'baseline' if self._count == 1 else 'state'
-        return [Photo(data.tobytes(), moment, role, f'{self._name}-{self._count:06d}.jpg')], []
+        photo = Photo(data.tobytes(), moment, 'state', f'{self._name}-{self._count:06d}.jpg')
+        if self._baseline_taken:
+            return [photo], []
+        try:
+            photo = _as_baseline(photo)
+        except InputError as error:
+            return [], [Problem(photo.name, str(error))]
+        self._baseline_taken = True
+        return [photo], []
 
     def close(self) -> None:
         """Let go of the camera."""

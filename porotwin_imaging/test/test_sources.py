@@ -70,6 +70,16 @@ def test_photographs_come_once_the_first_as_baseline(watch) -> None:
     assert watch.problems == []
 
 
+def test_a_photograph_that_shows_nothing_is_no_baseline(watch) -> None:
+    for age, level in enumerate((0, 255, 90)):
+        grey = np.full((64, 96, 3), level, np.uint8)
+        watch.put(f'{age + 1}.jpg', cv2.imencode('.jpg', grey)[1].tobytes(), age)
+    watch.put('4.jpg', jpeg(), age=4)
+    assert watch.look(3) == [('3.jpg', 'baseline'), ('4.jpg', 'state')]
+    assert "'1.jpg' cannot be the baseline, the next one is tried: " in watch.problems[0]
+    assert 'over-exposed' in watch.problems[1]
+
+
 def test_a_file_that_is_written_slowly_comes_when_it_is_whole(watch) -> None:
     data = jpeg()
     for end in range(100, len(data), 400):
@@ -244,11 +254,14 @@ def test_a_camera_gives_photographs_stamped_at_exposure(monkeypatch) -> None:
 
         def read(self) -> tuple[bool, np.ndarray | None]:
             self.taken += 1
-            return self.taken != 2, np.full((30, 40, 3), 10 * self.taken, np.uint8)
+            return self.taken != 3, np.full((30, 40, 3), 10 * self.taken, np.uint8)
 
     monkeypatch.setattr(cv2, 'VideoCapture', Camera)
-    moments = iter([7.0, 8.0, 9.0])
+    moments = iter([6.0, 7.0, 8.0, 9.0])
     camera = Device('0', clock=lambda: next(moments))
+    dark, refused = camera.poll()
+    assert dark == []
+    assert 'cannot be the baseline, the next one is tried: photograph is black' in refused[0].reason
     first, _ = camera.poll()
     none, problems = camera.poll()
     last, _ = camera.poll()
