@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -70,6 +71,8 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
             DiagnosticArray, '/diagnostics', lambda array: diagnostics.extend(array.status), 10
         )
         graph.wait_for_publishers('asset/new_state', 'asset/clean_state')
+        put(photos, 'lens_cap.jpg', cv2.imencode('.jpg', np.zeros((640, 1000, 3)))[1].tobytes())
+        graph.wait_for_log('camera', 'cannot be the baseline', timeout=60)
         put(photos, '00.jpg', camera.baseline())
         graph.wait_for_log('imaging', 'baseline:', timeout=60)
         first = camera.photograph(plume(0.05), time=30.0)
@@ -105,3 +108,28 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         complaints = [one.message for one in diagnostics if one.level == DiagnosticStatus.ERROR]
         for text in ('duplicate', 'does not match', 'truncated or broken', 'out of order'):
             assert sum(text in complaint for complaint in complaints) == 1
+
+
+def test_states_wait_aloud_for_the_baseline_of_the_protocol(tmp_path: Path, domain: int) -> None:
+    camera = photographer()
+    write_rig(camera.rig, tmp_path / 'rig.yaml')
+    photos = tmp_path / 'photos'
+    photos.mkdir()
+    protocol = photos / 'imaging.csv'
+    protocol.write_text('time_s,path,role\n30,01.jpg,state\n')
+    nodes = [
+        NodeDescription(
+            'imaging',
+            'porotwin_imaging',
+            'imaging_node',
+            {'rig': str(tmp_path / 'rig.yaml'), 'grid': '93x56'},
+        ),
+        NodeDescription('camera', 'porotwin_imaging', 'camera_node', {'photos': str(photos)}),
+    ]
+    with running_graph(nodes, tmp_path / 'run', domain) as graph:
+        graph.wait_for_publishers('asset/new_state')
+        put(photos, '01.jpg', camera.photograph(plume(0.05), time=30.0))
+        graph.wait_for_log('imaging', 'no baseline yet, photographs wait for one', timeout=60)
+        protocol.write_text(protocol.read_text() + '0,00.jpg,baseline\n')
+        put(photos, '00.jpg', camera.baseline())
+        graph.wait_for_messages('asset/new_state', 1, timeout=60)

@@ -1,13 +1,16 @@
 """./porotwin image: photographs to concentration maps."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porotwin_cli.output import Json, WorkFailed, print_json, progress, say
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+
+if TYPE_CHECKING:
+    from porotwin_recording.photos import Photo
 
 
 def command(
@@ -46,12 +49,12 @@ def command(
         task = bar.add_task('photographs', total=len(states))
         for photo in states:
             try:
-                result = imaging.concentration(photo.read())
+                result = imaging.concentration(_read(photo))
+                writer.append(photo.time, result.values)
             except InputError as error:
                 refused.append(f'{photo.name}: {error}')
                 say(refused[-1])
             else:
-                writer.append(photo.time, result.values)
                 done.append({'time_s': photo.time, 'photo': photo.name, 'remarks': result.status})
             bar.advance(task)
     if not done:
@@ -60,3 +63,10 @@ def command(
         print_json({'output': output, 'grid': str(on), 'maps': done, 'refused': refused})
     else:
         say(f'{len(done)} maps on {on} in {output}, {len(refused)} photographs refused')
+
+
+def _read(photo: 'Photo') -> bytes:
+    try:
+        return photo.read()
+    except OSError as error:
+        raise InputError(f'cannot be read ({error.strerror})') from None

@@ -5,7 +5,8 @@ Everything arriving is checked here, once: shapes against grids, names, finite n
 
 import array
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -13,16 +14,7 @@ from std_msgs.msg import Header
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import (
-    Boundaries,
-    Camera,
-    Control,
-    EffectDescription,
-    FixedWell,
-    Rig,
-    Well,
-    rig_from_maps,
-)
+from porotwin_core.rig import Camera, Control, EffectDescription, Rig, rig_from_maps
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_msgs.msg import (
@@ -191,14 +183,17 @@ def effect_to_msg(effect: EffectDescription) -> Effect:
     return message
 
 
-def _effect_from_msg(message: Effect) -> EffectDescription:
-    parameters = {
-        name: text or value
-        for name, value, text in zip(
-            message.parameter_names, message.parameter_values, message.parameter_texts, strict=True
-        )
-    }
-    return EffectDescription(name=message.name, parameters=parameters)
+def _named(names: Sequence[str], what: str, *columns: Sequence[Any]) -> Iterable[tuple[Any, ...]]:
+    if any(len(column) != len(names) for column in columns):
+        raise InputError(f'rig description: {what} has not one value for each name; send one')
+    return zip(names, *columns, strict=True)
+
+
+def _effect_from_msg(message: Effect) -> dict[str, Any]:
+    columns = (message.parameter_values, message.parameter_texts)
+    named = _named(message.parameter_names, f"effect '{message.name}'", *columns)
+    parameters = {name: text or value for name, value, text in named}
+    return {'name': message.name, 'parameters': parameters}
 
 
 def _camera_to_msg(camera: Camera) -> CameraGeometry:
@@ -211,19 +206,20 @@ def _camera_to_msg(camera: Camera) -> CameraGeometry:
     )
 
 
-def _pairs(values: Iterable[float]) -> tuple[tuple[float, float], ...]:
+def _pairs(values: Iterable[float], what: str) -> tuple[tuple[float, float], ...]:
     flat = [float(value) for value in values]
+    if len(flat) % 2:
+        raise InputError(f'rig description: {what} has {len(flat)} numbers; send pairs')
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 
 
-def _camera_from_msg(message: CameraGeometry) -> Camera:
-    return Camera.model_validate(
-        {
-            'corners_px': _pairs(message.corners),
-            'colour_checker_px': _pairs(message.colour_checker) or None,
-            'curvature': dict(zip(message.curvature_names, message.curvature_values, strict=True)),
-        }
-    )
+def _camera_from_msg(message: CameraGeometry) -> dict[str, Any]:
+    names = message.curvature_names
+    return {
+        'corners_px': _pairs(message.corners, 'corners'),
+        'colour_checker_px': _pairs(message.colour_checker, 'colour_checker') or None,
+        'curvature': dict(_named(names, 'curvature', message.curvature_values)),
+    }
 
 
 def _control_to_msg(control: Control) -> ControlLimits:
@@ -247,20 +243,20 @@ def _tidy(value: float) -> float:
     return float(f'{value:.14g}')
 
 
-def _control_from_msg(message: ControlLimits) -> Control:
+def _control_from_msg(message: ControlLimits) -> dict[str, Any]:
     fixed = {
-        name: FixedWell(rate_ml_h=_tidy(to_ml_h(well.rate)), concentration=well.concentration)
+        name: {'rate_ml_h': _tidy(to_ml_h(well.rate)), 'concentration': well.concentration}
         for name, well in rates_from_msg(message.fixed).items()
     }
-    return Control(
-        wells=tuple(message.wells),
-        producer=message.producer or None,
-        fixed=fixed,
-        max_rate_ml_h=_tidy(to_ml_h(message.max_rate)),
-        max_total_rate_ml_h=_tidy(to_ml_h(message.max_total_rate)),
-        disallowed_zone_m=_pairs(message.disallowed_zone),
-        fuzziness_m=message.fuzziness,
-    )
+    return {
+        'wells': tuple(message.wells),
+        'producer': message.producer or None,
+        'fixed': fixed,
+        'max_rate_ml_h': _tidy(to_ml_h(message.max_rate)),
+        'max_total_rate_ml_h': _tidy(to_ml_h(message.max_total_rate)),
+        'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
+        'fuzziness_m': message.fuzziness,
+    }
 
 
 def rig_to_msg(rig: Rig) -> RigDescription:
@@ -305,9 +301,9 @@ def rig_from_msg(message: RigDescription) -> Rig:
             'height_m': message.height,
             'viscosity_pa_s': message.viscosity,
             'density_kg_m3': message.density,
-            'boundaries': Boundaries.model_validate(sides),
+            'boundaries': sides,
             'wells': {
-                well.name: Well(x_m=well.x, z_m=well.z, radius_m=well.radius)
+                well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}
                 for well in message.wells
             },
             'camera': _camera_from_msg(message.camera[0]) if message.camera else None,

@@ -102,3 +102,60 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
     np.testing.assert_array_equal(again.believed_map('depth_m'), rig.believed_map('depth_m'))
     if not with_maps:
         assert again == parse_rig({**data, **quantities}, Path('rig.yaml'))
+
+
+def spoil_radius(message: Any) -> None:
+    message.wells[0].radius = -1.0
+
+
+def spoil_corners(message: Any) -> None:
+    message.camera[0].corners = [float('nan')] * 8
+
+
+def spoil_curvature(message: Any) -> None:
+    message.camera[0].curvature_values = [1.0, 2.0]
+
+
+def spoil_zone(message: Any) -> None:
+    message.control[0].disallowed_zone = [0.1] * 7
+
+
+def spoil_limit(message: Any) -> None:
+    message.control[0].max_rate = 0.0
+
+
+def spoil_effect(message: Any) -> None:
+    message.effects[0].parameter_texts = []
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'complaint'),
+    [
+        (spoil_radius, 'wells.a.radius_m = -1.0'),
+        (spoil_corners, 'camera.corners_px'),
+        (spoil_curvature, 'curvature has not one value for each name'),
+        (spoil_zone, 'disallowed_zone has 7 numbers; send pairs'),
+        (spoil_limit, 'control.max_rate_ml_h = 0.0'),
+        (spoil_effect, "effect 'rate' has not one value for each name"),
+    ],
+)
+def test_an_odd_rig_description_is_refused_in_one_line(spoil: Any, complaint: str) -> None:
+    data = {
+        'name': 'small',
+        'width_m': 0.9,
+        'height_m': 0.5,
+        'viscosity_pa_s': 1e-3,
+        'density_kg_m3': 998.0,
+        'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}},
+        'camera': {'corners_px': [[1, 8], [1, 17], [31, 17], [31, 8]], 'curvature': {'bulge': 1.0}},
+        'control': {'wells': ['a'], 'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]]},
+        'effects': [{'name': 'rate', 'parameters': {'well': 'a', 'factor': 0.95}}],
+    }
+    rig = rig_from_maps(data, {'depth_m': 0.01, 'porosity': 0.4, 'permeability_m2': 1e-9})
+    message = conversions.rig_to_msg(rig)
+    spoil(message)
+    with pytest.raises(InputError) as caught:
+        conversions.rig_from_msg(message)
+    assert str(caught.value).startswith('rig description: ')
+    assert complaint in str(caught.value)
+    assert '\n' not in str(caught.value)

@@ -97,7 +97,11 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
                 'recorder',
                 'porotwin_recording',
                 'recorder_node',
-                {'output': str(settings.record), 'use_sim_time': settings.use_sim_time},
+                {
+                    'output': str(settings.record),
+                    'continues': True,
+                    'use_sim_time': settings.use_sim_time,
+                },
             )
         )
     if settings.diagnoses is not None:

@@ -65,6 +65,11 @@ def test_what_was_not_asked_for_is_not_started() -> None:
     assert names == {'imaging', 'solver', 'costa', 'hub'}
 
 
+def test_a_recorder_that_is_started_again_goes_on() -> None:
+    recorder = next(node for node in twin_nodes(FULL) if node.name == 'recorder')
+    assert recorder.parameters['continues'] is True
+
+
 def test_a_device_takes_the_place_of_the_folder() -> None:
     node = camera_node(GraphSettings(rig=Path('rig.yaml'), device='/dev/video0'))
     assert node.parameters['device'] == '/dev/video0'

@@ -11,7 +11,7 @@ from porotwin_core.conversions import CAMERA_FRAME, header_at
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.qos import BASELINE, PHOTO
-from porotwin_imaging.sources import Device, Folder, Photo, Source
+from porotwin_imaging.sources import Device, Folder, Photo, Problem, Source
 
 FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
 
@@ -55,12 +55,24 @@ class CameraNode(Node):
         listening = self._state.get_subscription_count()
         if listening == 0 or listening < self.count_subscribers(self._state.topic_name):
             return
-        photos, problems = self._source.poll()
+        # started again, the node would find the same file and die again: whatever fails, it goes on
+        try:
+            photos, problems = self._source.poll()
+        except Exception as error:
+            self._complain(Problem('', f'looking for photographs failed: {error!r}'))
+            return
         for problem in problems:
-            self.get_logger().warning(problem.reason)
-            self._diagnostics.report(DiagnosticStatus.ERROR, problem.reason, file=problem.name)
+            self._complain(problem)
         for photo in photos:
-            self._publish(photo)
+            try:
+                self._publish(photo)
+            except Exception as error:
+                reason = f"photograph '{photo.name}' cannot be sent: {error!r}"
+                self._complain(Problem(photo.name, reason))
+
+    def _complain(self, problem: Problem) -> None:
+        self.get_logger().warning(problem.reason)
+        self._diagnostics.report(DiagnosticStatus.ERROR, problem.reason, file=problem.name)
 
     def _publish(self, photo: Photo) -> None:
         message = CompressedImage(header=header_at(photo.time, CAMERA_FRAME))

@@ -9,6 +9,7 @@ sampling points, averaged over the map's cells in linear light, matched to the b
 and light, compared with the baseline, scaled, and denoised.
 """
 
+import copy
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -179,6 +180,12 @@ class Imaging:
         """
         if not photographs:
             raise InputError('no baseline photograph: give one taken before the injection')
+        fresh = copy.copy(self)  # what fails half way leaves nothing behind in what is in use
+        remarks = fresh._take_baselines(photographs)
+        vars(self).update(vars(fresh))
+        return remarks
+
+    def _take_baselines(self, photographs: Sequence[bytes]) -> list[str]:
         self._photo_size = photograph.size(photographs[0])
         self._refuse_outside(self._photo_size)
         self.reduction = choose_reduction(self._geometry, self.grid, self._photo_size[0])

@@ -22,7 +22,7 @@ from porotwin_core.qos import BASELINE, FIELD, PHOTO
 from porotwin_core.rig import load_rig
 from porotwin_imaging.calibration import Calibration, load_calibration
 from porotwin_imaging.chain import ConcentrationMap, Imaging
-from porotwin_imaging.sequence import StateSequence, Verdict
+from porotwin_imaging.sequence import StateSequence, Verdict, Waiting
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
 WAITING = 64
@@ -49,7 +49,7 @@ class ImagingNode(Node):
         self._sequence = StateSequence(longest_gap or None)
         self._count = 0
         self._baselines: list[bytes] = []
-        self._waiting: list[tuple[float, bytes]] = []
+        self._waiting = Waiting(WAITING)
         self._queue: queue.Queue[tuple[str, float, bytes]] = queue.Queue()
         self._diagnostics = Diagnostics(self)
         self._new_state = self.create_publisher(NewState, 'asset/new_state', FIELD)
@@ -73,8 +73,8 @@ class ImagingNode(Node):
                     self._take_baseline(time, data)
                 elif self._baselines:
                     self._read(time, data)
-                else:
-                    self._waiting = [*self._waiting, (time, data)][-WAITING:]
+                elif line := self._waiting.add(time, data):
+                    self._complain(line, time)
             except InputError as error:
                 self._complain(f'{role} photograph at {time:.3f} s left out: {error}', time)
             except Exception as error:
@@ -92,8 +92,7 @@ class ImagingNode(Node):
         self._diagnostics.report(
             DiagnosticStatus.OK, f'{len(baselines)} baseline photographs', photograph_time=time
         )
-        waiting, self._waiting = self._waiting, []
-        for photo in waiting:
+        for photo in self._waiting.release():
             self._queue.put(('state', *photo))
 
     def _read(self, time: float, data: bytes) -> None:

@@ -46,6 +46,14 @@ class Photograph:
     reduction: int
 
 
+def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), REDUCTIONS[reduction])
+    except cv2.error:  # a damaged header may claim a size beyond what OpenCV reads
+        return None
+    return None if pixels is None else np.asarray(pixels, np.uint8)
+
+
 def is_whole(data: bytes) -> bool:
     """Return whether the file's content is complete: it ends as its format says it must."""
     if data.startswith(JPEG_START):
@@ -54,7 +62,7 @@ def is_whole(data: bytes) -> bool:
     if data.startswith(PNG_START):
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
-        return cv2.imdecode(np.frombuffer(data, np.uint8), REDUCTIONS[1]) is not None
+        return _pixels(data) is not None
     return False
 
 
@@ -86,7 +94,7 @@ def size(data: bytes) -> tuple[int, int]:
     elif data.startswith(PNG_START) and len(data) >= 24:
         found = struct.unpack('>II', data[16:24])
     elif data.startswith(TIFF_STARTS):
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), REDUCTIONS[1])
+        pixels = _pixels(data)
         found = None if pixels is None else (pixels.shape[1], pixels.shape[0])
     if found is None or min(found) < 1:
         raise InputError(f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again')
@@ -106,10 +114,10 @@ def decode(data: bytes, reduction: int = 1) -> Photograph:
         raise InputError(
             f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
         )
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), REDUCTIONS[reduction])
+    pixels = _pixels(data, reduction)
     if pixels is None:
         raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
-    photograph = Photograph(np.asarray(pixels, np.uint8), width, height, reduction)
+    photograph = Photograph(pixels, width, height, reduction)
     refuse_without_picture(photograph)
     return photograph
 

@@ -2,7 +2,8 @@
 
 A photograph that comes late, between those already read, is left out. A clock that was set back
 shows as photographs that all lie before the last one; a gap means that photographs were missed. In
-both cases the next state does not follow from the last and a new sequence of time begins.
+both cases the next state does not follow from the last and a new sequence of time begins. Before
+the first baseline photographs wait.
 """
 
 import statistics
@@ -13,6 +14,10 @@ from typing import Literal
 GAP = 2.5
 """Intervals between two photographs, in the usual ones, from which photographs are missing."""
 REMEMBERED = 16
+MEND = (
+    'take a photograph without tracer, and name it in imaging.csv with role baseline or start the '
+    'camera with it'
+)
 _SAME = 1e-6
 """Stamps closer than this are the same exposure [s]."""
 
@@ -28,6 +33,31 @@ class Verdict:
     action: Literal['next', 'start', 'ignore']
     time_step: float = 0.0
     reason: str = ''
+
+
+class Waiting:
+    """Photographs that wait for a baseline, the newest `room` of them."""
+
+    def __init__(self, room: int) -> None:
+        self._photos: deque[tuple[float, bytes]] = deque(maxlen=room)
+        self._told = ''
+
+    def add(self, time: float, data: bytes) -> str:
+        """Keep the photograph exposed at `time` [s]; return one line where it has not been said."""
+        full = len(self._photos) == self._photos.maxlen
+        self._photos.append((time, data))
+        fate = 'the oldest that wait for one are left out' if full else 'photographs wait for one'
+        if fate == self._told:
+            return ''
+        self._told = fate
+        return f'no baseline yet, {fate}: {MEND}'
+
+    def release(self) -> list[tuple[float, bytes]]:
+        """Return time and content of all, which wait no longer."""
+        photos = list(self._photos)
+        self._photos.clear()
+        self._told = ''
+        return photos
 
 
 class StateSequence:

@@ -175,6 +175,20 @@ def test_a_photograph_needs_a_baseline_and_a_baseline_a_photograph(laboratory) -
         chain.set_baselines([small])
 
 
+def test_a_refused_baseline_leaves_the_earlier_one_in_use(laboratory, make_plume) -> None:
+    chain = Imaging(laboratory.rig, laboratory.rig.grid(90, 50), calibration=CALIBRATION)
+    chain.set_baselines([laboratory.photograph(NOTHING, seed=1)])
+    data = laboratory.photograph(make_plume(SHAPE, 0.4, 0.25, 0.12))
+    before = chain.concentration(data)
+    grey = cv2.imencode('.jpg', np.full((2 * 640, 2 * 890, 3), 90, np.uint8))[1].tobytes()
+    black = laboratory.photograph(NOTHING, gain=0.0005, noise=0.0)
+    moved = laboratory.photograph(NOTHING, shift=(9.0, 5.0), seed=2)
+    for refused in ([grey], [black], [moved, black], [moved, grey]):
+        with pytest.raises(InputError):
+            chain.set_baselines(refused)
+        np.testing.assert_array_equal(chain.concentration(data).values, before.values)
+
+
 def test_a_calibration_balances_mass_and_is_read_back(new_laboratory, make_plume, tmp_path) -> None:
     laboratory = new_laboratory(finer_below=0.22, uptake=(1.0, 0.75))
     rig = laboratory.rig

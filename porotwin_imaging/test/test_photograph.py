@@ -1,5 +1,7 @@
 """Files of photographs: whole, broken, dark, too bright."""
 
+import struct
+
 import cv2
 import numpy as np
 import pytest
@@ -54,3 +56,14 @@ def test_what_shows_nothing_is_refused_in_one_line(data: bytes, complaint: str) 
     with pytest.raises(InputError, match=complaint) as error:
         photograph.decode(data)
     assert '\n' not in str(error.value)
+
+
+def test_a_header_that_claims_more_than_can_be_read_is_broken() -> None:
+    data = encoded('.tif', pixels())
+    for tag in (256, 257):  # columns and rows
+        for kind, size in ((3, 240), (3, 360), (4, 240), (4, 360)):
+            entry = struct.pack('<HHII', tag, kind, 1, size)
+            data = data.replace(entry, struct.pack('<HHII', tag, 4, 1, 1 << 22))
+    assert not photograph.is_whole(data)
+    with pytest.raises(InputError, match='not a JPEG'):
+        photograph.decode(data)

@@ -1,6 +1,6 @@
 """Which photograph follows which."""
 
-from porotwin_imaging.sequence import StateSequence
+from porotwin_imaging.sequence import StateSequence, Waiting
 
 
 def run(times: list[float], longest_gap: float | None = None) -> list[tuple[str, float]]:
@@ -41,3 +41,14 @@ def test_duplicates_are_left_out() -> None:
     assert 'duplicate' in sequence.judge(30.0, 'a').reason
     sequence.restart()
     assert sequence.judge(0.0, 'a').action == 'start'
+
+
+def test_photographs_that_wait_say_so_once_and_again_when_some_are_lost() -> None:
+    waiting = Waiting(room=3)
+    said = [waiting.add(float(time), b'%d' % time) for time in range(6)]
+    assert [bool(line) for line in said] == [True, False, False, True, False, False]
+    assert said[0].startswith('no baseline yet, photographs wait for one: take a photograph')
+    assert 'the oldest that wait for one are left out' in said[3]
+    assert waiting.release() == [(3.0, b'3'), (4.0, b'4'), (5.0, b'5')]
+    assert waiting.release() == []
+    assert waiting.add(6.0, b'6') == said[0]

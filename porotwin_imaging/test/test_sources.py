@@ -1,5 +1,6 @@
 """A watched folder: whole files, once, in order."""
 
+import io
 import os
 import shutil
 from pathlib import Path
@@ -7,9 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.sources import Device, Folder
+from porotwin_imaging.sources import MOST_AT_ONCE, Device, Folder
 
 GENERATOR = np.random.default_rng(2)
 
@@ -68,6 +70,16 @@ def test_photographs_come_once_the_first_as_baseline(watch) -> None:
     assert watch.problems == []
 
 
+def test_a_photograph_that_shows_nothing_is_no_baseline(watch) -> None:
+    for age, level in enumerate((0, 255, 90)):
+        grey = np.full((64, 96, 3), level, np.uint8)
+        watch.put(f'{age + 1}.jpg', cv2.imencode('.jpg', grey)[1].tobytes(), age)
+    watch.put('4.jpg', jpeg(), age=4)
+    assert watch.look(3) == [('3.jpg', 'baseline'), ('4.jpg', 'state')]
+    assert "'1.jpg' cannot be the baseline, the next one is tried: " in watch.problems[0]
+    assert 'over-exposed' in watch.problems[1]
+
+
 def test_a_file_that_is_written_slowly_comes_when_it_is_whole(watch) -> None:
     data = jpeg()
     for end in range(100, len(data), 400):
@@ -113,6 +125,61 @@ def test_a_protocol_with_a_wrong_line_is_named(watch) -> None:
     assert 'write time_s,path,role' in watch.problems[0]
 
 
+def test_a_protocol_that_is_no_utf8_or_has_no_number_is_named(watch) -> None:
+    protocol = watch.path / 'imaging.csv'
+    protocol.write_bytes('time_s,path,role\n0,größe.jpg,baseline\n'.encode('cp1252'))
+    watch.put('a.jpg', jpeg())
+    assert watch.look(3) == [('a.jpg', 'baseline')]
+    protocol.write_text('time_s,path,role\nnan,a.jpg,state\n')
+    watch.put('b.jpg', jpeg(), age=1)
+    assert watch.look(3) == [('b.jpg', 'state')]
+    assert len(watch.problems) == 2
+    assert 'save it as CSV in UTF-8' in watch.problems[0]
+    assert 'a finite number' in watch.problems[1]
+
+
+def dated(original: str, offset: str) -> bytes:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x9003: original, 0x9011: offset})
+    file = io.BytesIO()
+    Image.new('RGB', (30, 20), (90, 90, 90)).save(file, 'JPEG', exif=exif)
+    return file.getvalue()
+
+
+def test_a_photograph_with_a_wrong_clock_is_named_and_the_others_go_on(watch) -> None:
+    watch.put('1.jpg', dated('2021:09:03 14:05:06', '+99:00'), age=1)
+    watch.put('2.jpg', dated('0001:01:01 00:00:00', ''), age=2)
+    watch.put('3.jpg', dated('2021:09:03 14:05:06', '+00:00'), age=3)
+    assert watch.look(5) == [('3.jpg', 'baseline')]
+    assert len(watch.problems) == 2
+    assert "photograph '1.jpg' left out: EXIF time '2021:09:03 14:05:06+99:00'" in watch.problems[0]
+    watch.put('1.jpg', dated('2021:09:03 14:05:36', '+00:00'), age=4)
+    assert watch.look(3) == [('1.jpg', 'state')]
+
+
+def test_a_photograph_removed_while_it_is_read_costs_nothing(watch, monkeypatch) -> None:
+    watch.put('1.jpg', jpeg(), age=1)
+    watch.put('2.jpg', jpeg(), age=2)
+    read = Path.read_bytes
+
+    def read_and_remove(path: Path) -> bytes:
+        data = read(path)
+        if path.name == '1.jpg':
+            path.unlink()
+        return data
+
+    monkeypatch.setattr(Path, 'read_bytes', read_and_remove)
+    assert watch.look(3) == [('1.jpg', 'baseline'), ('2.jpg', 'state')]
+    assert watch.problems == []
+
+
+def test_a_link_that_leads_nowhere_hides_no_other(watch) -> None:
+    (watch.path / '0.jpg').symlink_to(watch.path / 'nowhere.jpg')
+    watch.put('1.jpg', jpeg())
+    (watch.path / '2.jpg').symlink_to(watch.path / 'nowhere.jpg')
+    assert watch.look(2) == [('1.jpg', 'baseline')]
+
+
 def test_a_folder_that_goes_away_is_waited_for(watch) -> None:
     watch.put('a.jpg', jpeg())
     shutil.move(watch.path, watch.path.with_name('away'))
@@ -129,9 +196,41 @@ def test_a_folder_that_is_not_there_is_refused(tmp_path) -> None:
 def test_looking_at_many_old_files_reads_none_of_them(watch, monkeypatch) -> None:
     for number in range(300):
         watch.put(f'{number:03d}.jpg', jpeg(), age=number)
-    assert len(watch.look(3)) == 300
+    assert len(watch.look(1 + 300 // MOST_AT_ONCE)) == 300
     monkeypatch.setattr(Path, 'read_bytes', lambda _: pytest.fail('read a file again'))
     assert watch.look(3) == []
+
+
+def test_a_backlog_comes_a_few_at_a_time_in_the_order_of_exposure(watch, monkeypatch) -> None:
+    # copied in the reverse order: the times of the files say nothing
+    names = [f'{number:03d}.jpg' for number in range(30)]
+    for number, name in enumerate(names):
+        watch.put(name, dated(f'2021:09:03 14:05:{number:02d}', '+00:00'), age=30 - number)
+    watch.put('015.jpg', jpeg()[:500], age=15)
+    read: list[str] = []
+    whole = Path.read_bytes
+    monkeypatch.setattr(Path, 'read_bytes', lambda path: read.append(path.name) or whole(path))
+    assert watch.look() == []
+    found = []
+    for _ in range(8):
+        read.clear()
+        looked = [name for name, _ in watch.look()]
+        assert len(looked) <= MOST_AT_ONCE
+        assert len(read) <= MOST_AT_ONCE + 1
+        found += looked
+    del names[15]
+    assert found == names[: len(found)]
+    assert found + [name for name, _ in watch.look(20)] == names
+    assert any("'015.jpg' is truncated" in problem for problem in watch.problems)
+
+
+def test_a_protocol_that_comes_late_gives_the_times_of_what_still_waits(watch) -> None:
+    for number in range(10):
+        watch.put(f'{number}.jpg', jpeg(), age=number)
+    assert watch.look(2) == [('0.jpg', 'baseline'), *((f'{n}.jpg', 'state') for n in (1, 2, 3))]
+    lines = [f'{60 - number},{number}.jpg,state' for number in range(10)]
+    (watch.path / 'imaging.csv').write_text('\n'.join(['time_s,path,role', *lines]))
+    assert [name for name, _ in watch.look(2)] == [f'{n}.jpg' for n in (9, 8, 7, 6, 5, 4)]
 
 
 def test_a_camera_that_is_not_there_is_refused() -> None:
@@ -155,11 +254,14 @@ def test_a_camera_gives_photographs_stamped_at_exposure(monkeypatch) -> None:
 
         def read(self) -> tuple[bool, np.ndarray | None]:
             self.taken += 1
-            return self.taken != 2, np.full((30, 40, 3), 10 * self.taken, np.uint8)
+            return self.taken != 3, np.full((30, 40, 3), 10 * self.taken, np.uint8)
 
     monkeypatch.setattr(cv2, 'VideoCapture', Camera)
-    moments = iter([7.0, 8.0, 9.0])
+    moments = iter([6.0, 7.0, 8.0, 9.0])
     camera = Device('0', clock=lambda: next(moments))
+    dark, refused = camera.poll()
+    assert dark == []
+    assert 'cannot be the baseline, the next one is tried: photograph is black' in refused[0].reason
     first, _ = camera.poll()
     none, problems = camera.poll()
     last, _ = camera.poll()

@@ -69,7 +69,7 @@ class BagReader:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.remarks: list[str] = []
-        self._parts = [_open_part(file, self._remark) for file in _files(self.path)]
+        self._parts = [_open_part(file, self.remark) for file in _files(self.path)]
         self.topics: dict[str, Topic] = {}
         for part in self._parts:
             for topic in part.topics.values():
@@ -80,7 +80,8 @@ class BagReader:
         self.message_count = sum(part.message_count for part in filled)
         self._stores: dict[str, Typestore] = {}
 
-    def _remark(self, text: str) -> None:
+    def remark(self, text: str) -> None:
+        """Add one line to `remarks` and to the log."""
         self.remarks.append(text)
         logger.warning(text)
 

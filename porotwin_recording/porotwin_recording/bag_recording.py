@@ -1,6 +1,5 @@
 """An experiment out of a bag: rig, rates, tracer maps and photographs from recorded messages."""
 
-import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,8 +18,6 @@ from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.experiment import Experiment
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.serialization import SECOND, stamp_of
-
-logger = logging.getLogger(__name__)
 
 _START = 0
 """CleanState.START, as the bag's own definition has it."""
@@ -63,6 +60,8 @@ class _Found:
 
     start: int | None = None
     rig: Rig | None = None
+    rig_problem: str = 'holds no rig description'
+    wrong_rates: list[str] = field(default_factory=list)
     told: dict[int, WellRates] = field(default_factory=dict)
     measured: dict[int, WellRates] = field(default_factory=dict)
     frames: dict[int, _Place] = field(default_factory=dict)
@@ -84,10 +83,11 @@ def read_bag(path: Path, rig: Rig | None = None) -> Experiment:
     stamp where there is none; rates told before count from zero on. A state or setpoint that was
     sent twice for the same time counts as sent last; a setpoint counts as told until the next one,
     whatever its validity (the measured rates know what the pumps then did). Where the time goes
-    back to a new start, the rest is another experiment and left out.
+    back to a new start, the rest is another experiment and left out. Rates that are not finite or
+    name unknown wells are left out with a remark, as the hub ignored them.
 
     Raises:
-        InputError: not a bag, damaged, without a rig, or not recorded from a twin.
+        InputError: not a bag, damaged, without a rig, or not recorded from a twin of this rig.
     """
     bag = BagReader(path)
     names = _names(bag)
@@ -101,12 +101,13 @@ def read_bag(path: Path, rig: Rig | None = None) -> Experiment:
     if rig is None:
         rig = found.rig
     if rig is None:
-        raise InputError(f'{path}: holds no rig description; name its rig.yaml with --rig')
+        raise InputError(f'{path}: {found.rig_problem}; name its rig.yaml with --rig')
+    _leave_out_wrong_rates(bag, found, rig)
     start = found.first()
     return Experiment(
         rig,
-        _schedule(found.told, start, path, rig),
-        _schedule(found.measured, start, path, rig),
+        _schedule(found.told, start),
+        _schedule(found.measured, start),
         _maps(bag, found, start, rig),
         _photos(bag, found, start),
         tuple(bag.remarks),
@@ -149,25 +150,33 @@ def _gather(bag: BagReader, names: dict[str, str]) -> _Found:
         elif bag.decode(message).cause == _START:
             stamp = stamp_of(message.data)
             if found.frames and stamp < max(found.frames):
-                remark = f'{bag.path}: a second experiment begins in it; only the first is read'
-                bag.remarks.append(remark)
-                logger.warning(remark)
+                bag.remark(f'{bag.path}: a second experiment begins in it; only the first is read')
                 break
             found.start = stamp if found.start is None else found.start
     return found
 
 
 def _take_rig(found: _Found, bag: BagReader, message: BagMessage, _: _Place) -> None:
-    found.rig = rig_from_msg(bag.decode(message))
+    try:
+        found.rig = rig_from_msg(bag.decode(message))
+    except InputError as error:  # a rig.yaml may take its place
+        found.rig_problem = str(error)
 
 
 def _take_setpoint(found: _Found, bag: BagReader, message: BagMessage, _: _Place) -> None:
-    found.told[stamp_of(message.data)] = rates_from_msg(bag.decode(message).wells)
+    _add_rates(found, found.told, stamp_of(message.data), bag.decode(message).wells)
 
 
 def _take_measured(found: _Found, bag: BagReader, message: BagMessage, _: _Place) -> None:
     rates = bag.decode(message)
-    found.measured[_nanoseconds(rates.start)] = rates_from_msg(rates.wells)
+    _add_rates(found, found.measured, _nanoseconds(rates.start), rates.wells)
+
+
+def _add_rates(found: _Found, rates: dict[int, WellRates], stamp: int, wells: Any) -> None:
+    try:
+        rates[stamp] = rates_from_msg(wells)
+    except InputError as error:  # the hub heard the same and went on without
+        found.wrong_rates.append(str(error))
 
 
 def _take_state(found: _Found, bag: BagReader, message: BagMessage, place: _Place) -> None:
@@ -204,16 +213,30 @@ _TAKERS: dict[str, Callable[[_Found, BagReader, BagMessage, _Place], None]] = {
 }
 
 
-def _schedule(told: dict[int, WellRates], start: int, path: Path, rig: Rig) -> Schedule | None:
+def _leave_out_wrong_rates(bag: BagReader, found: _Found, rig: Rig) -> None:
+    """Leave out rates that name a well which `rig` has not, and say how many are left out in all.
+
+    Raises:
+        InputError: no rates are left: it is another rig.
+    """
+    heard = bool(found.told or found.measured)
+    for rates in (found.told, found.measured):
+        for stamp in list(rates):
+            unknown = [well for well in rates[stamp] if well not in rig.wells]
+            if unknown:
+                del rates[stamp]
+                reason = f"unknown well '{unknown[0]}'; the rig has {', '.join(rig.wells)}"
+                found.wrong_rates.append(reason)
+    if heard and not (found.told or found.measured):
+        raise InputError(f'{bag.path}: rates name an {found.wrong_rates[-1]}')
+    if found.wrong_rates:
+        count = len(found.wrong_rates)
+        bag.remark(f'{bag.path}: {count} messages of rates left out: {found.wrong_rates[0]}')
+
+
+def _schedule(told: dict[int, WellRates], start: int) -> Schedule | None:
     if not told:
         return None
-    for rates in told.values():
-        for well in rates:
-            if well not in rig.wells:
-                raise InputError(
-                    f"{path}: rates name an unknown well '{well}'; "
-                    f'the rig has {", ".join(rig.wells)}'
-                )
     by_time = {max(0, stamp - start) / SECOND: told[stamp] for stamp in sorted(told)}
     return Schedule.from_rates(by_time.items())
 

@@ -1,5 +1,6 @@
 """A bag as `ros2 bag` writes it: a folder of an MCAP file and metadata.yaml, or the file alone."""
 
+import itertools
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,6 +15,13 @@ from porotwin_recording.topic import Topic, TopicQos, qos_profiles
 METADATA = 'metadata.yaml'
 METADATA_VERSION = 9
 """Version of rosbag2's metadata that ROS 2 Jazzy writes."""
+
+
+def free_name(path: Path) -> Path:
+    """Return `path`, or where that exists the first of path_2, path_3, ... that does not."""
+    stem, suffix = (path.stem, path.suffix) if path.suffix == '.mcap' else (path.name, '')
+    later = (path.with_name(f'{stem}_{number}{suffix}') for number in itertools.count(2))
+    return next(place for place in itertools.chain([path], later) if not place.exists())
 
 
 class BagWriter:

@@ -9,7 +9,9 @@ live bag a folder takes the experiment alone, without predictions, reports and d
 import array
 import heapq
 import math
+import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
 from porotwin_core.conversions import CAMERA_FRAME, RIG_FRAME, grid_to_msg, rates_to_msg, rig_to_msg
+from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_msgs.msg import (
     CleanState,
@@ -54,6 +57,8 @@ def import_experiment(
 ) -> None:
     """Write the experiment in `folder` as the bag that its live recording would have been.
 
+    The bag appears when it is complete; after an error there is none.
+
     Raises:
         InputError: one line naming what is wrong in the folder, or that the bag exists.
     """
@@ -62,7 +67,7 @@ def import_experiment(
     counts: dict[str, int] = {}
     total = len(recording.photos) + (len(recording.maps) if recording.maps else 0)
     done = 0
-    with BagWriter(bag) as writer:
+    with _whole(Path(bag)) as place, BagWriter(place) as writer:
         for stamp, topic, message in _messages(recording):
             name = f'{topics.NAMESPACE}/{topic}'
             writer.add_topic(name, message_type(message), qos=_QOS.get(topic))
@@ -76,19 +81,38 @@ def import_experiment(
 def export_bag(bag: Path | str, folder: Path | str, *, progress: Progress | None = None) -> None:
     """Write the experiment in `bag` as a folder.
 
+    The folder appears when it is complete; after an error there is none.
+
     Raises:
         InputError: one line naming what is wrong with the bag, or that the folder is taken.
     """
     recording = open_recording(bag)
-    write_experiment(
-        Path(folder),
-        rig=recording.rig,
-        told=recording.told,
-        measured=recording.measured,
-        maps=recording.maps,
-        photos=recording.photos,
-        progress=progress,
-    )
+    with _whole(Path(folder)) as place:
+        write_experiment(
+            place,
+            rig=recording.rig,
+            told=recording.told,
+            measured=recording.measured,
+            maps=recording.maps,
+            photos=recording.photos,
+            progress=progress,
+        )
+
+
+@contextmanager
+def _whole(target: Path) -> Iterator[Path]:
+    """Yield where to write what takes the name `target` once it is whole, and goes if it fails."""
+    if target.exists():
+        raise InputError(f'{target}: exists already; name another or remove it')
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        beside = tempfile.TemporaryDirectory(prefix=f'.{target.name}-', dir=target.parent)
+    except OSError as error:
+        raise InputError(f'{target}: cannot be written ({error.strerror})') from None
+    with beside as folder:
+        place = Path(folder, target.name)
+        yield place
+        place.rename(target)
 
 
 def _messages(recording: Recording) -> Iterator[tuple[int, str, Any]]:

@@ -20,6 +20,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
+from porotwin_recording.bag_writer import free_name
 from porotwin_recording.interfaces import message_class
 from porotwin_recording.recorder import Recorder
 from porotwin_recording.serialization import SECOND
@@ -73,10 +74,14 @@ class RecorderNode(Node):
         output = declare(self, 'output', '', 'bag to write: a new folder, or a file .mcap')
         if not output:
             raise InputError("parameter 'output' of recorder: name the bag to write")
+        continues = declare(
+            self, 'continues', False, 'where output exists, go on in output_2, _3, ...'
+        )
+        bag = free_name(Path(output)) if continues else Path(output)
         names = declare(self, 'topics', '', 'topics to record, separated by spaces; empty: all')
         self._wanted = {self.resolve_topic_name(name) for name in names.split()}
         self._recorder = Recorder(
-            Path(output),
+            bag,
             compress=declare(self, 'compress', True, 'compress the bag with zstd'),
             say=self.get_logger().info,
             warn=self.get_logger().warning,
@@ -96,7 +101,7 @@ class RecorderNode(Node):
         self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)
         self.create_timer(DIAGNOSTICS_PERIOD, self._report, clock=steady)
         self._discover()
-        self.get_logger().info(f'recording into {output}')
+        self.get_logger().info(f'recording into {bag}')
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():

@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from porotwin_core.errors import InputError
 from porotwin_msgs.msg import RigDescription, Setpoint, WellRate
 from porotwin_recording.bag_reader import BagMessage, BagReader
-from porotwin_recording.bag_writer import BagWriter
+from porotwin_recording.bag_writer import BagWriter, free_name
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.mcap_writer import CHUNK_SIZE
 from porotwin_recording.serialization import Serializer
@@ -232,6 +232,19 @@ def test_an_existing_bag_is_not_overwritten(tmp_path: Path) -> None:
     write_bag(tmp_path / 'run')
     with pytest.raises(InputError, match='exists already'):
         BagWriter(tmp_path / 'run')
+
+
+def test_a_bag_that_goes_on_takes_the_next_free_name(tmp_path: Path) -> None:
+    for name, wanted in (
+        ('run', ['run', 'run_2', 'run_3']),
+        ('run.mcap', ['run.mcap', 'run_2.mcap', 'run_3.mcap']),
+        ('of.today', ['of.today', 'of.today_2', 'of.today_3']),
+    ):
+        made = []
+        for _ in wanted:
+            made.append(free_name(tmp_path / name))
+            write_bag(made[-1], 1)
+        assert made == [tmp_path / one for one in wanted]
 
 
 def test_a_topic_keeps_its_type(tmp_path: Path) -> None:

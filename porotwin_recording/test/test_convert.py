@@ -145,6 +145,46 @@ def test_progress_counts_every_map_and_photograph(folder: Path, tmp_path: Path) 
         assert [done for done, _ in steps] == sorted(done for done, _ in steps)
 
 
+@pytest.mark.parametrize('name', ['run', 'run.mcap'])
+def test_an_import_that_stops_half_way_leaves_nothing(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    photo = folder / 'photos' / 'c.png'
+    content = photo.read_bytes()
+
+    def lose_the_photograph(*_: int) -> None:
+        photo.unlink(missing_ok=True)
+
+    with pytest.raises(FileNotFoundError):
+        import_experiment(folder, tmp_path / name, progress=lose_the_photograph)
+    assert [path.name for path in tmp_path.iterdir()] == ['experiment']
+    photo.write_bytes(content)
+    import_experiment(folder, tmp_path / name)
+    assert_same(open_recording(tmp_path / name), open_recording(folder))
+
+
+def test_an_export_that_stops_half_way_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+
+    def stop(done: int, _: int) -> None:
+        if done == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_bag(tmp_path / 'run', tmp_path / 'back', progress=stop)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['experiment', 'run']
+    export_bag(tmp_path / 'run', tmp_path / 'back')
+    assert_same(open_recording(tmp_path / 'back'), open_recording(folder))
+
+
+def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+    with pytest.raises(InputError, match='run: exists already'):
+        import_experiment(folder, tmp_path / 'run')
+    with pytest.raises(InputError, match='experiment: exists already'):
+        export_bag(tmp_path / 'run', folder)
+
+
 def well_rate(rate: float, concentration: float) -> WellRate:
     return WellRate(rate, 0.0 if rate < 0 else concentration)
 
@@ -310,6 +350,47 @@ def test_a_bag_with_an_unknown_well_is_named(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="unknown well 'inn'; the rig has in, out, water"):
         open_recording(tmp_path / 'run.mcap')
+
+
+def measured(stamp: int, well: str, rate: float) -> WellRates:
+    message = stamped(WellRates(wells=rates_to_msg({well: WellRate(1e-7)})), stamp)
+    message.start = message.header.stamp
+    message.wells[0].rate = rate
+    return message
+
+
+def test_rates_that_the_hub_ignored_are_left_out(tmp_path: Path) -> None:
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [
+            ('/lab/rig/description', rig_to_msg(make_rig())),
+            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
+            ('/lab/wells/measured', measured(SECOND, 'in', 1e-7)),
+            ('/lab/wells/measured', measured(2 * SECOND, 'in', float('nan'))),
+            ('/lab/wells/measured', measured(3 * SECOND, 'inn', 2e-7)),
+            ('/lab/wells/measured', measured(4 * SECOND, 'in', 3e-7)),
+            ('/lab/asset/new_state', state(4 * SECOND, 0.5)),
+        ],
+    )
+    recording = open_recording(tmp_path / 'run.mcap')
+    assert recording.measured is not None
+    assert [(row.time, row.rate.rate) for row in recording.measured.rows] == [(0, 1e-7), (3, 3e-7)]
+    assert len(recording.remarks) == 1
+    assert "2 messages of rates left out: well 'in': well rate nan" in recording.remarks[0]
+
+
+def test_an_odd_rig_description_is_named_and_a_rig_yaml_takes_its_place(
+    folder: Path, tmp_path: Path
+) -> None:
+    description = rig_to_msg(make_rig())
+    description.wells[0].radius = -1.0
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [('/lab/rig/description', description), ('/lab/asset/new_state', state(SECOND, 0.5))],
+    )
+    with pytest.raises(InputError, match=r'wells\.in\.radius_m = -1\.0.*name its rig\.yaml'):
+        open_recording(tmp_path / 'run.mcap')
+    assert open_recording(tmp_path / 'run.mcap', rig=folder).times.tolist() == [0.0]
 
 
 def test_packed_maps_come_back_as_the_same_values(tmp_path: Path) -> None:

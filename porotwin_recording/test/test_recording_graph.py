@@ -197,6 +197,18 @@ def test_a_killed_recorder_leaves_what_it_flushed(tmp_path: Path, bag: Path) -> 
         assert found[topic] == (original[topic] * 9)[: len(found[topic])]
 
 
+def test_a_recorder_that_died_goes_on_beside_its_bag(tmp_path: Path) -> None:
+    output = tmp_path / 'bag'
+    for name in ('bag', 'bag_2'):
+        with node(
+            tmp_path / 'recorder.log', 'recorder_node', output=output, continues=True
+        ) as recorder:
+            recorder.wait_to_say(f'recording into {tmp_path / name}\n')
+            recorder.stop(signal.SIGKILL if name == 'bag' else signal.SIGINT)
+    assert 'has no end' in BagReader(output).remarks[0]
+    assert BagReader(tmp_path / 'bag_2').remarks == []
+
+
 def test_a_recorder_told_to_end_completes_the_bag(tmp_path: Path) -> None:
     output = tmp_path / 'recorded.mcap'
     with node(tmp_path / 'recorder.log', 'recorder_node', output=output) as recorder:
@@ -307,6 +319,7 @@ def test_a_player_told_to_end_ends_at_once(tmp_path: Path, bag: Path) -> None:
     ('name', 'parameters', 'complaint'),
     [
         ('recorder_node', {}, "parameter 'output' of recorder: name the bag to write"),
+        ('recorder_node', {'output': '{bag}'}, 'exists already; name another bag'),
         ('player_node', {'bag': '/nowhere/run'}, '/nowhere/run: no such bag'),
         ('player_node', {'bag': '{bag}', 'start_s': 1e6}, 'lasts 58 s; start before its end'),
         ('player_node', {'bag': '{bag}', 'topics': 'gone'}, "has no topic 'gone'"),
