@@ -84,8 +84,7 @@ def command(
 
 def _run(settings: GraphSettings, folder: Path) -> None:
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph takes it for other ends too
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     say(f'twin of {settings.rig}, photographs from {settings.photos or settings.device}')
     if settings.page:
