@@ -24,6 +24,9 @@ PUMP_STEP_ML_H = 0.1
 TOLERANCE = from_ml_h(1e-6)
 """Round-off allowed in sums of rates [m^3/s]."""
 
+CONCENTRATION_TOLERANCE = 1e-6
+"""Round-off allowed in injected concentrations."""
+
 CostFn = Callable[[WellRates], float]
 """The cost of pumping some rates; raises when it cannot be known."""
 
@@ -108,6 +111,7 @@ class Limits:
                 f'control wells inject {to_ml_h(math.fsum(control)):.1f} ml/h together, '
                 f'more than {to_ml_h(self.max_total_rate):.1f} ml/h'
             )
+        lines += self._in_the_wrong_role(rates)
         for name, well in self.fixed.items():
             if abs(rates.get(name, WellRate()).rate - well.rate) > TOLERANCE:
                 lines.append(f"well '{name}' must stay at {to_ml_h(well.rate):.1f} ml/h")
@@ -116,6 +120,26 @@ class Limits:
                 f'{to_ml_h(net_rate(rates)):.1f} ml/h more is injected than produced; '
                 'the net rate must be zero'
             )
+        return lines
+
+    def _in_the_wrong_role(self, rates: WellRates) -> list[str]:
+        """Return a line for every idle well that pumps, and every well that injects another fluid.
+
+        Tracer comes from the fixed wells only; what the twin may choose is water.
+        """
+        lines = []
+        for name, well in rates.items():
+            if abs(well.rate) <= TOLERANCE or name not in self.all_wells:
+                continue
+            if name != self.producer and name not in self.wells and name not in self.fixed:
+                lines.append(
+                    f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but control gives it no role"
+                )
+            fluid = self.fixed.get(name, WellRate()).concentration
+            if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
+                lines.append(
+                    f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
+                )
         return lines
 
 
