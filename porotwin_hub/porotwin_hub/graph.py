@@ -87,9 +87,17 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         ),
     ]
     if settings.retrain_every > 0:
-        every: dict[str, Parameter] = {'retrain_every': settings.retrain_every}
         nodes.append(
-            NodeDescription('trainer', 'porotwin_costa', 'trainer_node', {**mapped, **every})
+            NodeDescription(
+                'trainer',
+                'porotwin_costa',
+                'trainer_node',
+                {
+                    **mapped,
+                    'photo_interval_s': settings.photo_interval_s,
+                    'retrain_every': settings.retrain_every,
+                },
+            )
         )
     if settings.record is not None:
         nodes.append(

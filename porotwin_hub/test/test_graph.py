@@ -65,6 +65,12 @@ def test_what_was_not_asked_for_is_not_started() -> None:
     assert names == {'imaging', 'solver', 'costa', 'hub'}
 
 
+def test_all_who_pair_photographs_know_how_far_they_are_apart() -> None:
+    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, photo_interval_s=12.0)
+    told = {node.name: node.parameters.get('photo_interval_s') for node in twin_nodes(settings)}
+    assert (told['hub'], told['trainer']) == (12.0, 12.0)
+
+
 def test_a_device_takes_the_place_of_the_folder() -> None:
     node = camera_node(GraphSettings(rig=Path('rig.yaml'), device='/dev/video0'))
     assert node.parameters['device'] == '/dev/video0'
