@@ -62,6 +62,11 @@ def command(
 
     Example: ./porotwin demo --minutes 20
     """
+    from porotwin_rig.session import parse_pace
+    from porotwin_solver.model import setting_of
+
+    parse_pace(speed)
+    setting_of(setting)
     started = time.monotonic()
     folder = run_folder(output, 'demo')
     say(f'demo: {minutes:g} min of the small rig, into {folder}')

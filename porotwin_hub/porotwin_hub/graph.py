@@ -152,9 +152,9 @@ def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
 
 
 def live_graph(settings: GraphSettings) -> list[NodeDescription]:
-    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps."""
-    return [
-        *twin_nodes(settings),
-        operator_node(settings, asset=True),
-        camera_node(settings),
-    ]
+    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
+
+    Without a source of photographs there is no camera: they are replayed from a bag.
+    """
+    camera = [camera_node(settings)] if settings.photos is not None or settings.device else []
+    return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]

@@ -77,6 +77,12 @@ def test_a_device_takes_the_place_of_the_folder() -> None:
     assert 'photos' not in node.parameters
 
 
+def test_a_replay_takes_the_place_of_the_camera() -> None:
+    names = {node.name for node in live_graph(GraphSettings(rig=Path('rig.yaml')))}
+    assert 'operator' in names
+    assert 'camera' not in names
+
+
 def test_the_papers_rig_can_be_controlled() -> None:
     rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     limits = Limits.of(rig)
