@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -203,7 +204,8 @@ class HubNode(Node):
         cycle = self._twin.decide(observation, refreshed.measured, steer=steer)
         cycle.durations['cycle'] = time.perf_counter() - begun
         if not steer and self._limits is not None:
-            cycle.remarks.append(f'no setpoint: the photograph was taken {late:.0f} s ago')
+            age = timedelta(seconds=round(late))
+            cycle.remarks.append(f'no setpoint: the photograph was taken {age} ago (h:mm:ss)')
         if cycle.setpoint is not None:
             self._send(cycle.setpoint, refreshed.state, cycle)
         self._twin.look_ahead(cycle)
