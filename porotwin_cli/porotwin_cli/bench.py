@@ -11,6 +11,7 @@ from porotwin_core.errors import InputError
 BENCHES = {
     'imaging': 'porotwin_imaging.bench',
     'solver': 'porotwin_solver.bench',
+    'costa': 'porotwin_cli.bench_costa',
     'loop': 'porotwin_cli.bench_loop',
     'diagnosis': 'porotwin_diagnosis.bench',
 }

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output import Json, print_json, progress, refuse_existing, say
+from porotwin_cli.output import Json, print_json, progress, refuse_existing
 
 
 def import_command(
@@ -54,4 +54,4 @@ def _report(output: Path, as_json: bool) -> None:
     if as_json:
         print_json({'output': output, 'maps': maps, 'photographs': photographs})
     else:
-        say(f'{output}: {maps} maps, {photographs} photographs')
+        print(f'{output}: {maps} maps, {photographs} photographs')

@@ -1,6 +1,7 @@
 """./porotwin demo: the paper's control experiment in a closed loop on a virtual rig."""
 
 import os
+import threading
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,6 +31,9 @@ PRODUCER_DELIVERY = 0.99
 STALL_S = 120.0
 """No cycle for so long means that the graph stands still."""
 
+LAST_REPORT_S = 10.0
+"""Longest wait for the report of the last photograph."""
+
 
 def command(
     minutes: Annotated[float, typer.Option(help='Length of the experiment.', min=1.0)] = 80.0,
@@ -58,6 +62,11 @@ def command(
 
     Example: ./porotwin demo --minutes 20
     """
+    from porotwin_rig.session import parse_pace
+    from porotwin_solver.model import setting_of
+
+    parse_pace(speed)
+    setting_of(setting)
     started = time.monotonic()
     folder = run_folder(output, 'demo')
     say(f'demo: {minutes:g} min of the small rig, into {folder}')
@@ -151,12 +160,15 @@ def _run_loop(
     # two demos on one machine must not hear each other
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
     newest = [time.monotonic()]
+    reported = threading.Event()
     with progress() as bar:
         task = bar.add_task('closed loop', total=photographs)
 
         def on_cycle(_: object) -> None:
             newest[0] = time.monotonic()
             bar.advance(task)
+            if bar.finished:
+                reported.set()
 
         with GraphWatch(on_cycle) as watch, GraphProcesses(nodes, folder, say=say) as graph:
             if settings.page:
@@ -168,6 +180,7 @@ def _run_loop(
                     raise WorkFailed(f'{name} cannot run: {why}')
                 if time.monotonic() - newest[0] > STALL_S:
                     raise WorkFailed(f'no cycle for {STALL_S:g} s; see {folder / "log"}')
+            reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
             time.sleep(1.0)  # let the recorder write what is still on its way
 
 

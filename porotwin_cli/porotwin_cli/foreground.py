@@ -9,6 +9,7 @@ from pathlib import Path
 import yaml
 
 from porotwin_cli.output import WorkFailed
+from porotwin_core.parent import PARENT
 from porotwin_hub.graph import NAMESPACE, Parameter
 
 
@@ -25,7 +26,7 @@ def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
         file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', str(file)]
         command += ['-r', f'__ns:={NAMESPACE}', '-r', f'__node:={name}']
-        process = subprocess.Popen(command)
+        process = subprocess.Popen(command, env={**os.environ, PARENT: str(os.getpid())})
         while True:
             try:
                 status = process.wait()

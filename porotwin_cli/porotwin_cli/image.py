@@ -57,12 +57,12 @@ def command(
             else:
                 done.append({'time_s': photo.time, 'photo': photo.name, 'remarks': result.status})
             bar.advance(task)
-    if not done:
-        raise WorkFailed('no photograph could be used')
+        if not done:
+            raise WorkFailed('no photograph could be used')
     if as_json:
         print_json({'output': output, 'grid': str(on), 'maps': done, 'refused': refused})
     else:
-        say(f'{len(done)} maps on {on} in {output}, {len(refused)} photographs refused')
+        print(f'{len(done)} maps on {on} in {output}, {len(refused)} photographs refused')
 
 
 def _read(photo: 'Photo') -> bytes:

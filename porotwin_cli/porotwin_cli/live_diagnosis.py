@@ -18,6 +18,9 @@ from porotwin_msgs.msg import Outcome
 SEARCH_S = 10.0
 """Longest look for the graph's diagnosis node."""
 
+LAST_ANSWER_S = 2.0
+"""An answer given just before the node ended is here by then."""
+
 
 def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) -> Any:
     """Return the result of the action `diagnosis/diagnose` on the run so far, written to `output`.
@@ -25,7 +28,7 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     `progress` is told the stage and the share done. An interrupt calls the diagnosis off.
 
     Raises:
-        WorkFailed: no graph with a diagnosis node is running, or it refused.
+        WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it refused.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context = rclpy.Context()
@@ -42,15 +45,16 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
                 'and with the same ROS_DOMAIN_ID'
             )
         goal = Diagnose.Goal(output=str(output.resolve()))
-        handle = _awaited(
+        awaited = _Patience(client)
+        handle = awaited(
             client.send_goal_async(
                 goal, lambda message: progress(message.feedback.stage, message.feedback.fraction)
             )
         )
         try:
-            result = _awaited(handle.get_result_async()).result
+            result = awaited(handle.get_result_async()).result
         except KeyboardInterrupt:
-            _awaited(handle.cancel_goal_async())
+            awaited(handle.cancel_goal_async())
             raise
     finally:
         client.destroy()
@@ -67,9 +71,16 @@ def _spin(executor: SingleThreadedExecutor) -> None:
         return
 
 
-def _awaited(future: Any) -> Any:
-    done = threading.Event()
-    future.add_done_callback(lambda _: done.set())
-    while not done.wait(0.2):  # short waits leave room for an interrupt
-        pass
-    return future.result()
+class _Patience:
+    """Waits for answers of an action server, no longer than it is there."""
+
+    def __init__(self, client: ActionClient) -> None:
+        self._client = client
+
+    def __call__(self, future: Any) -> Any:
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        while not done.wait(0.2):  # short waits leave room for an interrupt
+            if not self._client.server_is_ready() and not done.wait(LAST_ANSWER_S):
+                raise WorkFailed('the graph ended before its diagnosis was done')
+        return future.result()

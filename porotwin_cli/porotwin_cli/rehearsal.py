@@ -40,7 +40,7 @@ TRAINING_WELLS = (
 """Of each training experiment: the well that injects tracer, and the one that injects water."""
 
 
-def _balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Schedule:
+def balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Schedule:
     """Return the schedule of (time [s], well, rate [ml/h], concentration), balanced."""
     told: list[ScheduleRow] = []
     current: dict[str, float] = {}
@@ -57,7 +57,7 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     make_experiment(
         folder / 'calibration_run',
         rig,
-        told=_balanced([(0.0, 'injector', 500.0, 1.0)], 'producer'),
+        told=balanced([(0.0, 'injector', 500.0, 1.0)], 'producer'),
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,
@@ -77,16 +77,24 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     return folder / 'calibration' / 'calibration.yaml'
 
 
+def training_schedules() -> list[Schedule]:
+    """Return what is pumped in the training experiments on the small rig, `TRAINING_MINUTES` long.
+
+    The strongest pumping is among them: beyond what it has seen, COSTA holds back.
+    """
+    half = TRAINING_MINUTES * 30.0
+    return [
+        balanced([(0.0, tracer, 500.0, 1.0), (half, water, 500.0, 0.0)], 'producer')
+        for tracer, water in TRAINING_WELLS
+    ]
+
+
 def training_runs(
     rig: Rig, folder: Path, *, photo_interval: float, seed: int, photo_width: int
 ) -> list[Path]:
     """Photograph experiments with other schedules than the one to come; return their folders."""
-    jobs = []
-    for number, (tracer, water) in enumerate(TRAINING_WELLS, 1):
-        # the strongest pumping is among them: beyond what it has seen, COSTA holds back
-        half = TRAINING_MINUTES * 30.0
-        rows = [(0.0, tracer, 500.0, 1.0), (half, water, 500.0, 0.0)]
-        jobs.append((folder / f'training_run_{number}', _balanced(rows, 'producer')))
+    schedules = enumerate(training_schedules(), 1)
+    jobs = [(folder / f'training_run_{number}', told) for number, told in schedules]
     with ProcessPoolExecutor() as pool, progress() as bar:
         made = [
             pool.submit(

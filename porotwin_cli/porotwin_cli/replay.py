@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.foreground import run_node
+from porotwin_cli.output import Json, print_json
 from porotwin_core.errors import InputError
 from porotwin_hub.graph import Parameter
 
@@ -18,6 +19,7 @@ def command(
     topics: Annotated[
         str, typer.Option(help="Names, 'inputs' (what came from the rig), or 'all'.")
     ] = 'inputs',
+    as_json: Json = False,
 ) -> None:
     """Play a bag into the graph: photographs and measured rates as if they came from the rig.
 
@@ -33,3 +35,5 @@ def command(
         'topics': topics,
     }
     run_node('porotwin_recording.player_node', 'player', parameters)
+    if as_json:
+        print_json(parameters)

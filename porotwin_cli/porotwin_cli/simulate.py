@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from porotwin_cli.output import Json, print_json, progress, say
+from porotwin_cli.output import Json, print_json, progress
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 
@@ -52,7 +52,7 @@ def command(
     if as_json:
         print_json({'output': output, 'grid': str(on), 'frames': len(moments), 'setting': setting})
     else:
-        say(f'{len(moments)} maps on {on} in {output}')
+        print(f'{len(moments)} maps on {on} in {output}')
 
 
 def _parse_times(text: str) -> np.ndarray:

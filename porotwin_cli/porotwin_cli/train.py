@@ -59,4 +59,4 @@ def command(
         print_json({'output': output, **model.provenance})
     else:
         left = model.provenance['unexplained_share']
-        say(f'{output}: explains {1 - left:.0%} of the residual on pairs kept aside')
+        print(f'{output}: explains {1 - left:.0%} of the residual on pairs kept aside')

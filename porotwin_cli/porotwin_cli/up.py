@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output import WorkFailed, say
+from porotwin_cli.output import Json, print_json, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import Rig, load_rig
 from porotwin_hub.graph import GraphSettings, live_graph
 from porotwin_hub.processes import GraphProcesses
 
@@ -24,6 +24,9 @@ def command(
     rig: Annotated[Path, typer.Option(help='rig.yaml, or a folder with one.')],
     photos: Annotated[Path | None, typer.Option(help='Folder to watch for photographs.')] = None,
     camera: Annotated[str, typer.Option(help='Camera device, such as /dev/video0.')] = '',
+    replay: Annotated[
+        bool, typer.Option('--replay', help='Photographs and time from ./porotwin replay.')
+    ] = False,
     page: Annotated[str, typer.Option(help='HOST:PORT of the page; empty: none.')] = (
         '127.0.0.1:8765'
     ),
@@ -46,6 +49,7 @@ def command(
         bool, typer.Option(help='Offer a diagnosis of the run so far: ./porotwin diagnose --live.')
     ] = True,
     output: Annotated[Path | None, typer.Option(help='Folder for bag and logs.')] = None,
+    as_json: Json = False,
 ) -> None:
     """Start the twin: photographs in, maps, predictions and setpoints out, everything recorded.
 
@@ -53,14 +57,18 @@ def command(
     """
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
-    if (photos is None) == (not camera):
-        raise InputError('name either --photos FOLDER or --camera DEVICE')
+    if [photos is not None, bool(camera), replay].count(True) != 1:
+        raise InputError('name either --photos FOLDER or --camera DEVICE, or --replay for a bag')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:
         raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
-    if grid:
+    on = (
         Grid.parse(grid, description.width_m, description.height_m)
+        if grid
+        else description.default_grid()
+    )
+    _refuse_early(description, on, setting, calibration, model, page)
     folder = run_folder(output, 'up')
     settings = GraphSettings(
         rig=rig_file.resolve(),
@@ -78,16 +86,43 @@ def command(
         diagnoses=folder / 'diagnoses' if diagnosis else None,
         page=page,
         speak=speak,
+        use_sim_time=replay,
     )
     _run(settings, folder)
+    if as_json:
+        print_json({'output': folder, 'bag': settings.record, 'logs': folder / 'log'})
+    else:
+        print(f'recorded in {settings.record}')
+
+
+def _refuse_early(
+    rig: Rig, grid: Grid, setting: str, calibration: Path | None, model: Path | None, page: str
+) -> None:
+    """Ask of each argument what its node will ask, before any node starts.
+
+    Raises:
+        InputError: an argument that a node would refuse.
+    """
+    from porotwin_costa.model import CorrectiveModel
+    from porotwin_imaging.calibration import load_calibration
+    from porotwin_page.address import listen
+    from porotwin_solver.model import setting_of
+
+    setting_of(setting)
+    if calibration is not None:
+        load_calibration(calibration)
+    if model is not None:
+        CorrectiveModel.load(model).for_wells(tuple(rig.wells), grid)
+    if page:
+        listen(page).close()
 
 
 def _run(settings: GraphSettings, folder: Path) -> None:
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph takes it for other ends too
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    say(f'twin of {settings.rig}, photographs from {settings.photos or settings.device}')
+    source = settings.photos or settings.device or './porotwin replay'
+    say(f'twin of {settings.rig}, photographs from {source}')
     if settings.page:
         say(f'page: http://{settings.page}')
     say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
@@ -95,5 +130,5 @@ def _run(settings: GraphSettings, folder: Path) -> None:
         while not stop.wait(0.5):
             lost = [name for name in NEEDED if name in graph.failed]
             if lost:
-                raise WorkFailed(f'{lost[0]} cannot run: {graph.failed[lost[0]]}')
+                raise InputError(f'{lost[0]} cannot run: {graph.failed[lost[0]]}')
     say('stopped')

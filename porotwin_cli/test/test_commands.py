@@ -1,17 +1,24 @@
 """The commands as a user types them: results, help, and one line for what is wrong."""
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
+from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import netCDF4
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from porotwin_cli import bench_costa, live_diagnosis
 from porotwin_cli.app import app
+from porotwin_cli.output import WorkFailed
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
@@ -81,7 +88,9 @@ def test_simulate_with_an_effect_differs(experiment: Path, tmp_path: Path) -> No
     effect = 'rate:well=injector,factor=0.5'
     for name, extra in (('plain', []), ('weak', ['--effect', effect])):
         arguments = ['--output', tmp_path / f'{name}.nc', '--times', '0:180:90', *extra]
-        assert porotwin('simulate', experiment, *arguments).returncode == 0
+        result = porotwin('simulate', experiment, *arguments)
+        assert result.returncode == 0
+        assert '3 maps on 94x56' in result.stdout
     masses = []
     for name in ('plain', 'weak'):
         with netCDF4.Dataset(tmp_path / f'{name}.nc') as dataset:
@@ -125,7 +134,9 @@ def test_image_goes_on_without_photographs_that_cannot_be_used(
 
 
 def test_a_folder_survives_the_way_through_a_bag(experiment: Path, tmp_path: Path) -> None:
-    assert porotwin('import', experiment, tmp_path / 'bag').returncode == 0
+    imported = porotwin('import', experiment, tmp_path / 'bag')
+    assert imported.returncode == 0
+    assert '7 photographs' in imported.stdout
     result = porotwin('export', tmp_path / 'bag', tmp_path / 'again', '--json')
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)['photographs'] == 7
@@ -141,6 +152,7 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
     common = ['--grid', '94x56', '--setting', 'upwind', '--architecture', 'local', '--epochs', '2']
     trained = porotwin('train', experiment, '--rig', rig, '--output', tmp_path / 'm', *common)
     assert trained.returncode == 0, trained.stderr
+    assert 'of the residual' in trained.stdout
     arguments = ['--setting', 'upwind', '--output', tmp_path / 'evaluation', '--json']
     result = porotwin('evaluate', tmp_path / 'm', experiment, *arguments)
     assert result.returncode == 0, result.stderr
@@ -181,10 +193,76 @@ def test_an_unknown_effect_or_grid_is_refused(experiment: Path, tmp_path: Path) 
     assert not (tmp_path / 'x.nc').exists()
 
 
+@pytest.mark.parametrize(
+    ('arguments', 'named'),
+    [
+        (['--setting', 'typo'], "'typo'"),
+        (['--calibration', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['--model', 'nowhere'], 'nowhere'),
+        (['--page', 'somewhere'], "'somewhere'"),
+        (['--grid', 'huge'], "'huge'"),
+    ],
+)
+def test_up_refuses_what_a_node_would_refuse_before_it_starts_one(
+    arguments: list[str], named: str, experiment: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / 'up'
+    common = ['--rig', experiment / 'rig.yaml', '--photos', experiment, '--output', output]
+    result = porotwin('up', *common, *arguments)
+    assert result.returncode == 2, result.stderr
+    assert named in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not output.exists()
+
+
+@pytest.mark.parametrize('arguments', [['--speed', 'abc'], ['--speed', '-1'], ['--setting', 'abc']])
+def test_demo_refuses_before_it_works(arguments: list[str], tmp_path: Path) -> None:
+    result = porotwin('demo', '--output', tmp_path / 'demo', *arguments)
+    assert result.returncode == 2, result.stderr
+    assert f"'{arguments[1]}'" in result.stderr
+    assert not (tmp_path / 'demo').exists()
+
+
+@pytest.mark.graph
+def test_record_counts_what_it_recorded(tmp_path: Path) -> None:
+    arguments = ['record', '--output', tmp_path / 'bag', '--json']
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'porotwin_cli', *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(1 + os.getpid() % 100)},
+    )
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob('bag/*.mcap')) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal's Ctrl-C
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    assert json.loads(output)['messages'] >= 0
+
+
+def test_a_live_diagnosis_does_not_outwait_the_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_diagnosis, 'LAST_ANSWER_S', 0.1)
+    server = SimpleNamespace(server_is_ready=lambda: False)
+    with pytest.raises(WorkFailed, match='the graph ended'):
+        live_diagnosis._Patience(server)(Future())
+
+
+@pytest.mark.slow
+def test_costa_can_be_measured() -> None:
+    (row,) = bench_costa.run(minutes=4.0, epochs=2, settings=('upwind',))
+    assert 0.0 < row['with COSTA'] <= 1.5 * row['one step']
+
+
 def test_up_wants_exactly_one_source_of_photographs(experiment: Path) -> None:
     result = porotwin('up', '--rig', experiment / 'rig.yaml')
     assert result.returncode == 2
     assert 'either --photos FOLDER or --camera DEVICE' in result.stderr
+    both = porotwin('up', '--rig', experiment / 'rig.yaml', '--photos', experiment, '--replay')
+    assert both.returncode == 2
 
 
 def test_diagnose_wants_recordings_or_the_running_twin(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, Si
 from rclpy.node import Node
 
 from porotwin_core.errors import InputError
+from porotwin_core.parent import end_with_parent
 
 
 def declare(node: Node, name: str, default: Any, description: str) -> Any:
@@ -53,6 +54,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     Callbacks run on `threads` threads. A mistake in the parameters ends the process with status 2
     and one line.
     """
+    end_with_parent()
     rclpy.init()
     executor = (
         SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads)

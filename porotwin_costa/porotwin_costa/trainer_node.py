@@ -31,6 +31,9 @@ from porotwin_msgs.srv import Predict, Residual
 _PART = 10
 """Pairs that are written together; a crash costs one fewer at most."""
 
+SILENCE_S = 300.0
+"""A training that has not reported an epoch for so long is lost [s]."""
+
 
 class TrainerNode(Node):
     """Client of the asset, the solver and COSTA."""
@@ -59,6 +62,7 @@ class TrainerNode(Node):
         self._pair: Pair | None = None
         self._training_due = False
         self._training = False
+        self._training_heard = 0.0
         self._asked: Future | None = None
         self._asked_at = 0.0
         self._predict = self.create_client(Predict, 'solver/predict')
@@ -116,8 +120,16 @@ class TrainerNode(Node):
 
     def _on_timer(self) -> None:
         self._next()
+        self._give_up_lost_training()
         if self._training_due and not self._training and self._train.server_is_ready():
             self._retrain()
+
+    def _give_up_lost_training(self) -> None:
+        """Ask again for a training whose node is gone: its result will never come."""
+        silence = time.monotonic() - self._training_heard
+        if self._training and (silence > SILENCE_S or not self._train.server_is_ready()):
+            self.get_logger().warning('costa went away while it trained; asking again')
+            self._training_due, self._training = True, False
 
     def _next(self) -> None:
         """Ask for the next pair's prediction, unless the solver is absent or still thinking."""
@@ -189,13 +201,18 @@ class TrainerNode(Node):
 
     def _retrain(self) -> None:
         self._training_due, self._training = False, True
+        self._on_feedback()
         goal = Train.Goal(
             dataset=str(self._dataset),
             output=self._output,
             architecture=self._architecture,
             seed=self._seed,
         )
-        self._train.send_goal_async(goal).add_done_callback(self._on_goal_answer)
+        asked = self._train.send_goal_async(goal, self._on_feedback)
+        asked.add_done_callback(self._on_goal_answer)
+
+    def _on_feedback(self, _: Any = None) -> None:
+        self._training_heard = time.monotonic()
 
     def _on_goal_answer(self, future: Future) -> None:
         handle = future.result()

@@ -25,8 +25,10 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porot
 from rclpy.action import ActionClient  # noqa: E402
 from rclpy.callback_groups import ReentrantCallbackGroup  # noqa: E402
 from rclpy.executors import MultiThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 
 from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_costa import trainer_node  # noqa: E402
 from porotwin_msgs.action import Train  # noqa: E402
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates  # noqa: E402
 from porotwin_msgs.srv import (  # noqa: E402
@@ -353,6 +355,41 @@ def test_trainer_collects_pairs_and_has_costa_trained(
     corrective = CorrectiveModel.load(output)
     assert corrective.provenance['samples'] in (20, 24)
     assert 'Traceback' not in report
+
+
+class LostTraining:
+    """Stands for the action client: `ready`, and the goals it was given."""
+
+    def __init__(self) -> None:
+        self.ready = True
+        self.goals: list[Any] = []
+
+    def server_is_ready(self) -> bool:
+        return self.ready
+
+    def send_goal_async(self, goal: Any, feedback: Callable) -> Any:
+        self.goals.append(goal)
+        return rclpy.task.Future()  # it never comes
+
+
+def test_a_training_that_costa_took_with_it_is_asked_for_again(client, rig_file, monkeypatch):
+    monkeypatch.setattr(trainer_node, 'ActionClient', lambda *_: LostTraining())
+    overrides = [Parameter('rig', value=str(rig_file)), Parameter('grid', value='30x20')]
+    node = trainer_node.TrainerNode(context=client.context, parameter_overrides=overrides)
+    node._training_due = True
+    node._on_timer()
+    node._on_timer()
+    assert len(node._train.goals) == 1
+    node._train.ready = False
+    node._on_timer()
+    node._train.ready = True
+    node._on_timer()
+    assert len(node._train.goals) == 2
+    # started again before anybody saw it gone
+    node._training_heard -= trainer_node.SILENCE_S + 1.0
+    node._on_timer()
+    assert len(node._train.goals) == 3
+    node.destroy_node()
 
 
 def test_wrong_parameters_end_the_node_with_one_line(domain, rig_file, tmp_path):

@@ -26,12 +26,22 @@ def _spoken_name(well: str) -> str:
 
 def announce(sequence: int, rates: WellRates, before: WellRates) -> Announcement:
     """Return the words for `rates` [m^3/s] after `before`; every rate in ml/h."""
+    return _words(f'setpoint {sequence}', '', rates, before)
+
+
+def announce_expiry(sequence: int, safe: WellRates, before: WellRates) -> Announcement:
+    """Return the words for a setpoint that has no successor: the `safe` rates [m^3/s] hold now."""
+    title = f'setpoint {sequence} has expired and none followed; the safe rates hold'
+    return _words(title, f'Setpoint {sequence} has expired. ', safe, before)
+
+
+def _words(title: str, opening: str, rates: WellRates, before: WellRates) -> Announcement:
     changed = tuple(
         well
         for well, rate in rates.items()
         if abs(to_ml_h(rate.rate - before.get(well, WellRate()).rate)) > CHANGE_ML_H
     )
-    lines = [f'setpoint {sequence}']
+    lines = [title]
     for well, rate in rates.items():
         value = to_ml_h(rate.rate)
         line = f'  {well:12} {value:8.1f} ml/h'
@@ -39,5 +49,5 @@ def announce(sequence: int, rates: WellRates, before: WellRates) -> Announcement
             line += f'   <-- was {to_ml_h(before.get(well, WellRate()).rate):.1f}'
         lines.append(line)
     spoken = [f'{_spoken_name(well)}: {to_ml_h(rates[well].rate):.0f}' for well in changed]
-    speech = f'Set {", ".join(spoken)}.' if spoken else 'No change.'
+    speech = opening + (f'Set {", ".join(spoken)}.' if spoken else 'No change.')
     return Announcement('\n'.join(lines), speech.replace(': -', ': minus '), changed)

@@ -5,8 +5,10 @@ turns any numbers into rates that keep them, and `Limits.violations` is asked ag
 leave the hub.
 """
 
+import contextlib
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sized
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +25,9 @@ PUMP_STEP_ML_H = 0.1
 
 TOLERANCE = from_ml_h(1e-6)
 """Round-off allowed in sums of rates [m^3/s]."""
+
+CONCENTRATION_TOLERANCE = 1e-6
+"""Round-off allowed in injected concentrations."""
 
 CostFn = Callable[[WellRates], float]
 """The cost of pumping some rates; raises when it cannot be known."""
@@ -108,6 +113,7 @@ class Limits:
                 f'control wells inject {to_ml_h(math.fsum(control)):.1f} ml/h together, '
                 f'more than {to_ml_h(self.max_total_rate):.1f} ml/h'
             )
+        lines += self._in_the_wrong_role(rates)
         for name, well in self.fixed.items():
             if abs(rates.get(name, WellRate()).rate - well.rate) > TOLERANCE:
                 lines.append(f"well '{name}' must stay at {to_ml_h(well.rate):.1f} ml/h")
@@ -116,6 +122,26 @@ class Limits:
                 f'{to_ml_h(net_rate(rates)):.1f} ml/h more is injected than produced; '
                 'the net rate must be zero'
             )
+        return lines
+
+    def _in_the_wrong_role(self, rates: WellRates) -> list[str]:
+        """Return a line for every idle well that pumps, and every well that injects another fluid.
+
+        Tracer comes from the fixed wells only; what the twin may choose is water.
+        """
+        lines = []
+        for name, well in rates.items():
+            if abs(well.rate) <= TOLERANCE or name not in self.all_wells:
+                continue
+            if name != self.producer and name not in self.wells and name not in self.fixed:
+                lines.append(
+                    f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but control gives it no role"
+                )
+            fluid = self.fixed.get(name, WellRate()).concentration
+            if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
+                lines.append(
+                    f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
+                )
         return lines
 
 
@@ -129,24 +155,58 @@ class Decision:
     evaluations: int
 
 
-def optimise(limits: Limits, cost: CostFn, previous: WellRates, *, evaluations: int) -> Decision:
+class _OutOfTimeError(Exception):
+    """The time for an optimisation is over."""
+
+
+def optimise(
+    limits: Limits,
+    cost: CostFn,
+    previous: WellRates,
+    *,
+    evaluations: int,
+    patience: float = math.inf,
+) -> Decision:
     """Return the rates of least cost that COBYLA (Powell 1994) finds within the limits.
 
     It starts from the best of the previous rates, no control, and each control well alone at its
     maximum, since the cost has several valleys. What is returned is the best point that was
     evaluated, not the last: COBYLA may end on a worse one. Every evaluated point is a setpoint
-    that keeps the limits, rounded as the pumps will round it.
+    that keeps the limits, rounded as the pumps will round it. After `patience` [s of wall time] no
+    further point is evaluated; the previous rates always are.
     """
+    deadline = time.monotonic() + patience
     seen: dict[tuple[float, ...], float] = {}
 
     def cost_of(control_rates: FloatArray) -> float:
         rates = limits.setpoint(control_rates)
         key = tuple(limits.control_rates(rates))
         if key not in seen:
+            if seen and time.monotonic() > deadline:
+                raise _OutOfTimeError
             seen[key] = cost(rates)
         return seen[key]
 
-    unchanged = limits.control_rates(previous)
+    unchanged = cost_of(limits.control_rates(previous))
+    with contextlib.suppress(_OutOfTimeError):
+        _search(limits, cost_of, limits.control_rates(previous), seen, evaluations)
+    best = min(seen, key=lambda key: seen[key])
+    return Decision(
+        rates=limits.setpoint(np.array(best)),
+        cost=seen[best],
+        cost_unchanged=unchanged,
+        evaluations=len(seen),
+    )
+
+
+def _search(
+    limits: Limits,
+    cost_of: Callable[[FloatArray], float],
+    unchanged: FloatArray,
+    seen: Sized,
+    evaluations: int,
+) -> None:
+    """Evaluate the starts, then what COBYLA asks for from the best of them."""
     starts = [
         unchanged,
         np.zeros(len(limits.wells)),
@@ -168,10 +228,3 @@ def optimise(limits: Limits, cost: CostFn, previous: WellRates, *, evaluations: 
             constraints=[*bounds, total],
             options={'rhobeg': 0.25, 'tol': 2e-3, 'maxiter': remaining},
         )
-    best = min(seen, key=lambda key: seen[key])
-    return Decision(
-        rates=limits.setpoint(np.array(best)),
-        cost=seen[best],
-        cost_unchanged=costs[0],
-        evaluations=len(seen),
-    )

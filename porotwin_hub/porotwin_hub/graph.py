@@ -87,9 +87,17 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         ),
     ]
     if settings.retrain_every > 0:
-        every: dict[str, Parameter] = {'retrain_every': settings.retrain_every}
         nodes.append(
-            NodeDescription('trainer', 'porotwin_costa', 'trainer_node', {**mapped, **every})
+            NodeDescription(
+                'trainer',
+                'porotwin_costa',
+                'trainer_node',
+                {
+                    **mapped,
+                    'photo_interval_s': settings.photo_interval_s,
+                    'retrain_every': settings.retrain_every,
+                },
+            )
         )
     if settings.record is not None:
         nodes.append(
@@ -148,9 +156,9 @@ def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
 
 
 def live_graph(settings: GraphSettings) -> list[NodeDescription]:
-    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps."""
-    return [
-        *twin_nodes(settings),
-        operator_node(settings, asset=True),
-        camera_node(settings),
-    ]
+    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
+
+    Without a source of photographs there is no camera: they are replayed from a bag.
+    """
+    camera = [camera_node(settings)] if settings.photos is not None or settings.device else []
+    return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]

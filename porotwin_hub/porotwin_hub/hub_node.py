@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -24,6 +25,7 @@ from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import WellRate
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.control import Limits
+from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.objective import Objective
 from porotwin_hub.twin import Cycle, ModelUnavailable, Observation, SetpointDecision, Twin
 from porotwin_msgs.msg import (
@@ -47,6 +49,7 @@ class Refreshed:
 
     state: NewState
     measured: dict[str, WellRate] | None
+    arrival: float
 
 
 class HubNode(Node):
@@ -66,6 +69,7 @@ class HubNode(Node):
         control = declare(self, 'control', True, 'choose setpoints when rig.yaml allows it')
         self._limits = Limits.of(rig) if control and rig.control is not None else None
         self._known_wells = set(rig.wells)
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._twin = self._make_twin(rig)
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
@@ -84,17 +88,24 @@ class HubNode(Node):
 
     def _make_twin(self, rig: Rig) -> Twin:
         timeout = declare(self, 'model_timeout_s', 20.0, 'longest wait for a model [s]')
+        interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
         self._call = Caller(self, timeout=timeout)
-        return Twin(
+        twin = Twin(
             PhysicsModelClient(self._call, self._grid),
             DataDrivenModelClient(self._call, self._grid),
             self._grid,
-            photo_interval=declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]'),
+            photo_interval=interval,
             horizon=declare(self, 'horizon_s', 600.0, 'how far the optimiser looks ahead [s]'),
             evaluations=declare(self, 'evaluations', 60, 'predictions per optimisation'),
             limits=self._limits,
             objective=Objective(rig, self._grid) if self._limits is not None else None,
+            # simulated time waits for the twin, and the result must not depend on the machine
+            patience=math.inf if self._simulated else 0.5 * interval,
         )
+        self._photographs = PhotographClock(interval=interval, validity=twin.validity)
+        # time since 1970 that goes on steadily when this machine's clock is set
+        self._epoch = time.time() - time.monotonic()
+        return twin
 
     def _make_topics(self) -> None:
         self._rig_publisher = self.create_publisher(RigDescription, 'rig/description', qos.CONFIG)
@@ -139,7 +150,8 @@ class HubNode(Node):
         with self._matching:
             for sequence in [n for n in self._complete if n in self._arrived]:
                 self._complete.remove(sequence)
-                self._states.put(Refreshed(self._arrived.pop(sequence), self._measured))
+                arrival = self._epoch + time.monotonic()
+                self._states.put(Refreshed(self._arrived.pop(sequence), self._measured, arrival))
             for sequence in [*self._arrived][:-REMEMBERED]:
                 del self._arrived[sequence]
 
@@ -160,7 +172,7 @@ class HubNode(Node):
     def _follow(self, stamp: float) -> None:
         """Make the loop forget what a state at `stamp` [s] does not follow from."""
         if stamp <= self._last_stamp:
-            self._twin.interrupt()
+            self._twin.begin_anew()
             self.get_logger().warning(f'time went back to {stamp:.3f} s: beginning anew')
             self._last_stamp = -math.inf
         early: list[CleanState] = []
@@ -186,11 +198,29 @@ class HubNode(Node):
             )
         stamp = conversions.time_from_msg(refreshed.state.header.stamp)
         self._follow(stamp)
-        cycle = self._twin.cycle(Observation(stamp, concentration), refreshed.measured)
+        late = self._lateness(stamp, refreshed.arrival)
+        steer = late <= self._twin.validity
+        observation = Observation(stamp, concentration)
+        cycle = self._twin.decide(observation, refreshed.measured, steer=steer)
+        cycle.durations['cycle'] = time.perf_counter() - begun
+        if not steer and self._limits is not None:
+            age = timedelta(seconds=round(late))
+            cycle.remarks.append(f'no setpoint: the photograph was taken {age} ago (h:mm:ss)')
+        if cycle.setpoint is not None:
+            self._send(cycle.setpoint, refreshed.state, cycle)
+        self._twin.look_ahead(cycle)
+        if cycle.setpoint is None:
+            cycle.durations['cycle'] = time.perf_counter() - begun
         if skipped:
             cycle.remarks.append(f'{skipped} older states skipped: cycles are slower than photos')
-        cycle.durations['cycle'] = time.perf_counter() - begun
         self._publish(cycle, refreshed.state)
+
+    def _lateness(self, stamp: float, arrival: float) -> float:
+        """Return how long ago a photograph was taken [s]; 0 in simulated time, which waits."""
+        if self._simulated:
+            return 0.0
+        waited = self._epoch + time.monotonic() - arrival
+        return self._photographs.lateness(stamp, arrival) + waited
 
     def _publish(self, cycle: Cycle, state: NewState) -> None:
         if cycle.forecast is not None:
@@ -201,8 +231,6 @@ class HubNode(Node):
                 publisher.publish(
                     conversions.tracer_to_msg(values, self._grid, cycle.forecast.time)
                 )
-        if cycle.setpoint is not None:
-            self._send(cycle.setpoint, state, cycle)
         self._report.publish(self._report_of(cycle, state))
         level = DiagnosticStatus.WARN if cycle.remarks else DiagnosticStatus.OK
         summary = '; '.join(cycle.remarks) or f'state {state.sequence} done'
@@ -223,6 +251,8 @@ class HubNode(Node):
             wells=conversions.rates_to_msg(decision.rates),
             reason=decision.reason,
         )
+        # what was measured or confirmed so far was pumped before this
+        self._measured = None
         self._setpoint.publish(message)
         try:
             send_control(self._call, message)

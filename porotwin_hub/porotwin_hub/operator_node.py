@@ -18,13 +18,16 @@ from porotwin_core.errors import InputError
 from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
 from porotwin_core.wells import WellRate
-from porotwin_hub.announcement import announce
+from porotwin_hub.announcement import Announcement, announce, announce_expiry
 from porotwin_hub.control import Limits
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control, Ping
 
 REMEMBERED = 100
 """Setpoints that can still be confirmed."""
+
+EXPIRY_PERIOD_S = 1.0
+"""How often the node looks whether the newest setpoint has expired [s]."""
 
 
 class Voice:
@@ -70,6 +73,8 @@ class OperatorNode(Node):
         if self._voice is not None and self._voice.program is None:
             self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
         self._asked: dict[int, dict[str, WellRate]] = {}
+        self._newest: dict[str, WellRate] = {}
+        self._expiry: tuple[int, float] | None = None
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
@@ -77,18 +82,56 @@ class OperatorNode(Node):
         if stands_for_asset:
             self.create_service(Control, 'asset/control', self._on_control)
             self.create_service(Ping, 'asset/ping', self._on_ping)
+        self.create_timer(EXPIRY_PERIOD_S, self._on_timer)
 
     def _on_setpoint(self, message: Setpoint) -> None:
         try:
-            rates = conversions.rates_from_msg(message.wells)
+            rates, validity = self._checked(message)
         except InputError as error:
             self.get_logger().error(f'setpoint {message.sequence} not shown: {error}')
             return
-        newest = next(reversed(self._asked.values()), {})
-        words = announce(message.sequence, rates, newest)
+        if message.sequence <= max(self._asked, default=0):
+            self._asked.clear()  # the hub was started again and counts from one
         self._asked[message.sequence] = rates
         while len(self._asked) > REMEMBERED:
             del self._asked[next(iter(self._asked))]
+        # from its arrival on: the photograph's stamp is by another clock
+        self._expiry = (message.sequence, self._now() + validity)
+        self._say(announce(message.sequence, rates, self._newest))
+        self._newest = rates
+
+    def _checked(self, message: Setpoint) -> tuple[dict[str, WellRate], float]:
+        """Return the rates of a setpoint and for how long they hold [s].
+
+        Raises:
+            InputError: rates or times are not valid, or break a limit of the rig.
+        """
+        rates = conversions.rates_from_msg(message.wells)
+        self._refuse_broken_limits(rates)
+        taken = conversions.time_from_msg(message.header.stamp)
+        until = conversions.time_from_msg(message.valid_until)
+        if until < taken:
+            raise InputError(f'valid until {until:.3f} s, before its photograph at {taken:.3f} s')
+        return rates, until - taken
+
+    def _refuse_broken_limits(self, rates: dict[str, WellRate]) -> None:
+        broken = self._limits.violations(rates) if self._limits is not None else []
+        if broken:
+            raise InputError('; '.join(broken))
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _on_timer(self) -> None:
+        """Say once that a setpoint has expired without a successor, and what holds now."""
+        if self._expiry is None or self._now() <= self._expiry[1]:
+            return
+        sequence, self._expiry = self._expiry[0], None
+        safe = self._limits.safe() if self._limits is not None else {}
+        self._say(announce_expiry(sequence, safe, self._newest))
+        self._newest = safe or self._newest
+
+    def _say(self, words: Announcement) -> None:
         print(words.text, flush=True)
         self._announcements.publish(String(data=words.speech))
         if self._voice is not None and words.changed:
@@ -125,10 +168,7 @@ class OperatorNode(Node):
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         try:
-            rates = conversions.rates_from_msg(request.setpoint.wells)
-            broken = self._limits.violations(rates) if self._limits is not None else []
-            if broken:
-                raise InputError('; '.join(broken))
+            self._checked(request.setpoint)
         except InputError as error:
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'setpoint {request.setpoint.sequence} refused: {error}')

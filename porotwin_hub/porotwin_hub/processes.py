@@ -3,6 +3,7 @@
 For machines without `ros2 launch`; it starts the same description.
 """
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,10 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, Self
+from typing import IO, Any, Self
 
 import yaml
 
+from porotwin_core.parent import PARENT
 from porotwin_hub.graph import NAMESPACE, NodeDescription
 
 RESTART_PAUSE_S = 1.0
@@ -31,6 +33,10 @@ class GraphProcesses:
 
     A node that dies is started again, unless it ended by itself with status 0 or said (status 2)
     that its parameters are wrong: that would only happen again.
+
+    A lost terminal and a polite kill end the graph as Ctrl-C does: within the context, SIGHUP and
+    SIGTERM have the handler of SIGINT. Should this process be killed, Linux ends the nodes
+    (`porotwin_core.parent`), so enter from a thread that lives as long as they do.
     """
 
     def __init__(
@@ -55,7 +61,13 @@ class GraphProcesses:
         self._folder = folder
         self._say = say
         self._show = set(show)
-        self._environment = {**os.environ, 'PYTHONUNBUFFERED': '1', **(environment or {})}
+        self._environment = {
+            **os.environ,
+            'PYTHONUNBUFFERED': '1',
+            PARENT: str(os.getpid()),
+            **(environment or {}),
+        }
+        self._handlers: dict[int, Any] = {}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._ending = threading.Event()
         self._watchers: list[threading.Thread] = []
@@ -65,25 +77,46 @@ class GraphProcesses:
     def __enter__(self) -> Self:
         (self._folder / 'log').mkdir(parents=True, exist_ok=True)
         for node in self._nodes:
-            self._start(node)
-            watcher = threading.Thread(target=self._watch, args=(node,), daemon=True)
-            watcher.start()
-            self._watchers.append(watcher)
+            self._write_parameters(node)
+        self._take_signals()
+        try:
+            for node in self._nodes:
+                self._start(node)
+                watcher = threading.Thread(target=self._watch, args=(node,), daemon=True)
+                watcher.start()
+                self._watchers.append(watcher)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
+        for number in self._handlers:  # a terminal that goes tells more than once
+            signal.signal(number, signal.SIG_IGN)
         self._ending.set()
-        for node in reversed(self._nodes):
-            process = self._processes[node.name]
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+        started = [node.name for node in reversed(self._nodes) if node.name in self._processes]
+        for name in started:
+            if self.running(name):
+                self._processes[name].send_signal(signal.SIGINT)
         deadline = time.monotonic() + END_PATIENCE_S
-        for process in self._processes.values():
+        for name in started:
             try:
-                process.wait(max(0.1, deadline - time.monotonic()))
+                self._processes[name].wait(max(0.1, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+                self._processes[name].kill()
+                self._processes[name].wait()
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def _take_signals(self) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return  # only the main thread may
+        interrupt = signal.getsignal(signal.SIGINT)
+        if not callable(interrupt):  # a shell's background job ignores Ctrl-C, but not these
+            interrupt = signal.default_int_handler
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:  # nohup wants it ignored
+                self._handlers[number] = signal.signal(number, interrupt)
 
     def log(self, name: str) -> Path:
         """Return the log file of a node."""
@@ -97,14 +130,18 @@ class GraphProcesses:
         """Return whether a node's process is there."""
         return self._processes[name].poll() is None
 
-    def _start(self, node: NodeDescription) -> None:
-        parameters = self._folder / 'log' / f'{node.name}.yaml'
-        parameters.write_text(
+    def _parameters(self, node: NodeDescription) -> Path:
+        return self._folder / 'log' / f'{node.name}.yaml'
+
+    def _write_parameters(self, node: NodeDescription) -> None:
+        self._parameters(node).write_text(
             yaml.safe_dump({'/**': {'ros__parameters': dict(node.parameters)}}), encoding='utf-8'
         )
+
+    def _start(self, node: NodeDescription) -> None:
         command = [sys.executable, '-m', node.module, '--ros-args']
         command += ['-r', f'__ns:={NAMESPACE}', '-r', f'__node:={node.name}']
-        command += ['--params-file', str(parameters)]
+        command += ['--params-file', str(self._parameters(node))]
         for source, target in node.remappings.items():
             command += ['-r', f'{source}:={target}']
         output: int | IO[bytes]
@@ -121,13 +158,24 @@ class GraphProcesses:
         if node.name in self._show:
             threading.Thread(target=self._tee, args=(node.name, process), daemon=True).start()
 
+    def _tell(self, text: str) -> None:
+        """Say it, unless nobody is there to hear it any more."""
+        with contextlib.suppress(OSError):
+            self._say(text)
+
     def _tee(self, name: str, process: subprocess.Popen[bytes]) -> None:
+        """Show and log what a node says; whatever happens, the pipe it says it into is emptied."""
         assert process.stdout is not None
-        with self.log(name).open('ab') as log:
-            for line in process.stdout:
-                log.write(line)
-                log.flush()
-                self._say(line.decode(errors='replace').rstrip())
+        log, told = self.log(name), False
+        for line in process.stdout:
+            self._tell(line.decode(errors='replace').rstrip())
+            try:
+                with log.open('ab') as file:
+                    file.write(line)
+            except OSError as error:
+                if not told:
+                    self._tell(f'{log} cannot be written ({error.strerror}); going on without')
+                told = True
 
     def _watch(self, node: NodeDescription) -> None:
         pause = RESTART_PAUSE_S
@@ -137,15 +185,15 @@ class GraphProcesses:
             if self._ending.is_set():
                 return
             if status == 0:
-                self._say(f'{node.name} has ended')
+                self._tell(f'{node.name} has ended')
                 return
             if status == 2:
                 self.failed[node.name] = self._last_line(node.name)
-                self._say(f'{node.name} cannot run: {self.failed[node.name]}')
+                self._tell(f'{node.name} cannot run: {self.failed[node.name]}')
                 return
             if time.monotonic() - started > 60.0:
                 pause = RESTART_PAUSE_S
-            self._say(f'{node.name} ended ({status}); starting it again in {pause:g} s')
+            self._tell(f'{node.name} ended ({status}); starting it again in {pause:g} s')
             if self._ending.wait(pause):
                 return
             pause = min(2 * pause, 60.0)

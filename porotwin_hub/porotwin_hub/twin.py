@@ -88,9 +88,14 @@ class SetpointDecision:
 
 @dataclass
 class Cycle:
-    """All that one observation led to."""
+    """All that one observation led to.
+
+    `state` is the observation with unseen cells filled in, `pumped` what was pumped before it.
+    """
 
     observation: Observation
+    state: FloatArray
+    pumped: WellRates
     prediction_error: float = math.nan
     corrected_error: float = math.nan
     disallowed_tracer: float = math.nan
@@ -108,7 +113,10 @@ def fill_unseen(observed: FloatArray, believed: FloatArray | None) -> FloatArray
 
 
 class Twin:
-    """State of the loop between two photographs; `cycle` advances it by one."""
+    """State of the loop between two photographs; `cycle` advances it by one.
+
+    `decide` and `look_ahead` are its halves, so that a setpoint need not wait for forecasts.
+    """
 
     def __init__(
         self,
@@ -122,6 +130,7 @@ class Twin:
         limits: Limits | None = None,
         objective: Objective | None = None,
         validity_intervals: int = 3,
+        patience: float = math.inf,
     ) -> None:
         """Make the loop.
 
@@ -135,6 +144,7 @@ class Twin:
             limits: of the wells; None: the twin predicts and does not control.
             objective: what the optimiser minimises; needed with `limits`.
             validity_intervals: for how many photo intervals a setpoint is good.
+            patience: how long one optimisation may take by the wall clock [s].
         """
         self._physics = physics
         self._data_driven = data_driven
@@ -144,7 +154,9 @@ class Twin:
         self._evaluations = evaluations
         self._limits = limits
         self._objective = objective
-        self._validity = validity_intervals * photo_interval
+        self._patience = patience
+        self.validity = validity_intervals * photo_interval
+        """How long a setpoint is good after its photograph [s]."""
         self._told: SetpointDecision | None = None
         self._believed: FloatArray | None = None
         self._state: Observation | None = None
@@ -156,30 +168,52 @@ class Twin:
         self._forecast = None
         self._believed = None
 
+    def begin_anew(self) -> None:
+        """Forget everything: time went back, so what was told belongs to another course of it."""
+        self.interrupt()
+        self._told = None
+
     def cycle(self, observation: Observation, measured: WellRates | None) -> Cycle:
-        """Return what follows from an observation.
+        """Return what follows from an observation: `decide`, then `look_ahead`."""
+        cycle = self.decide(observation, measured)
+        self.look_ahead(cycle)
+        return cycle
+
+    def decide(
+        self, observation: Observation, measured: WellRates | None, *, steer: bool = True
+    ) -> Cycle:
+        """Return the setpoint that follows from an observation.
 
         Args:
             observation: the state that the asset emitted.
             measured: what the wells pumped since the previous state; None: not known, so the last
                 setpoint is taken to have been followed.
+            steer: False for a state that is too old to act on: no setpoint follows from it.
 
         A model that does not answer is a remark of the cycle, never an exception: the setpoint is
         then the last one while it is valid, afterwards the safe rates.
         """
-        cycle = Cycle(observation)
-        pumped = measured if measured is not None else self._told_rates(observation.time)
-        self._judge(cycle, pumped)
-        state = fill_unseen(observation.concentration, self._believed)
+        cycle = Cycle(
+            observation,
+            state=fill_unseen(observation.concentration, self._believed),
+            pumped=measured if measured is not None else self._told_rates(observation.time),
+        )
         if self._objective is not None:
             cycle.disallowed_tracer = self._objective.disallowed_tracer(observation.concentration)
-        self._decide(cycle, state)
-        planned = cycle.setpoint.rates if cycle.setpoint is not None else pumped
-        self._look_ahead(cycle, state, planned)
-        self._state = Observation(observation.time, state)
-        self._forecast = cycle.forecast
-        self._believed = cycle.forecast.corrected if cycle.forecast is not None else state
+        if steer:
+            self._decide(cycle)
         return cycle
+
+    def look_ahead(self, cycle: Cycle) -> None:
+        """Judge the forecast made for the observation, and forecast the next photograph.
+
+        A model that does not answer is a remark of the cycle.
+        """
+        self._judge(cycle)
+        self._forecast_next(cycle)
+        self._state = Observation(cycle.observation.time, cycle.state)
+        self._forecast = cycle.forecast
+        self._believed = cycle.forecast.corrected if cycle.forecast is not None else cycle.state
 
     def _told_rates(self, now: float) -> WellRates:
         if self._told is None:
@@ -188,7 +222,7 @@ class Twin:
             return self._limits.safe()
         return self._told.rates
 
-    def _judge(self, cycle: Cycle, pumped: WellRates) -> None:
+    def _judge(self, cycle: Cycle) -> None:
         """Compare the observation with the forecast made for its time, or with one made now."""
         if self._state is None:
             return
@@ -196,7 +230,7 @@ class Twin:
         if forecast is None or abs(forecast.time - now) > TIME_TOLERANCE:
             try:
                 forecast = self._make_forecast(
-                    self._state.concentration, pumped, self._state.time, now, durations={}
+                    self._state.concentration, cycle.pumped, self._state.time, now, durations={}
                 )
             except ModelUnavailable as error:
                 cycle.remarks.append(f'no prediction for this photograph: {error}')
@@ -205,13 +239,13 @@ class Twin:
         cycle.prediction_error = relative_error(forecast.predicted, observed)
         cycle.corrected_error = relative_error(forecast.corrected, observed)
 
-    def _decide(self, cycle: Cycle, state: FloatArray) -> None:
+    def _decide(self, cycle: Cycle) -> None:
         if self._limits is None or self._objective is None:
             return
         now = cycle.observation.time
         started = time.perf_counter()
         try:
-            cycle.decision = self._optimise(state, now)
+            cycle.decision = self._optimise(cycle.state, now)
         except ModelUnavailable as error:
             cycle.setpoint = self._without_model(now, str(error))
             cycle.remarks.append(f'not optimised: {error}')
@@ -223,7 +257,7 @@ class Twin:
             ):  # cannot happen while `Limits.setpoint` is right; the pumps are worth a check
                 cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
                 rates, reason = self._limits.safe(), 'optimised rates broke a limit'
-            cycle.setpoint = SetpointDecision(rates, now + self._validity, reason)
+            cycle.setpoint = SetpointDecision(rates, now + self.validity, reason)
         cycle.durations['optimise'] = time.perf_counter() - started
         self._told = cycle.setpoint
 
@@ -235,19 +269,26 @@ class Twin:
         def cost(rates: WellRates) -> float:
             return objective(self._physics.predict(state, rates, self._horizon))
 
-        return optimise(self._limits, cost, self._told_rates(now), evaluations=self._evaluations)
+        return optimise(
+            self._limits,
+            cost,
+            self._told_rates(now),
+            evaluations=self._evaluations,
+            patience=self._patience,
+        )
 
     def _without_model(self, now: float, why: str) -> SetpointDecision:
         assert self._limits is not None
         if self._told is not None and now <= self._told.valid_until:
             return SetpointDecision(self._told.rates, self._told.valid_until, f'held: {why}')
-        return SetpointDecision(self._limits.safe(), now + self._validity, f'safe rates: {why}')
+        return SetpointDecision(self._limits.safe(), now + self.validity, f'safe rates: {why}')
 
-    def _look_ahead(self, cycle: Cycle, state: FloatArray, planned: WellRates) -> None:
+    def _forecast_next(self, cycle: Cycle) -> None:
         now = cycle.observation.time
+        planned = cycle.setpoint.rates if cycle.setpoint is not None else cycle.pumped
         try:
             cycle.forecast = self._make_forecast(
-                state, planned, now, now + self._photo_interval, durations=cycle.durations
+                cycle.state, planned, now, now + self._photo_interval, durations=cycle.durations
             )
         except ModelUnavailable as error:
             cycle.remarks.append(f'no forecast: {error}')

@@ -2,7 +2,7 @@
 
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_hub.announcement import announce
+from porotwin_hub.announcement import announce, announce_expiry
 
 BEFORE = {'control1': WellRate(from_ml_h(120.0)), 'producer': WellRate(from_ml_h(-620.0))}
 AFTER = {'control1': WellRate(from_ml_h(240.5)), 'producer': WellRate(from_ml_h(-740.5))}
@@ -24,3 +24,10 @@ def test_speech_names_only_what_changed() -> None:
 def test_a_difference_below_the_pumps_step_is_no_change() -> None:
     nearly = {**AFTER, 'control1': WellRate(from_ml_h(240.52))}
     assert announce(9, nearly, AFTER).changed == ()
+
+
+def test_an_expired_setpoint_is_said_with_the_rates_that_hold_now() -> None:
+    words = announce_expiry(7, BEFORE, AFTER)
+    assert words.text.splitlines()[0].startswith('setpoint 7 has expired')
+    assert words.speech == 'Setpoint 7 has expired. Set control 1: 120, producer: minus 620.'
+    assert words.changed == ('control1', 'producer')

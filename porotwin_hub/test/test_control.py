@@ -1,6 +1,8 @@
 """The limits hold whatever is asked; the optimiser finds the best rates within them."""
 
 import math
+import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ LIMITS = Limits(
     fixed={'injector': WellRate(from_ml_h(500.0), 1.0)},
     max_rate=from_ml_h(500.0),
     max_total_rate=from_ml_h(500.0),
-    all_wells=('injector', 'producer', 'control1', 'control2', 'control3'),
+    all_wells=('injector', 'producer', 'control1', 'control2', 'control3', 'idle'),
 )
 ANYTHING = st.lists(
     st.one_of(st.floats(-1.0, 1.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300])),
@@ -62,6 +64,15 @@ def test_safe_rates_keep_the_tracer_running_and_balance_it() -> None:
         ({'injector': WellRate(from_ml_h(400.0), 1.0)}, "'injector' must stay"),
         ({'producer': WellRate(from_ml_h(-499.0))}, 'net rate must be zero'),
         ({'ghost': WellRate(1e-9)}, "'ghost' is not in the rig"),
+        (
+            {'idle': WellRate(from_ml_h(1e6))},
+            "'idle': 1000000.0 ml/h, but control gives it no role",
+        ),
+        (
+            {'control1': WellRate(from_ml_h(9.0), 1.0)},
+            "'control1' injects concentration 1, must be",
+        ),
+        ({'injector': WellRate(from_ml_h(500.0))}, "'injector' injects concentration 0, must be 1"),
     ],
 )
 def test_every_broken_limit_is_named(change: dict[str, WellRate], named: str) -> None:
@@ -69,7 +80,13 @@ def test_every_broken_limit_is_named(change: dict[str, WellRate], named: str) ->
     assert any(named in line for line in lines), lines
 
 
-def quadratic(best_ml_h: tuple[float, float, float]) -> 'object':
+def test_what_a_well_that_pumps_nothing_or_produces_would_inject_does_not_matter() -> None:
+    rates = LIMITS.safe()
+    rates |= {'control1': WellRate(0.0, 1.0), 'producer': WellRate(rates['producer'].rate, 1.0)}
+    assert LIMITS.violations(rates) == []
+
+
+def quadratic(best_ml_h: tuple[float, float, float]) -> Callable[[WellRates], float]:
     def cost(rates: WellRates) -> float:
         values = to_ml_h(1.0) * LIMITS.control_rates(rates)
         return float(((values - np.array(best_ml_h)) ** 2).sum())
@@ -89,6 +106,22 @@ def test_the_optimiser_stops_at_the_total_limit() -> None:
     decision = optimise(LIMITS, quadratic((400.0, 400.0, 0.0)), LIMITS.safe(), evaluations=150)
     found = to_ml_h(1.0) * LIMITS.control_rates(decision.rates)
     np.testing.assert_allclose(found, (250.0, 250.0, 0.0), atol=10.0)
+
+
+def test_out_of_time_the_best_point_so_far_is_taken() -> None:
+    calls = 0
+
+    def slow(rates: WellRates) -> float:
+        nonlocal calls
+        calls += 1
+        time.sleep(0.02)
+        return quadratic((120.0, 40.0, 210.0))(rates)
+
+    decision = optimise(LIMITS, slow, LIMITS.safe(), evaluations=500, patience=0.2)
+    assert decision.evaluations == calls <= 12
+    assert decision.cost < decision.cost_unchanged
+    at_once = optimise(LIMITS, slow, LIMITS.safe(), evaluations=500, patience=0.0)
+    assert (at_once.evaluations, at_once.rates) == (1, LIMITS.safe())
 
 
 @given(seed=st.integers(0, 10_000))

@@ -70,10 +70,22 @@ def test_a_recorder_that_is_started_again_goes_on() -> None:
     assert recorder.parameters['continues'] is True
 
 
+def test_all_who_pair_photographs_know_how_far_they_are_apart() -> None:
+    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, photo_interval_s=12.0)
+    told = {node.name: node.parameters.get('photo_interval_s') for node in twin_nodes(settings)}
+    assert (told['hub'], told['trainer']) == (12.0, 12.0)
+
+
 def test_a_device_takes_the_place_of_the_folder() -> None:
     node = camera_node(GraphSettings(rig=Path('rig.yaml'), device='/dev/video0'))
     assert node.parameters['device'] == '/dev/video0'
     assert 'photos' not in node.parameters
+
+
+def test_a_replay_takes_the_place_of_the_camera() -> None:
+    names = {node.name for node in live_graph(GraphSettings(rig=Path('rig.yaml')))}
+    assert 'operator' in names
+    assert 'camera' not in names
 
 
 def test_the_papers_rig_can_be_controlled() -> None:

@@ -158,6 +158,46 @@ def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe() -> No
     assert again.setpoint.rates == good.rates
 
 
+def test_after_time_went_back_no_setpoint_is_held() -> None:
+    physics = Toy()
+    twin = make_twin(physics)
+    twin.cycle(empty(3600.0), None)
+    physics.there = False
+    twin.begin_anew()
+    first = twin.cycle(empty(0.0), None)
+    assert first.setpoint is not None
+    assert first.setpoint.rates == LIMITS.safe()
+    assert first.setpoint.valid_until == 90.0
+
+
+def test_a_setpoint_is_decided_before_any_forecast_is_asked_for() -> None:
+    asked: list[float] = []
+
+    def correction(*_: object) -> Correction:
+        asked.append(0.0)
+        return Correction(None, 'silent')
+
+    twin = make_twin(Toy(), data_driven=correction)
+    cycle = twin.decide(empty(0.0), None)
+    assert cycle.setpoint is not None
+    assert (cycle.forecast, asked) == (None, [])
+    twin.look_ahead(cycle)
+    assert cycle.forecast is not None
+    assert cycle.forecast.rates == cycle.setpoint.rates
+
+
+def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint() -> None:
+    twin = make_twin(Toy())
+    twin.cycle(empty(0.0), None)
+    pumped = LIMITS.safe()
+    late = twin.decide(empty(30.0), pumped, steer=False)
+    twin.look_ahead(late)
+    assert (late.setpoint, late.decision) == (None, None)
+    assert math.isfinite(late.disallowed_tracer)
+    assert late.forecast is not None
+    assert late.forecast.rates == pumped
+
+
 def test_without_control_the_twin_predicts_with_the_measured_rates() -> None:
     cycle = make_twin(Toy(), control=False).cycle(empty(0.0), LIMITS.safe())
     assert cycle.setpoint is None

@@ -142,6 +142,7 @@ class PageNode(Node):
             valid_until=conversions.time_from_msg(message.valid_until),
             rates=conversions.rates_from_msg(message.wells),
             reason=message.reason,
+            arrival=self._graph_time(),
         )
         self._board.apply(snapshot.with_setpoint, setpoint)
 

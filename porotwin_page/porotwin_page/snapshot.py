@@ -55,14 +55,18 @@ class Observation:
 
 @dataclass(frozen=True)
 class Setpoint:
-    """What the wells are asked to pump [m^3/s], from a photograph at `time` until `valid_until`."""
+    """What the wells are asked to pump [m^3/s], from a photograph at `time` until `valid_until`.
+
+    `arrival` is on the graph's clock [s], which need not agree with the camera's, whose the other
+    two are; None: the graph had no time yet.
+    """
 
     sequence: int
     time: float
     valid_until: float
     rates: WellRates
     reason: str
-    arrival: float = 0.0
+    arrival: float | None = None
 
 
 @dataclass(frozen=True)

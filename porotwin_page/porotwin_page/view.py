@@ -82,6 +82,13 @@ def _at_the_pumps(snapshot: Snapshot) -> WellRates | None:
     return None
 
 
+def _remaining(setpoint: Setpoint, now: float | None) -> float | None:
+    """Return how long a setpoint still holds [s], counted from its arrival."""
+    if now is None or setpoint.arrival is None:
+        return None
+    return finite(setpoint.arrival + (setpoint.valid_until - setpoint.time) - now)
+
+
 def setpoint_view(snapshot: Snapshot, setpoint: Setpoint, now: float | None) -> Json:
     """Return the newest setpoint in ml/h, and which wells differ from what is set."""
     before = _at_the_pumps(snapshot)
@@ -104,7 +111,7 @@ def setpoint_view(snapshot: Snapshot, setpoint: Setpoint, now: float | None) -> 
     return {
         'sequence': setpoint.sequence,
         'reason': setpoint.reason,
-        'remaining_s': finite(setpoint.valid_until - now) if now is not None else None,
+        'remaining_s': _remaining(setpoint, now),
         'validity_s': finite(setpoint.valid_until - setpoint.time),
         'confirmed': snapshot.confirmed == setpoint.sequence,
         'pumps_report': snapshot.pumps_report and snapshot.set_rates is None,

@@ -48,9 +48,9 @@ def observation(sequence: int, *, value: float = 0.25, arrival: float | None = N
 
 
 def setpoint(sequence: int, control1: float) -> Setpoint:
-    """Return the setpoint that follows from photograph `sequence`."""
+    """Return the setpoint that follows from photograph `sequence`, arriving when it is taken."""
     time = START + 30.0 * (sequence - 1)
-    return Setpoint(sequence, time, time + 90.0, rates(control1), 'least tracer')
+    return Setpoint(sequence, time, time + 90.0, rates(control1), 'least tracer', arrival=time)
 
 
 def point(sequence: int, error: float = 0.1) -> CyclePoint:

@@ -64,6 +64,15 @@ def test_the_validity_counts_down_on_the_graphs_clock_and_below_zero() -> None:
     assert remaining(None) is None
 
 
+def test_the_validity_counts_from_the_arrival_whatever_the_cameras_clock_says() -> None:
+    hours_off = replace(setpoint(3, 0.0), arrival=START + 7260.0)
+    now = snapshot.with_setpoint(two_cycles(), hours_off)
+    view = state_view(now, now=START + 7270.0, steady=0.0)
+    assert view['setpoint']['remaining_s'] == pytest.approx(80.0)
+    no_time = snapshot.with_setpoint(two_cycles(), replace(hours_off, arrival=None))
+    assert state_view(no_time, now=START, steady=0.0)['setpoint']['remaining_s'] is None
+
+
 def test_a_photograph_is_stale_after_three_intervals() -> None:
     def stale(steady: float) -> bool:
         return state_view(two_cycles(), now=None, steady=steady)['photo']['stale']

@@ -132,10 +132,11 @@ class PlayerNode(Node):
         except InputError as error:
             self.failed = True
             self.get_logger().error(str(error))
-        except Exception:
+        except Exception as error:
             # told to end, the context goes while this thread still publishes
             if self.context.ok():
-                raise
+                self.failed = True
+                self.get_logger().fatal(f'playing failed: {error!r}')
         finally:
             if not self._stopping.is_set():
                 rclpy.try_shutdown(context=self.context)

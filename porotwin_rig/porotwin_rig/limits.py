@@ -6,11 +6,12 @@ The twin keeps these limits too; an asset that trusted it would be no independen
 import math
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Control, Rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, net_rate
 
 _ROUND_OFF_ML_H = 1e-3
+_ROUND_OFF_CONCENTRATION = 1e-6
 
 
 def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
@@ -44,9 +45,28 @@ def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
                 f"well '{name}': rate {asked[name]:.1f} ml/h; it must stay at "
                 f'{fixed.rate_ml_h:.1f} ml/h'
             )
+    _refuse_wrong_roles(control, rates)
     net = to_ml_h(net_rate(rates))
     if control.producer is not None and abs(net) > _ROUND_OFF_ML_H:
         raise InputError(f'{net:.1f} ml/h more is injected than produced; it must balance')
+
+
+def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
+    """Refuse wells that pump without a role, and stock or water where the other belongs."""
+    roles = {*control.wells, *control.fixed, control.producer}
+    for name, well in rates.items():
+        if abs(to_ml_h(well.rate)) <= _ROUND_OFF_ML_H:
+            continue
+        if name not in roles:
+            raise InputError(
+                f"well '{name}': rate {to_ml_h(well.rate):.1f} ml/h, but no role in control; "
+                'see rig.yaml'
+            )
+        fluid = control.fixed[name].concentration if name in control.fixed else 0.0
+        if well.rate > 0.0 and abs(well.concentration - fluid) > _ROUND_OFF_CONCENTRATION:
+            raise InputError(
+                f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
+            )
 
 
 def safe_rates(rig: Rig) -> dict[str, WellRate]:

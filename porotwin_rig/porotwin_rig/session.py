@@ -87,3 +87,20 @@ def _mean(shares: list[tuple[float, dict[str, WellRate]]]) -> dict[str, WellRate
         tracer = sum(share * well.rate * well.concentration for share, well in parts)
         mean[name] = WellRate(rate, min(max(tracer / rate, 0.0), 1.0) if rate > 0.0 else 0.0)
     return mean
+
+
+def parse_pace(speed: str) -> float | None:
+    """Return how many times faster than real time; None: as fast as it goes.
+
+    Raises:
+        InputError: neither `max` nor a positive number.
+    """
+    if speed == 'max':
+        return None
+    try:
+        pace = float(speed)
+    except ValueError:
+        pace = 0.0
+    if not pace > 0.0:
+        raise InputError(f"speed '{speed}': write max, or a positive number")
+    return pace

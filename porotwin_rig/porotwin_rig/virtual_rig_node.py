@@ -32,7 +32,7 @@ from porotwin_rig.camera import camera_before
 from porotwin_rig.effects import parse_effects
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
-from porotwin_rig.session import AssetSession
+from porotwin_rig.session import AssetSession, parse_pace
 
 CLOCK_PERIOD_S = 0.2
 """Wall time between repetitions of /clock, for nodes that start late."""
@@ -57,7 +57,9 @@ class VirtualRigNode(Node):
         duration = declare(self, 'duration_s', 4800.0, 'length of the experiment [s]')
         self._interval = _positive('photo_interval_s', interval)
         self._duration = _positive('duration_s', duration)
-        self._pace = _pace(declare(self, 'speed', 'max', 'max, or times faster than real time'))
+        self._pace = parse_pace(
+            declare(self, 'speed', 'max', 'max, or times faster than real time')
+        )
         self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
         self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
         needed = 'solver/predict,costa/corrective_source'
@@ -236,19 +238,6 @@ def _positive(name: str, value: float) -> float:
     if not value > 0.0:
         raise InputError(f"parameter '{name}' of the virtual rig: {value:g}; give a positive one")
     return value
-
-
-def _pace(speed: str) -> float | None:
-    """Return how many times faster than real time; None: as fast as it goes."""
-    if speed == 'max':
-        return None
-    try:
-        pace = float(speed)
-    except ValueError:
-        pace = 0.0
-    if not pace > 0.0:
-        raise InputError(f"speed '{speed}': write max, or a positive number")
-    return pace
 
 
 def main() -> None:

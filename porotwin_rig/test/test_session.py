@@ -66,11 +66,28 @@ def test_command_that_has_expired_is_refused() -> None:
         ),
         (rates(injector=(400.0, 1.0), producer=-400.0), 'must stay'),
         (rates(injector=(500.0, 1.0), control1=100.0, producer=-500.0), 'balance'),
+        (rates(injector=(500.0, 0.0), producer=-500.0), 'concentration 0, must be 1'),
+        (
+            rates(injector=(500.0, 1.0), control1=(9.0, 1.0), producer=-509.0),
+            'concentration 1, must be 0',
+        ),
     ],
 )
 def test_limits_of_the_rig_are_kept(wrong: dict[str, WellRate], complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         session().command(wrong, valid_until=60.0)
+
+
+def test_a_well_without_a_role_stays_shut_even_where_the_rig_is_open() -> None:
+    control = {
+        'wells': ('control1',),
+        'fixed': {'injector': {'rate_ml_h': 500.0, 'concentration': 1.0}},
+        'disallowed_zone_m': ((0.0, 0.4), (0.9, 0.4), (0.9, 0.5)),
+    }
+    rig = make_rig(control=control)
+    with pytest.raises(InputError, match='no role'):
+        refuse_broken_limits(rig, rates(injector=(500.0, 1.0), control2=1e6))
+    refuse_broken_limits(rig, rates(injector=(500.0, 1.0), control1=100.0))
 
 
 def test_safe_rates_keep_the_limits() -> None:

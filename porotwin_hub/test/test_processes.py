@@ -1,0 +1,113 @@
+"""The graph's processes: they end with the one that started them, and outlive a full disk."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from porotwin_hub.graph import NodeDescription
+from porotwin_hub.processes import GraphProcesses
+
+SLEEPER = """
+import sys, time
+from porotwin_core.parent import end_with_parent
+if {bound}:
+    end_with_parent()
+print('here', flush=True)
+time.sleep(60)
+"""
+
+SUPERVISOR = """
+import sys, time
+from pathlib import Path
+from porotwin_hub.graph import NodeDescription
+from porotwin_hub.processes import GraphProcesses
+with GraphProcesses([NodeDescription('sleeper', 'pretend', 'sleeper')], Path(sys.argv[1])) as graph:
+    print(graph.process('sleeper').pid, flush=True)
+    time.sleep(60)
+"""
+
+
+def pretend_node(folder: Path, source: str) -> NodeDescription:
+    (folder / 'pretend').mkdir()
+    (folder / 'pretend' / '__init__.py').touch()
+    (folder / 'pretend' / 'sleeper.py').write_text(source)
+    return NodeDescription('sleeper', 'pretend', 'sleeper')
+
+
+def with_path(folder: Path) -> dict[str, str]:
+    return {'PYTHONPATH': os.pathsep.join([str(folder), os.environ.get('PYTHONPATH', '')])}
+
+
+def until(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + 20.0
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize(
+    ('number', 'bound'),
+    [
+        (signal.SIGHUP, False),
+        (signal.SIGTERM, False),
+        (signal.SIGINT, False),
+        (signal.SIGKILL, True),
+    ],
+)
+def test_no_node_outlives_its_graph(number: signal.Signals, bound: bool, tmp_path: Path) -> None:
+    pretend_node(tmp_path, SLEEPER.format(bound=bound))
+    graph = subprocess.Popen(
+        [sys.executable, '-c', SUPERVISOR, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, **with_path(tmp_path)},
+    )
+    assert graph.stdout is not None
+    node = int(graph.stdout.readline())
+    assert until((tmp_path / 'log' / 'sleeper.log').read_text)
+    os.kill(graph.pid, number)
+    graph.wait(20)
+    assert until(lambda: not alive(node))
+
+
+def test_a_full_disk_takes_neither_the_display_nor_a_restart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = 'import sys\nfor n in range(9): print(n, "x" * 99)\nsys.exit(1)'
+    node, told = pretend_node(tmp_path, source), []
+    monkeypatch.setattr('porotwin_hub.processes.RESTART_PAUSE_S', 0.1)
+    graph = GraphProcesses(
+        [node], tmp_path, say=told.append, show=['sleeper'], environment=with_path(tmp_path)
+    )
+    full = Path('/dev/full')
+    monkeypatch.setattr(graph, 'log', lambda name: full)
+    with graph:
+        monkeypatch.setattr(Path, 'write_text', lambda *_, **__: 1 / 0)
+        assert until(lambda: sum(line.startswith('8 x') for line in told) >= 2), told
+    assert sum('cannot be written (No space left' in line for line in told) <= 3, told
+
+
+def test_a_display_that_is_gone_does_not_stop_the_log(tmp_path: Path) -> None:
+    def gone(text: str) -> None:
+        raise OSError(5, text)
+
+    node = pretend_node(tmp_path, 'for n in range(20000): print("line", n)')
+    graph = GraphProcesses(
+        [node], tmp_path, say=gone, show=['sleeper'], environment=with_path(tmp_path)
+    )
+    with graph:
+        assert until(lambda: 'line 19999' in graph.log('sleeper').read_text())
