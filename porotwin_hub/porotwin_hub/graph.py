@@ -132,7 +132,10 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
 
 def camera_node(settings: GraphSettings) -> NodeDescription:
     """Return the node that brings photographs in, from a folder or a device."""
-    parameters: dict[str, Parameter] = {'use_sim_time': settings.use_sim_time}
+    parameters: dict[str, Parameter] = {
+        'use_sim_time': settings.use_sim_time,
+        'listeners': 1 if settings.record is None else 2,  # imaging and recorder
+    }
     if settings.device:
         parameters |= {'device': settings.device, 'period': settings.photo_interval_s}
     else:

@@ -11,6 +11,7 @@ from porotwin_core.conversions import CAMERA_FRAME, header_at
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.qos import BASELINE, PHOTO
+from porotwin_imaging.audience import Audience
 from porotwin_imaging.sources import Device, Folder, Photo, Problem, Source
 
 FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
@@ -32,6 +33,8 @@ class CameraNode(Node):
             CompressedImage, 'camera/baseline/compressed', BASELINE
         )
         self._state = self.create_publisher(CompressedImage, 'camera/image/compressed', PHOTO)
+        listeners = declare(self, 'listeners', 1, 'how many photographs wait for, half a minute')
+        self._audience = Audience(listeners)
         self._diagnostics = Diagnostics(self)
         default = 0.5 if isinstance(self._source, Folder) else 30.0
         # looks go by real time, also where photographs are stamped by /clock
@@ -51,9 +54,10 @@ class CameraNode(Node):
         return Device(device, width=width, height=height)
 
     def _look(self) -> None:
-        # a photograph is sent once: before everyone who wants it is there, it stays where it is
         listening = self._state.get_subscription_count()
-        if listening == 0 or listening < self.count_subscribers(self._state.topic_name):
+        if not self._audience.is_complete(
+            listening, self.count_subscribers(self._state.topic_name)
+        ):
             return
         # started again, the node would find the same file and die again: whatever fails, it goes on
         try:

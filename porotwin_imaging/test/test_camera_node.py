@@ -6,6 +6,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
+from porotwin_imaging.audience import Audience
 from porotwin_imaging.camera_node import CameraNode
 from porotwin_imaging.sources import Photo, Problem
 
@@ -13,6 +14,7 @@ from porotwin_imaging.sources import Photo, Problem
 def node(poll, publish, complaints: list[str]) -> SimpleNamespace:
     """What a look needs of the node, with one listener to its photographs."""
     return SimpleNamespace(
+        _audience=Audience(1),
         _state=SimpleNamespace(get_subscription_count=lambda: 1, topic_name='photos'),
         count_subscribers=lambda _: 1,
         _source=SimpleNamespace(poll=poll),
