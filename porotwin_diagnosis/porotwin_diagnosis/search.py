@@ -184,17 +184,27 @@ class Search:
         if findings.excess(best) > EXPLAINED:
             pairs = self._judged(self._refined_pairs(findings), 0.78)
             findings.pairs = self._sharpened(findings, pairs, 0.86)
-        findings.distances = self._distances(findings.singles)
-        findings.pair_distances = self._distances(findings.pairs)
         findings.parts = [
             self.judging.judged((member,), turns)
             for pair in findings.pairs[:1]
             for member, turns, _ in pair.parts()
         ]
+        self._tried_again_alone(findings)
+        findings.distances = self._distances(findings.singles)
+        findings.pair_distances = self._distances(findings.pairs)
         fitters = (self.screening, self.refining, self.judging)
         forwards = [forward for fitter in fitters for forward in fitter.forwards]
         findings.runs = sum(forward.runs for forward in (*forwards, *self.finest))
         return findings
+
+    def _tried_again_alone(self, findings: Findings) -> None:
+        """Fit a member of the best pair alone once more if, as it is there, it leaves less than
+        every single fit: its own stood still before it found its place."""
+        moved = [part for part in findings.parts if score(part) < score(findings.singles[0])]
+        if moved:
+            again = self._judged(self._refined(moved, 0.89), 0.9)
+            fits = [*self._sharpened(findings, again, 0.9), *findings.singles]
+            findings.singles = self._ranked(fits)
 
     def _sharpened(self, findings: Findings, fits: Sequence[Fit], begin: float) -> list[Fit]:
         """Return `fits` judged again: what nearly closes the gap with what finer cells change in it

@@ -187,3 +187,17 @@ def test_fits_are_ranked_by_the_part_where_more_is_left(quiet):
     even = replace(null, fitted=0.6, held_out=0.6)
     adapted = replace(null, fitted=0.2, held_out=0.7)
     assert search._ranked([adapted, even]) == [even, adapted]
+
+
+def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(fitter, denser_sand):
+    search = Search([read_sample(open_recording(denser_sand))], workers=1)
+    porosity, saturation = (candidate(fitter, name) for name in ('porosity', 'saturation'))
+    stuck = search.judging.judged((porosity,), np.zeros(1))
+    right = porosity.knobs[0].turn(0.885)
+    pair = search.judging.judged((porosity, saturation), np.array([right, 0.0]))
+    findings = Findings(stuck, stuck, [], [stuck], [pair], noise=0.4)
+    findings.parts = [search.judging.judged((porosity,), np.array([right]))]
+    search._tried_again_alone(findings)
+    found = findings.singles[0].effects[0].parameters['factor']
+    assert found == pytest.approx(0.88, abs=0.004)
+    assert findings.excess(findings.singles[0]) < 0.3 * findings.excess(stuck)
