@@ -15,7 +15,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_costa.files import read_header, write_tensors
@@ -32,6 +32,12 @@ FORMAT = 'porotwin-costa-dataset-1'
 TIME_STEP_TOLERANCE = 0.02
 """Relative difference of a time step to the trained one that is taken for the same."""
 
+LEAST_SEEN = 0.5
+"""Share of the cells that a map must show: chart, tubes and frame always hide some of the sand."""
+
+TOO_LITTLE_SEEN = 'pairs with too little seen'
+"""Why a pair gave no sample: one of its maps shows less than `LEAST_SEEN`."""
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -46,6 +52,11 @@ class Frames:
     schedule: Schedule
     clean_times: tuple[float, ...] = ()
     name: str = 'experiment'
+
+
+def enough_seen(concentration: FloatArray) -> bool:
+    """Return whether a map (nz, nx) shows enough of the sand to learn from it or to judge by it."""
+    return bool(np.isfinite(concentration).mean() >= LEAST_SEEN)
 
 
 def mean_rates(schedule: Schedule, start: float, end: float) -> dict[str, WellRate]:
@@ -201,17 +212,25 @@ def empty_dataset(rig: Rig, grid: Grid, time_step: float) -> Dataset:
     )
 
 
-def _consecutive(frames: Frames, time_step: float, dropped: Counter[str]) -> Iterator[int]:
-    """Yield n for each usable pair of frames n, n + 1; count the others by reason."""
-    known = [bool(np.isfinite(frame).all()) for frame in frames.concentration]
-    dropped['frames with unknown cells'] += known.count(False)
+def _consecutive(
+    frames: Frames, time_step: float, dropped: Counter[str]
+) -> Iterator[tuple[int, int]]:
+    """Yield n and the course of time it is in, for each usable pair of frames n, n + 1.
+
+    Others are counted by reason. An interruption begins another course of time.
+    """
+    known = [enough_seen(frame) for frame in frames.concentration]
+    course = 0
     for n, (start, end) in enumerate(zip(frames.times, frames.times[1:], strict=False)):
         if any(start < clean <= end for clean in frames.clean_times):
             dropped['pairs across an interruption'] += 1
+            course += 1
         elif not math.isclose(end - start, time_step, rel_tol=TIME_STEP_TOLERANCE):
             dropped[f'pairs not {time_step:g} s apart'] += 1
         elif known[n] and known[n + 1]:
-            yield n
+            yield n, course
+        else:
+            dropped[TOO_LITTLE_SEEN] += 1
 
 
 def build_dataset(
@@ -228,6 +247,8 @@ def build_dataset(
 
     For each pair of frames one `time_step` [s] apart: c~^{n+1} = predict(c^n) and
     r^{n+1} = residual(c^n, c^{n+1}), both under the rates of that interval (paper, section 2.2.3).
+    Cells that c^n does not show are as in the last prediction before it, as the twin fills them;
+    those that c^{n+1} does not show have no residual.
     A clean state within a pair's interval means that the second does not follow from the first.
     `progress` is told the number of samples so far.
 
@@ -245,15 +266,20 @@ def build_dataset(
                 f'{grid.shape}; resample them'
             )
         names.append(frames.name)
-        last = -2
-        for n in _consecutive(frames, time_step, dropped):
+        last, last_course = -2, -1
+        believed: FloatArray | None = None
+        for n, course in _consecutive(frames, time_step, dropped):
             label += n != last + 1
-            last = n
+            believed = believed if course == last_course else None
+            last, last_course = n, course
             start, end = float(frames.times[n]), float(frames.times[n + 1])
             before, after = (frames.concentration[k].astype(float) for k in (n, n + 1))
             rates = mean_rates(frames.schedule, start, end)
-            predicted.append(predict(before, rates, time_step).astype(np.float32))
-            residuals.append(residual(before, after, rates, time_step).astype(np.float32))
+            before = fill_unseen(before, believed)
+            believed = predict(before, rates, time_step)
+            missed = residual(before, fill_unseen(after, believed), rates, time_step)
+            predicted.append(believed.astype(np.float32))
+            residuals.append(np.where(np.isfinite(after), missed, 0.0).astype(np.float32))
             rates_seen.append(rate_vector(rates, wells))
             times.append(end)
             labels.append(label)

@@ -19,7 +19,7 @@ from rclpy.task import Future
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
 from porotwin_costa.collector import Collector, Pair
@@ -30,6 +30,9 @@ from porotwin_msgs.srv import Predict, Residual
 
 _PART = 10
 """Pairs that are written together; a crash costs one fewer at most."""
+
+REPORT_S = 60.0
+"""Shortest time between two reports of what was left out [s]."""
 
 SILENCE_S = 300.0
 """A training that has not reported an epoch for so long is lost [s]."""
@@ -58,6 +61,7 @@ class TrainerNode(Node):
         self._collector = Collector(
             rig, self._grid, self._time_step, first_experiment=self._known_experiments()
         )
+        self._dropped = 0
         self._pending: deque[Pair] = deque(maxlen=1000)
         self._pair: Pair | None = None
         self._training_due = False
@@ -101,7 +105,20 @@ class TrainerNode(Node):
             self._pending.extend(self._collector.observed(stamp, concentration, grid))
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
+        self._report_dropped()
         self._next()
+
+    def _report_dropped(self) -> None:
+        """Say what cannot be learned from: a trainer that collects nothing must not be silent."""
+        dropped = self._collector.dropped
+        if dropped.total() == self._dropped:
+            return
+        self._dropped = dropped.total()
+        reasons = ', '.join(f'{count} {reason}' for reason, count in dropped.items())
+        self.get_logger().warning(
+            f'{self._collector.completed} training pairs so far; left out: {reasons}',
+            throttle_duration_sec=REPORT_S,
+        )
 
     def _on_clean(self, message: CleanState) -> None:
         if message.cause == CleanState.FINISHED:
@@ -109,6 +126,7 @@ class TrainerNode(Node):
         else:
             self._collector.interrupted(conversions.time_from_msg(message.header.stamp))
         self.get_logger().info(f'time sequence interrupted: {message.reason}')
+        self._report_dropped()
         self._next()
 
     def _on_measured(self, message: WellRates) -> None:
@@ -143,7 +161,7 @@ class TrainerNode(Node):
             return
         self._pair = pair = self._pair or self._pending.popleft()
         request = Predict.Request(
-            previous=self._tracer(pair.previous, pair.end - self._time_step),
+            previous=self._tracer(self._collector.start(pair), pair.end - self._time_step),
             wells=conversions.rates_to_msg(pair.rates),
             time_step=self._time_step,
         )
@@ -173,8 +191,8 @@ class TrainerNode(Node):
     def _on_predicted(self, pair: Pair, answer: Predict.Response) -> None:
         predicted, _ = conversions.tracer_from_msg(answer.predicted)
         request = Residual.Request(
-            previous=self._tracer(pair.previous, pair.end - self._time_step),
-            next=self._tracer(pair.following, pair.end),
+            previous=self._tracer(self._collector.start(pair), pair.end - self._time_step),
+            next=self._tracer(fill_unseen(pair.following, predicted), pair.end),
             wells=conversions.rates_to_msg(pair.rates),
             time_step=self._time_step,
         )

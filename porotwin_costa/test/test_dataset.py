@@ -72,13 +72,46 @@ def test_pairs_of_another_time_step_are_left_out_and_counted(build, unseen_frame
     assert '1 pairs not 30 s apart' in dataset.summary
 
 
-def test_frames_with_unknown_cells_are_left_out_and_counted(build, unseen_frames):
+def _hiding(frames, cells):
+    """Return the frames with `cells` (nz, nx) hidden in all of them, as by chart and tubes."""
+    concentration = np.where(cells, np.nan, frames.concentration)
+    return dataclasses.replace(frames, concentration=concentration)
+
+
+def test_sand_that_is_never_seen_is_believed_as_predicted(build, model, unseen_frames):
+    hidden = np.zeros(model.grid.shape, bool)
+    hidden[4:12, 6:9] = True  # the plume passes here
+    dataset, whole = build(_hiding(unseen_frames, hidden)), build(unseen_frames)
+    assert len(dataset) == len(whole)
+    assert 'left out' not in dataset.summary
+    assert np.isfinite(dataset.predicted).all()
+    assert not dataset.residual[:, hidden].any()
+    truth = whole.predicted[-1, hidden]
+    assert truth.max() > 0.5
+    # 24 steps of the diffusive scheme where nothing corrects it
+    assert np.abs(dataset.predicted[-1, hidden] - truth).max() < 0.2
+    error = np.linalg.norm(dataset.residual - whole.residual, axis=(1, 2))
+    assert error[-1] < np.linalg.norm(whole.residual[-1])
+
+
+def test_nothing_is_believed_across_a_clean_state(build, model, unseen_frames):
+    hidden = np.zeros(model.grid.shape, bool)
+    hidden[4:12, 6:9] = True
+    frames = dataclasses.replace(_hiding(unseen_frames, hidden), clean_times=(300.0,))
+    dataset = build(frames)
+    rates = mean_rates(frames.schedule, 300.0, 330.0)
+    blank = np.where(hidden, 0.0, unseen_frames.concentration[10])
+    after = dataset.predicted[dataset.time == 330.0][0]
+    assert np.array_equal(after, model.predict(blank, rates, 30.0).astype(np.float32))
+
+
+def test_frames_with_too_little_seen_are_left_out_and_counted(build, unseen_frames):
     concentration = unseen_frames.concentration.copy()
-    concentration[10, 3, 4] = np.nan
+    concentration[10, :, 14:] = np.nan
     dataset = build(dataclasses.replace(unseen_frames, concentration=concentration))
     assert len(dataset) == 22
     assert np.isfinite(dataset.predicted).all()
-    assert '1 frames with unknown cells' in dataset.summary
+    assert '2 pairs with too little seen' in dataset.summary
 
 
 def test_nothing_to_learn_from_says_why(build, unseen_frames):

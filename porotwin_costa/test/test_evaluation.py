@@ -84,6 +84,16 @@ def test_cells_that_were_not_observed_do_not_count(model, unseen_frames):
     assert np.isfinite(result.frames[-1].predicted)
 
 
+def test_sand_that_is_never_seen_does_not_end_the_judgement(model, unseen_frames):
+    concentration = unseen_frames.concentration.copy()
+    concentration[:, 4:12, 6:9] = np.nan
+    hidden = dataclasses.replace(unseen_frames, concentration=concentration)
+    result, whole = (_run(model, [frames], _nothing) for frames in (hidden, unseen_frames))
+    assert len(result.frames) == 24
+    assert result.frames[-1].free_predicted > result.frames[-1].predicted
+    assert result.mean('predicted') < 1.5 * whole.mean('predicted')
+
+
 def test_error_is_relative_to_the_observed_tracer():
     observed = np.array([[3.0, 4.0, np.nan]])
     assert relative_error(np.array([[3.0, 3.0, 99.0]]), observed) == pytest.approx(1 / 5)
