@@ -57,10 +57,19 @@ class Collector:
     """
 
     def __init__(
-        self, rig: Rig, grid: Grid, time_step: float, *, first_experiment: int = 0
+        self,
+        rig: Rig,
+        grid: Grid,
+        time_step: float,
+        *,
+        first_experiment: int = 0,
+        setting: str = '',
     ) -> None:
-        """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number."""
-        self._empty = empty_dataset(rig, grid, time_step)
+        """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number.
+
+        `setting` names the scheme of the physics-based model; empty: not known.
+        """
+        self._empty = empty_dataset(rig, grid, time_step, setting)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
         self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_KEPT)

@@ -1,11 +1,12 @@
 """Training data: what the physics-based model predicted under which rates, and what it missed."""
 
 import hashlib
+import itertools
 import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
@@ -20,6 +21,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.flow_shape import FlowShape, flow_shape_of
+from porotwin_costa.physics_id import PhysicsId
 
 PredictFn = Callable[[FloatArray, WellRates, float], FloatArray]
 """(concentration, rates, time_step [s]) -> predicted concentration; uncorrected."""
@@ -106,7 +108,8 @@ class Dataset:
     `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates` (samples, wells, 2)
     as `rate_vector`; `time` [s] (samples,) is when the pair ends; `experiment` (samples,) counts
     the uninterrupted sequences, and what belongs to one is never split between training and
-    validation unless there is only one. `dropped` says why frames gave no sample.
+    validation unless there is only one. `dropped` says why frames gave no sample, `physics` whose
+    predictions these are.
     """
 
     grid: Grid
@@ -121,6 +124,7 @@ class Dataset:
     experiment: NDArray[np.int64]
     dropped: Mapping[str, int] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
+    physics: PhysicsId = field(default_factory=PhysicsId)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -158,6 +162,7 @@ class Dataset:
             'grid': {'nx': grid.nx, 'nz': grid.nz, 'width': grid.width, 'height': grid.height},
             'wells': list(self.wells),
             'time_step': self.time_step,
+            'physics': asdict(self.physics),
         }
 
     def _tensors(self) -> dict[str, NDArray]:
@@ -195,8 +200,11 @@ def _parts(folder: Path) -> list[Path]:
     return sorted(folder.glob('part_*.safetensors'))
 
 
-def empty_dataset(rig: Rig, grid: Grid, time_step: float) -> Dataset:
-    """Return a data set without samples for the wells of `rig`, in the order of rig.yaml."""
+def empty_dataset(rig: Rig, grid: Grid, time_step: float, setting: str = '') -> Dataset:
+    """Return a data set without samples for the wells of `rig`, in the order of rig.yaml.
+
+    `setting` names the scheme of the physics-based model; empty: not known.
+    """
     wells = tuple(rig.wells)
     return Dataset(
         grid=grid,
@@ -209,6 +217,7 @@ def empty_dataset(rig: Rig, grid: Grid, time_step: float) -> Dataset:
         residual=np.zeros((0, *grid.shape), np.float32),
         time=np.zeros(0),
         experiment=np.zeros(0, np.int64),
+        physics=PhysicsId.of(rig, setting),
     )
 
 
@@ -241,6 +250,7 @@ def build_dataset(
     time_step: float,
     predict: PredictFn,
     residual: ResidualFn,
+    setting: str = '',
     progress: Callable[[int], None] = lambda _: None,
 ) -> Dataset:
     """Return the pairs of all experiments: c~ from each frame, and what it missed of the next.
@@ -250,7 +260,7 @@ def build_dataset(
     Cells that c^n does not show are as in the last prediction before it, as the twin fills them;
     those that c^{n+1} does not show have no residual.
     A clean state within a pair's interval means that the second does not follow from the first.
-    `progress` is told the number of samples so far.
+    `setting` names the scheme that predicts. `progress` is told the number of samples so far.
 
     Raises:
         InputError: a frame is not on `grid`, or not one pair can be used.
@@ -288,7 +298,7 @@ def build_dataset(
         reasons = ', '.join(f'{count} {reason}' for reason, count in dropped.items()) or 'no frames'
         raise InputError(f'{", ".join(names) or "no recording"}: no pair to learn from ({reasons})')
     return replace(
-        empty_dataset(rig, grid, time_step),
+        empty_dataset(rig, grid, time_step, setting),
         predicted=np.array(predicted),
         rates=np.array(rates_seen),
         residual=np.array(residuals),
@@ -300,7 +310,7 @@ def build_dataset(
 
 
 def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset:
-    """Return all samples of `parts`, which must agree on grid, wells and time step.
+    """Return all samples of `parts`, which must agree on grid, wells, time step and physics.
 
     With `renumber`, experiments of different parts get different numbers.
 
@@ -313,6 +323,9 @@ def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset
             ours, theirs = getattr(first, name), getattr(other, name)
             if ours != theirs:
                 raise InputError(f'data sets differ in {name}: {ours} and {theirs}; train apart')
+    for mark, differing in itertools.combinations(dict.fromkeys(part.physics for part in parts), 2):
+        if difference := mark.difference(differing):
+            raise InputError(f'data sets differ in physics: {difference}; train apart')
     counts = [int(part.experiment.max(initial=-1)) + 1 for part in parts]
     offsets = np.cumsum([0, *counts]) if renumber else np.zeros(len(parts) + 1, np.int64)
     dropped: Counter[str] = Counter()
@@ -329,6 +342,7 @@ def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset
         ),
         dropped=dict(dropped),
         sources=tuple(dict.fromkeys(name for part in parts for name in part.sources)),
+        physics=next((part.physics for part in parts if not part.physics.known), first.physics),
     )
 
 
@@ -354,6 +368,7 @@ def load_dataset(path: Path) -> Dataset:
             flow=FlowShape(tensors.pop('flow_right'), tensors.pop('flow_up')),
             dropped=header['dropped'],
             sources=tuple(header['sources']),
+            physics=PhysicsId(**header.get('physics', {})),
             **tensors,
         )
     except (KeyError, TypeError, safetensors.SafetensorError) as error:

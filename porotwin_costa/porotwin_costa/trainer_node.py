@@ -24,6 +24,7 @@ from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import load_dataset
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
@@ -51,6 +52,7 @@ class TrainerNode(Node):
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        setting = declare(self, 'setting', '', 'scheme of the solver; empty: not known')
         self._time_step = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
         self._every = declare(self, 'retrain_every', 40, 'new pairs between two trainings')
         self._architecture = declare(self, 'architecture', '', 'network; empty: that of costa')
@@ -59,7 +61,11 @@ class TrainerNode(Node):
         self._patience = declare(self, 'model_timeout_s', 20.0, 'longest wait for the solver [s]')
         self._dataset = self._folder(declare(self, 'dataset', '', 'folder; empty: a temporary one'))
         self._collector = Collector(
-            rig, self._grid, self._time_step, first_experiment=self._known_experiments()
+            rig,
+            self._grid,
+            self._time_step,
+            first_experiment=self._known_experiments(PhysicsId.of(rig, setting)),
+            setting=setting,
         )
         self._dropped = 0
         self._pending: deque[Pair] = deque(maxlen=1000)
@@ -87,7 +93,7 @@ class TrainerNode(Node):
         self._temporary = tempfile.TemporaryDirectory(prefix='porotwin_costa_')
         return Path(self._temporary.name)
 
-    def _known_experiments(self) -> int:
+    def _known_experiments(self, physics: PhysicsId) -> int:
         if not any(self._dataset.glob('part_*.safetensors')):
             return 0
         known = load_dataset(self._dataset)
@@ -96,6 +102,8 @@ class TrainerNode(Node):
                 f'{self._dataset}: holds pairs on {known.grid} every {known.time_step:g} s, the '
                 f'twin runs on {self._grid} every {self._time_step:g} s; name another folder'
             )
+        if difference := known.physics.difference(physics):
+            raise InputError(f'{self._dataset}: holds pairs of {difference}; name another folder')
         return int(known.experiment.max()) + 1
 
     def _on_state(self, message: NewState) -> None:

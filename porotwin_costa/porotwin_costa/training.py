@@ -142,6 +142,7 @@ def train(
         scaling=scaling,
         trained_on=TrainingRange.of(dataset.predicted, dataset.rates, dataset.residual),
         trust=trust,
+        physics=dataset.physics,
         provenance={
             'data': dataset.fingerprint,
             'samples': len(dataset),
