@@ -107,8 +107,8 @@ class Dataset:
     `flow` is that of the wells through homogeneous sand, `porosity` [-] (nz, nx) that of the rig.
     `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates` (samples, wells, 2)
     as `rate_vector`; `time` [s] (samples,) is when the pair ends; `experiment` (samples,) counts
-    the uninterrupted sequences, and what belongs to one is never split between training and
-    validation unless there is only one. `dropped` says why frames gave no sample, `physics` whose
+    the uninterrupted sequences, which training keeps together where it can (`split_samples`).
+    `dropped` says why frames gave no sample, `physics` whose
     predictions these are.
     """
 
