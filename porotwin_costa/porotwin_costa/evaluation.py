@@ -141,7 +141,11 @@ def evaluate(
     def step(start: FloatArray, rates: WellRates) -> tuple[FloatArray, FloatArray, str]:
         predicted = predict(start, rates, time_step)
         answer = assess(predicted, rates)
-        return predicted, correct(start, answer.sigma, rates, time_step), answer.status
+        corrected = predicted
+        if answer.applied:
+            # as in the twin: the correction may overshoot, a concentration cannot
+            corrected = np.clip(correct(start, answer.sigma, rates, time_step), 0.0, 1.0)
+        return predicted, corrected, answer.status
 
     for experiment in experiments:
         names.append(experiment.name)
