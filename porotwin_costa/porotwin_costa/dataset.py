@@ -104,7 +104,8 @@ def rate_vector(rates: WellRates, wells: Sequence[str]) -> FloatArray:
 class Dataset:
     """Pairs (c~^{n+1}, rates) -> r^{n+1} for one rig, grid and time step.
 
-    `flow` is that of the wells through homogeneous sand, `porosity` [-] (nz, nx) that of the rig.
+    `flow` is that of the wells through homogeneous sand, `porosity` [-] and `relative_depth`
+    [-], that relative to its mean, (nz, nx) are those of the rig.
     `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates` (samples, wells, 2)
     as `rate_vector`; `time` [s] (samples,) is when the pair ends; `experiment` (samples,) counts
     the uninterrupted sequences, which training keeps together where it can (`split_samples`).
@@ -117,6 +118,7 @@ class Dataset:
     time_step: float
     flow: FlowShape
     porosity: FloatArray
+    relative_depth: FloatArray
     predicted: NDArray[np.float32]
     rates: FloatArray
     residual: NDArray[np.float32]
@@ -175,6 +177,7 @@ class Dataset:
             'flow_right': self.flow.right,
             'flow_up': self.flow.up,
             'porosity': self.porosity,
+            'relative_depth': self.relative_depth,
         }
 
     def save(self, path: Path) -> None:
@@ -206,12 +209,14 @@ def empty_dataset(rig: Rig, grid: Grid, time_step: float, setting: str = '') -> 
     `setting` names the scheme of the physics-based model; empty: not known.
     """
     wells = tuple(rig.wells)
+    depth = rig.field('depth_m', grid)
     return Dataset(
         grid=grid,
         wells=wells,
         time_step=time_step,
         flow=flow_shape_of(rig, grid, wells),
         porosity=rig.field('porosity', grid),
+        relative_depth=depth / depth.mean(),
         predicted=np.zeros((0, *grid.shape), np.float32),
         rates=np.zeros((0, len(wells), 2)),
         residual=np.zeros((0, *grid.shape), np.float32),
@@ -360,9 +365,11 @@ def load_dataset(path: Path) -> Dataset:
         return join_datasets([load_dataset(part) for part in parts], renumber=False)
     header = read_header(path, FORMAT)
     try:
-        tensors = safetensors.numpy.load_file(path)
+        grid = Grid(**header['grid'])
+        # data sets of before depth was kept took it for even
+        tensors = {'relative_depth': np.ones(grid.shape), **safetensors.numpy.load_file(path)}
         return Dataset(
-            grid=Grid(**header['grid']),
+            grid=grid,
             wells=tuple(header['wells']),
             time_step=float(header['time_step']),
             flow=FlowShape(tensors.pop('flow_right'), tensors.pop('flow_up')),

@@ -193,7 +193,11 @@ class CorrectiveModel:
                 np.zeros((len(wells), grid.nz - 1, grid.nx)),
             )
             network = build_network(grid.shape, len(wells), settings, unknown_flow)
-            network.load_state_dict(safetensors.torch.load_file(path))
+            weights = safetensors.torch.load_file(path)
+            if settings.architecture == 'local':
+                # models of before depth was kept took it for even
+                weights.setdefault('relative_depth', torch.ones(grid.shape))
+            network.load_state_dict(weights)
             network.eval()
             return cls(
                 grid=grid,

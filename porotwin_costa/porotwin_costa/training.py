@@ -124,6 +124,7 @@ def train(
         )
     if isinstance(network, LocalFluxNetwork):
         network.change.copy_(torch.as_tensor(scaling.sigma * dataset.time_step / dataset.porosity))
+        network.relative_depth.copy_(torch.as_tensor(dataset.relative_depth))
     batches, validation = Batches.of(learning, scaling), Batches.of(judging, scaling)
     losses = _fit(
         network, batches, validation, settings, seed=seed, progress=progress, cancelled=cancelled

@@ -9,6 +9,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_costa.dataset import (
+    FORMAT,
     Frames,
     build_dataset,
     empty_dataset,
@@ -17,6 +18,7 @@ from porotwin_costa.dataset import (
     mean_rates,
     rate_vector,
 )
+from porotwin_costa.files import write_tensors
 from porotwin_costa.physics_id import PhysicsId
 
 
@@ -240,3 +242,15 @@ def test_file_keeps_whose_predictions_it_holds(rig, grid, tmp_path):
     upwind = empty_dataset(rig, grid, 30.0, 'upwind')
     upwind.save(tmp_path / 'pairs.safetensors')
     assert load_dataset(tmp_path / 'pairs.safetensors').physics == PhysicsId.of(rig, 'upwind')
+
+
+def test_older_file_is_read_as_of_a_rig_of_even_depth(build, unseen_frames, tmp_path):
+    dataset = build(unseen_frames)
+    header, tensors = dataset._header(), dataset._tensors()
+    del header['physics'], tensors['relative_depth']
+    path = tmp_path / 'pairs.safetensors'
+    write_tensors(path, tensors, FORMAT, {**header, 'dropped': {}, 'sources': []})
+    old = load_dataset(path)
+    assert old.physics == PhysicsId()
+    assert (old.relative_depth == 1.0).all()
+    assert np.array_equal(old.residual, dataset.residual)

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import rig_from_maps
 from porotwin_costa.architectures import training_settings
 from porotwin_costa.dataset import build_dataset, join_datasets
 from porotwin_costa.evaluation import evaluate
@@ -110,6 +111,26 @@ def test_a_network_that_learned_nothing_of_use_says_nothing(dataset, rig):
     answer = corrective.assess(dataset.predicted[3].astype(float), {})
     assert not answer.applied
     assert not answer.sigma.any()
+
+
+def test_a_rig_of_uneven_depth_is_told_to_the_local_network(rig, grid, model, training_frames):
+    depth = np.linspace(0.008, 0.0128, 30) * np.ones((20, 1))
+    uneven = rig_from_maps(
+        rig.model_dump(exclude={'depth_m', 'porosity'}), {'depth_m': depth, 'porosity': 0.375}
+    )
+    uneven_data = build_dataset(
+        training_frames,
+        uneven,
+        grid=grid,
+        time_step=30.0,
+        predict=model.predict,
+        residual=model.residual,
+    )
+    corrective = train(uneven_data, dataclasses.replace(LOCAL, epochs=2), seed=13)
+    corrective = dataclasses.replace(corrective, trust=1.0)
+    sigma = corrective.corrective_source(uneven_data.predicted[20].astype(float), {})
+    assert np.abs(sigma).sum() > 0
+    assert abs((sigma * depth).sum()) < 1e-6 * np.abs(sigma * depth).sum()
 
 
 def test_progress_reports_every_epoch_and_an_estimate(dataset):
