@@ -144,7 +144,9 @@ class CorrectiveModel:
         """
         self.for_wells(tuple(rig.wells), grid)
         if difference := self.physics.difference(PhysicsId.of(rig, setting)):
-            raise InputError(f'model corrects {difference}; name what it was trained for or train')
+            raise InputError(
+                f'model corrects {difference}; choose what it was trained for, or train again'
+            )
         return self
 
     @property
