@@ -13,6 +13,11 @@ from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.model import Model
 
 
+def source_name(recording: Recording) -> str:
+    """Return the name that a model keeps of a recording it learned from."""
+    return str(recording.source.resolve())
+
+
 def frames_of(recording: Recording, grid: Grid) -> Frames:
     """Return the maps of a recording on `grid`, with the rates that were measured, else told."""
     schedule = recording.measured if recording.measured is not None else recording.schedule
@@ -21,12 +26,12 @@ def frames_of(recording: Recording, grid: Grid) -> Frames:
         times=np.asarray(recording.times),
         concentration=np.array(maps),
         schedule=schedule,
-        name=str(recording.source),
+        name=source_name(recording),
     )
 
 
-def open_all(paths: Sequence[Path], rig: Rig) -> list[Recording]:
-    """Return the recordings at `paths`, all believed to be of `rig`."""
+def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:
+    """Return the recordings at `paths`, believed to be of `rig` or, without, as each says."""
     return [open_recording(path, rig=rig) for path in paths]
 
 
@@ -49,5 +54,6 @@ def dataset_of(
             time_step=time_step,
             predict=model.predict,
             residual=model.residual,
+            setting=setting,
             progress=lambda count: bar.update(task, completed=count),
         )

@@ -11,6 +11,10 @@ from porotwin_cli.output import Json, print_json, say
 def command(
     model: Annotated[Path, typer.Argument(help='Folder of a COSTA model.')],
     recordings: Annotated[list[Path], typer.Argument(help='Experiment folders or MCAP bags.')],
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="rig.yaml that it was trained for; default: the recording's."),
+    ] = None,
     setting: Annotated[str, typer.Option(help='Scheme of the physics-based model.')] = 'fast',
     output: Annotated[Path | None, typer.Option(help='Folder for a table and pictures.')] = None,
     as_json: Json = False,
@@ -19,23 +23,29 @@ def command(
 
     Example: ./porotwin evaluate models/monday run3 --output evaluation
     """
-    from porotwin_cli.costa_data import frames_of
+    from porotwin_cli.costa_data import frames_of, open_all, source_name
+    from porotwin_core.rig import load_rig
     from porotwin_costa.evaluation import evaluate
     from porotwin_costa.evaluation_pictures import write_pictures
     from porotwin_costa.model import CorrectiveModel
-    from porotwin_recording.recording import open_recording
     from porotwin_solver.model import Model
 
     learned = CorrectiveModel.load(model)
-    experiments = [open_recording(path) for path in recordings]
-    rig = experiments[0].rig
-    physics = Model(rig, learned.grid, setting=setting)
+    experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
+    believed = experiments[0].rig
+    assess = learned.for_physics(believed, learned.grid, setting).assess
+    if learned.doubt:
+        say(f'{model}: {learned.doubt}')
+    for recording in experiments:
+        if source_name(recording) in learned.provenance['sources']:
+            say(f'{recording.source}: the model learned from it; it will do worse on other runs')
+    physics = Model(believed, learned.grid, setting=setting)
     result = evaluate(
         [frames_of(recording, learned.grid) for recording in experiments],
         time_step=learned.time_step,
         predict=physics.predict,
         correct=physics.correct,
-        assess=learned.for_wells(tuple(rig.wells), learned.grid).assess,
+        assess=assess,
     )
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_cli.costa_data import dataset_of
+from porotwin_cli.costa_data import dataset_of, source_name
 from porotwin_cli.output import progress
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
@@ -128,7 +128,7 @@ def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
         times=np.array([photo.time for photo in states]),
         concentration=np.array(maps),
         schedule=recording.schedule,
-        name=recording.source.name,
+        name=source_name(recording),
     )
 
 

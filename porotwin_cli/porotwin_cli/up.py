@@ -112,7 +112,9 @@ def _refuse_early(
     if calibration is not None:
         load_calibration(calibration)
     if model is not None:
-        CorrectiveModel.load(model).for_wells(tuple(rig.wells), grid)
+        learned = CorrectiveModel.load(model).for_physics(rig, grid, setting)
+        if learned.doubt:
+            say(f'{model}: {learned.doubt}')
     if page:
         listen(page).close()
 

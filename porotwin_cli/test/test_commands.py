@@ -159,6 +159,16 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
     errors = json.loads(result.stdout)
     assert 0 < errors['corrected'] <= 1.5 * errors['predicted']
     assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
+    assert 'the model learned from it' in result.stderr
+    for command in (['evaluate', tmp_path / 'm', experiment], ['up', *_up(experiment, tmp_path)]):
+        refused = porotwin(*command, '--setting', 'fast')
+        assert refused.returncode == 2, refused.stderr
+        assert "model corrects setting 'upwind', not 'fast'" in refused.stderr
+
+
+def _up(experiment: Path, folder: Path) -> list[str | Path]:
+    rig = ['--rig', experiment / 'rig.yaml', '--grid', '94x56', '--model', folder / 'm']
+    return [*rig, '--photos', experiment, '--output', folder / 'up']
 
 
 @pytest.mark.parametrize(

@@ -117,3 +117,12 @@ def relative_error(values: FloatArray, reference: FloatArray) -> float:
     known = np.isfinite(values) & np.isfinite(reference)
     norm = np.linalg.norm(reference[known])
     return float(np.linalg.norm((values - reference)[known]) / norm) if norm > 0 else float('nan')
+
+
+def fill_unseen(observed: FloatArray, believed: FloatArray | None) -> FloatArray:
+    """Return the observed map (nz, nx) within 0..1, unseen cells as believed, else without tracer.
+
+    What the physics-based model starts from, in the twin and in what COSTA learns from alike.
+    """
+    substitute = np.zeros_like(observed) if believed is None else believed
+    return np.where(np.isfinite(observed), np.clip(observed, 0.0, 1.0), substitute)

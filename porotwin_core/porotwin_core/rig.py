@@ -1,5 +1,7 @@
 """The one description of a rig: `rig.yaml`, checked at the door and then trusted."""
 
+import hashlib
+import json
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -170,6 +172,16 @@ class Rig(_Section):
         )
 
     __hash__ = None  # type: ignore[assignment]  # it holds arrays and dictionaries
+
+    @property
+    def physics_fingerprint(self) -> str:
+        """Short hash of what flow and transport depend on: all but name, camera and control."""
+        data = self.model_dump(mode='json', exclude={'name', 'camera', 'control'})
+        for quantity, values in self._maps.items():
+            # the numbers count, not the file they came from
+            numbers = np.ascontiguousarray(values, dtype=float)
+            data[quantity] = [values.shape, hashlib.sha256(numbers.tobytes()).hexdigest()]
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:12]
 
     def grid(self, nx: int, nz: int) -> Grid:
         """Return the grid of nx x nz cells over this rig."""

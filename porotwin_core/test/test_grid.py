@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid, conservative_resample, relative_error
+from porotwin_core.grid import Grid, conservative_resample, fill_unseen, relative_error
 
 SIZES = st.integers(1, 23)
 
@@ -59,3 +59,10 @@ def test_unseen_cells_do_not_count_in_the_relative_error() -> None:
     observed = np.array([[1.0, np.nan]])
     assert relative_error(np.array([[0.9, 55.0]]), observed) == pytest.approx(0.1)
     assert np.isnan(relative_error(np.ones((1, 2)), np.zeros((1, 2))))
+
+
+def test_unseen_cells_are_taken_from_what_is_believed() -> None:
+    observed = np.array([[0.2, np.nan], [1.3, 0.0]])
+    believed = np.array([[0.9, 0.7], [0.9, 0.9]])
+    assert fill_unseen(observed, believed).tolist() == [[0.2, 0.7], [1.0, 0.0]]
+    assert fill_unseen(observed, None).tolist() == [[0.2, 0.0], [1.0, 0.0]]

@@ -120,3 +120,28 @@ def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
         'maps.nc',
         'porosity.nc',
     }
+
+
+@pytest.mark.parametrize(
+    ('change', 'same'),
+    [
+        ({'name': 'other', 'control': CONTROL}, True),
+        ({'porosity': 0.376}, False),
+        ({'boundaries': {'top': 'closed'}}, False),
+        ({'effects': [{'name': 'rate', 'parameters': {'well': 'injector', 'factor': 0.9}}]}, False),
+        ({'wells': {**SMALL['wells'], 'injector': {'x_m': 0.24, 'z_m': 0.235}}}, False),
+    ],
+)
+def test_fingerprint_tells_what_physics_depends_on(change: dict[str, Any], same: bool) -> None:
+    first, second = (parse_rig(data, Path('rig.yaml')) for data in (SMALL, SMALL | change))
+    assert (first.physics_fingerprint == second.physics_fingerprint) is same
+
+
+def test_fingerprint_of_maps_is_that_of_their_numbers(tmp_path: Path) -> None:
+    data = {key: SMALL[key] for key in SMALL if key not in ('porosity', 'permeability_m2')}
+    maps = [np.full((3, 4), 0.3), np.full((3, 4), 0.3), np.full((3, 4), 0.31)]
+    rigs = [rig_from_maps(data, {'porosity': m, 'permeability_m2': 1e-9}) for m in maps]
+    first, same, other = (rig.physics_fingerprint for rig in rigs)
+    assert first == same != other
+    write_rig(rigs[0], tmp_path / 'rig.yaml')
+    assert load_rig(tmp_path).physics_fingerprint == first

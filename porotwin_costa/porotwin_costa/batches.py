@@ -70,6 +70,7 @@ class Batches:
                     right[sample, rows, x : x + nx - 1],
                     up[sample, z : z + nz - 1, columns],
                     network.change[rows, columns],
+                    network.relative_depth[rows, columns],
                     target[sample, rows, columns],
                 )
             )

@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_costa.dataset import (
     TIME_STEP_TOLERANCE,
+    TOO_LITTLE_SEEN,
     Dataset,
     empty_dataset,
+    enough_seen,
     mean_rates,
     rate_vector,
 )
@@ -29,13 +31,18 @@ _LATE = 0.1
 
 @dataclass(frozen=True)
 class Pair:
-    """Two consecutive states (nz, nx), the rates between them, and when they end [s]."""
+    """Two consecutive states (nz, nx), the rates between them, and when they end [s].
+
+    Unseen cells are NaN. What the twin believed before an interruption, or before the clock jumped
+    back, says nothing about a pair of a later `course` of time.
+    """
 
     previous: FloatArray
     following: FloatArray
     rates: dict[str, WellRate]
     end: float
     experiment: int
+    course: int
 
 
 _SampleValue = Callable[[Pair, FloatArray, FloatArray], object]
@@ -50,15 +57,26 @@ class Collector:
     """
 
     def __init__(
-        self, rig: Rig, grid: Grid, time_step: float, *, first_experiment: int = 0
+        self,
+        rig: Rig,
+        grid: Grid,
+        time_step: float,
+        *,
+        first_experiment: int = 0,
+        setting: str = '',
     ) -> None:
-        """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number."""
-        self._empty = empty_dataset(rig, grid, time_step)
+        """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number.
+
+        `setting` names the scheme of the physics-based model; empty: not known.
+        """
+        self._empty = empty_dataset(rig, grid, time_step, setting)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
         self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_KEPT)
         self._clean: deque[float] = deque(maxlen=_KEPT)
         self._samples: list[tuple[Pair, FloatArray, FloatArray]] = []
+        self._course = 0
+        self._believed: tuple[int, FloatArray] | None = None
         self.dropped: Counter[str] = Counter()
         self.completed = 0
 
@@ -93,11 +111,21 @@ class Collector:
         """Return the pair that would else wait for the next state."""
         return self._ready()
 
+    def start(self, pair: Pair) -> FloatArray:
+        """Return the state (nz, nx) from which to predict: unseen cells as last predicted."""
+        course, believed = self._believed or (pair.course, None)
+        return fill_unseen(pair.previous, believed if course == pair.course else None)
+
     def complete(self, pair: Pair, predicted: FloatArray, residual: FloatArray) -> None:
-        """Keep a pair with its prediction c~ (nz, nx) and exact residual r (nz, nx) [1/s]."""
+        """Keep a pair with its prediction c~ (nz, nx) and exact residual r (nz, nx) [1/s].
+
+        Both from `start` to `fill_unseen(following, predicted)`; pairs are completed in order.
+        """
         if not (np.isfinite(predicted).all() and np.isfinite(residual).all()):
             self.dropped['pairs without finite residual'] += 1
             return
+        self._believed = pair.course, predicted
+        residual = np.where(np.isfinite(pair.following), residual, 0.0)
         self._samples.append((pair, predicted, residual))
         self.completed += 1
 
@@ -128,6 +156,7 @@ class Collector:
         """Begin anew, because the clock has jumped back to `time`."""
         self._states.clear()
         self._experiment += 1
+        self._course += 1
         self._told = deque((item for item in self._told if item[0] <= time), maxlen=_KEPT)
         self._clean = deque((moment for moment in self._clean if moment <= time), maxlen=_KEPT)
 
@@ -139,17 +168,18 @@ class Collector:
         if any(start < clean <= end for clean in self._clean):
             self.dropped['pairs across an interruption'] += 1
             self._experiment += 1
+            self._course += 1
             return []
         if not math.isclose(end - start, self._empty.time_step, rel_tol=TIME_STEP_TOLERANCE):
             self.dropped[f'pairs not {self._empty.time_step:g} s apart'] += 1
             self._experiment += 1
             return []
-        if not (np.isfinite(previous).all() and np.isfinite(following).all()):
-            self.dropped['pairs with unknown cells'] += 1
+        if not (enough_seen(previous) and enough_seen(following)):
+            self.dropped[TOO_LITTLE_SEEN] += 1
             return []
         known_from = min((time for time, _ in self._told), default=math.inf)
         if known_from > start + _LATE * self._empty.time_step:
             self.dropped['pairs without measured rates'] += 1
             return []
         rates = mean_rates(Schedule.from_rates(self._told), max(start, known_from), end)
-        return [Pair(previous, following, rates, end, self._experiment)]
+        return [Pair(previous, following, rates, end, self._experiment, self._course)]

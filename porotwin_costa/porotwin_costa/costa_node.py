@@ -54,7 +54,8 @@ class CostaNode(Node):
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
-        self._wells = tuple(rig.wells)
+        self._rig = rig
+        self._setting = declare(self, 'setting', '', 'scheme of the solver; empty: not checked')
         self._architecture = declare(
             self, 'architecture', DEFAULT, 'what to train when a goal does not say'
         )
@@ -91,7 +92,10 @@ class CostaNode(Node):
         )
 
     def _use(self, model: CorrectiveModel, path: str) -> None:
-        self._model, self._path = model.for_wells(self._wells, self._grid), path
+        self._model = model.for_physics(self._rig, self._grid, self._setting)
+        self._path = path
+        if model.doubt:
+            self.get_logger().warning(model.doubt)
 
     def _status(self) -> str:
         return self._model.summary if self._model else 'no model loaded'
@@ -108,7 +112,7 @@ class CostaNode(Node):
         response.loaded = model is not None
         response.version = _version()
         response.grid = conversions.grid_to_msg(self._grid)
-        response.wells = list(self._wells)
+        response.wells = list(self._rig.wells)
         if model is not None:
             response.path = self._path
             response.architecture = model.settings.architecture
@@ -218,7 +222,7 @@ class CostaNode(Node):
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
-        model.for_wells(self._wells, self._grid)
+        model.for_physics(self._rig, self._grid, self._setting)
         if goal.output:
             model.save(Path(goal.output))
         self._use(model, goal.output)

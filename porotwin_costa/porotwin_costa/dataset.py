@@ -1,11 +1,12 @@
 """Training data: what the physics-based model predicted under which rates, and what it missed."""
 
 import hashlib
+import itertools
 import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
@@ -15,11 +16,12 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.flow_shape import FlowShape, flow_shape_of
+from porotwin_costa.physics_id import PhysicsId
 
 PredictFn = Callable[[FloatArray, WellRates, float], FloatArray]
 """(concentration, rates, time_step [s]) -> predicted concentration; uncorrected."""
@@ -31,6 +33,12 @@ FORMAT = 'porotwin-costa-dataset-1'
 
 TIME_STEP_TOLERANCE = 0.02
 """Relative difference of a time step to the trained one that is taken for the same."""
+
+LEAST_SEEN = 0.5
+"""Share of the cells that a map must show: chart, tubes and frame always hide some of the sand."""
+
+TOO_LITTLE_SEEN = 'pairs with too little seen'
+"""Why a pair gave no sample: one of its maps shows less than `LEAST_SEEN`."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,11 @@ class Frames:
     schedule: Schedule
     clean_times: tuple[float, ...] = ()
     name: str = 'experiment'
+
+
+def enough_seen(concentration: FloatArray) -> bool:
+    """Return whether a map (nz, nx) shows enough of the sand to learn from it or to judge by it."""
+    return bool(np.isfinite(concentration).mean() >= LEAST_SEEN)
 
 
 def mean_rates(schedule: Schedule, start: float, end: float) -> dict[str, WellRate]:
@@ -91,11 +104,13 @@ def rate_vector(rates: WellRates, wells: Sequence[str]) -> FloatArray:
 class Dataset:
     """Pairs (c~^{n+1}, rates) -> r^{n+1} for one rig, grid and time step.
 
-    `flow` is that of the wells through homogeneous sand, `porosity` [-] (nz, nx) that of the rig.
+    `flow` is that of the wells through homogeneous sand, `porosity` [-] and `relative_depth`
+    [-], that relative to its mean, (nz, nx) are those of the rig.
     `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates` (samples, wells, 2)
     as `rate_vector`; `time` [s] (samples,) is when the pair ends; `experiment` (samples,) counts
-    the uninterrupted sequences, and what belongs to one is never split between training and
-    validation unless there is only one. `dropped` says why frames gave no sample.
+    the uninterrupted sequences, which training keeps together where it can (`split_samples`).
+    `dropped` says why frames gave no sample, `physics` whose
+    predictions these are.
     """
 
     grid: Grid
@@ -103,6 +118,7 @@ class Dataset:
     time_step: float
     flow: FlowShape
     porosity: FloatArray
+    relative_depth: FloatArray
     predicted: NDArray[np.float32]
     rates: FloatArray
     residual: NDArray[np.float32]
@@ -110,6 +126,7 @@ class Dataset:
     experiment: NDArray[np.int64]
     dropped: Mapping[str, int] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
+    physics: PhysicsId = field(default_factory=PhysicsId)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -147,6 +164,7 @@ class Dataset:
             'grid': {'nx': grid.nx, 'nz': grid.nz, 'width': grid.width, 'height': grid.height},
             'wells': list(self.wells),
             'time_step': self.time_step,
+            'physics': asdict(self.physics),
         }
 
     def _tensors(self) -> dict[str, NDArray]:
@@ -159,6 +177,7 @@ class Dataset:
             'flow_right': self.flow.right,
             'flow_up': self.flow.up,
             'porosity': self.porosity,
+            'relative_depth': self.relative_depth,
         }
 
     def save(self, path: Path) -> None:
@@ -184,34 +203,48 @@ def _parts(folder: Path) -> list[Path]:
     return sorted(folder.glob('part_*.safetensors'))
 
 
-def empty_dataset(rig: Rig, grid: Grid, time_step: float) -> Dataset:
-    """Return a data set without samples for the wells of `rig`, in the order of rig.yaml."""
+def empty_dataset(rig: Rig, grid: Grid, time_step: float, setting: str = '') -> Dataset:
+    """Return a data set without samples for the wells of `rig`, in the order of rig.yaml.
+
+    `setting` names the scheme of the physics-based model; empty: not known.
+    """
     wells = tuple(rig.wells)
+    depth = rig.field('depth_m', grid)
     return Dataset(
         grid=grid,
         wells=wells,
         time_step=time_step,
         flow=flow_shape_of(rig, grid, wells),
         porosity=rig.field('porosity', grid),
+        relative_depth=depth / depth.mean(),
         predicted=np.zeros((0, *grid.shape), np.float32),
         rates=np.zeros((0, len(wells), 2)),
         residual=np.zeros((0, *grid.shape), np.float32),
         time=np.zeros(0),
         experiment=np.zeros(0, np.int64),
+        physics=PhysicsId.of(rig, setting),
     )
 
 
-def _consecutive(frames: Frames, time_step: float, dropped: Counter[str]) -> Iterator[int]:
-    """Yield n for each usable pair of frames n, n + 1; count the others by reason."""
-    known = [bool(np.isfinite(frame).all()) for frame in frames.concentration]
-    dropped['frames with unknown cells'] += known.count(False)
+def _consecutive(
+    frames: Frames, time_step: float, dropped: Counter[str]
+) -> Iterator[tuple[int, int]]:
+    """Yield n and the course of time it is in, for each usable pair of frames n, n + 1.
+
+    Others are counted by reason. An interruption begins another course of time.
+    """
+    known = [enough_seen(frame) for frame in frames.concentration]
+    course = 0
     for n, (start, end) in enumerate(zip(frames.times, frames.times[1:], strict=False)):
         if any(start < clean <= end for clean in frames.clean_times):
             dropped['pairs across an interruption'] += 1
+            course += 1
         elif not math.isclose(end - start, time_step, rel_tol=TIME_STEP_TOLERANCE):
             dropped[f'pairs not {time_step:g} s apart'] += 1
         elif known[n] and known[n + 1]:
-            yield n
+            yield n, course
+        else:
+            dropped[TOO_LITTLE_SEEN] += 1
 
 
 def build_dataset(
@@ -222,14 +255,17 @@ def build_dataset(
     time_step: float,
     predict: PredictFn,
     residual: ResidualFn,
+    setting: str = '',
     progress: Callable[[int], None] = lambda _: None,
 ) -> Dataset:
     """Return the pairs of all experiments: c~ from each frame, and what it missed of the next.
 
     For each pair of frames one `time_step` [s] apart: c~^{n+1} = predict(c^n) and
     r^{n+1} = residual(c^n, c^{n+1}), both under the rates of that interval (paper, section 2.2.3).
+    Cells that c^n does not show are as in the last prediction before it, as the twin fills them;
+    those that c^{n+1} does not show have no residual.
     A clean state within a pair's interval means that the second does not follow from the first.
-    `progress` is told the number of samples so far.
+    `setting` names the scheme that predicts. `progress` is told the number of samples so far.
 
     Raises:
         InputError: a frame is not on `grid`, or not one pair can be used.
@@ -245,15 +281,20 @@ def build_dataset(
                 f'{grid.shape}; resample them'
             )
         names.append(frames.name)
-        last = -2
-        for n in _consecutive(frames, time_step, dropped):
+        last, last_course = -2, -1
+        believed: FloatArray | None = None
+        for n, course in _consecutive(frames, time_step, dropped):
             label += n != last + 1
-            last = n
+            believed = believed if course == last_course else None
+            last, last_course = n, course
             start, end = float(frames.times[n]), float(frames.times[n + 1])
             before, after = (frames.concentration[k].astype(float) for k in (n, n + 1))
             rates = mean_rates(frames.schedule, start, end)
-            predicted.append(predict(before, rates, time_step).astype(np.float32))
-            residuals.append(residual(before, after, rates, time_step).astype(np.float32))
+            before = fill_unseen(before, believed)
+            believed = predict(before, rates, time_step)
+            missed = residual(before, fill_unseen(after, believed), rates, time_step)
+            predicted.append(believed.astype(np.float32))
+            residuals.append(np.where(np.isfinite(after), missed, 0.0).astype(np.float32))
             rates_seen.append(rate_vector(rates, wells))
             times.append(end)
             labels.append(label)
@@ -262,7 +303,7 @@ def build_dataset(
         reasons = ', '.join(f'{count} {reason}' for reason, count in dropped.items()) or 'no frames'
         raise InputError(f'{", ".join(names) or "no recording"}: no pair to learn from ({reasons})')
     return replace(
-        empty_dataset(rig, grid, time_step),
+        empty_dataset(rig, grid, time_step, setting),
         predicted=np.array(predicted),
         rates=np.array(rates_seen),
         residual=np.array(residuals),
@@ -274,7 +315,7 @@ def build_dataset(
 
 
 def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset:
-    """Return all samples of `parts`, which must agree on grid, wells and time step.
+    """Return all samples of `parts`, which must agree on grid, wells, time step and physics.
 
     With `renumber`, experiments of different parts get different numbers.
 
@@ -287,6 +328,9 @@ def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset
             ours, theirs = getattr(first, name), getattr(other, name)
             if ours != theirs:
                 raise InputError(f'data sets differ in {name}: {ours} and {theirs}; train apart')
+    for mark, differing in itertools.combinations(dict.fromkeys(part.physics for part in parts), 2):
+        if difference := mark.difference(differing):
+            raise InputError(f'data sets differ in physics: {difference}; train apart')
     counts = [int(part.experiment.max(initial=-1)) + 1 for part in parts]
     offsets = np.cumsum([0, *counts]) if renumber else np.zeros(len(parts) + 1, np.int64)
     dropped: Counter[str] = Counter()
@@ -303,6 +347,7 @@ def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset
         ),
         dropped=dict(dropped),
         sources=tuple(dict.fromkeys(name for part in parts for name in part.sources)),
+        physics=next((part.physics for part in parts if not part.physics.known), first.physics),
     )
 
 
@@ -320,14 +365,17 @@ def load_dataset(path: Path) -> Dataset:
         return join_datasets([load_dataset(part) for part in parts], renumber=False)
     header = read_header(path, FORMAT)
     try:
-        tensors = safetensors.numpy.load_file(path)
+        grid = Grid(**header['grid'])
+        # data sets of before depth was kept took it for even
+        tensors = {'relative_depth': np.ones(grid.shape), **safetensors.numpy.load_file(path)}
         return Dataset(
-            grid=Grid(**header['grid']),
+            grid=grid,
             wells=tuple(header['wells']),
             time_step=float(header['time_step']),
             flow=FlowShape(tensors.pop('flow_right'), tensors.pop('flow_up')),
             dropped=header['dropped'],
             sources=tuple(header['sources']),
+            physics=PhysicsId(**header.get('physics', {})),
             **tensors,
         )
     except (KeyError, TypeError, safetensors.SafetensorError) as error:

@@ -15,9 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.grid import FloatArray, fill_unseen
 from porotwin_core.wells import WellRates
-from porotwin_costa.dataset import TIME_STEP_TOLERANCE, Frames, PredictFn, mean_rates
+from porotwin_costa.dataset import (
+    TIME_STEP_TOLERANCE,
+    Frames,
+    PredictFn,
+    enough_seen,
+    mean_rates,
+)
 from porotwin_costa.model import APPLIED, Correction
 
 CorrectFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
@@ -121,7 +127,8 @@ def evaluate(
 ) -> Evaluation:
     """Return the errors of every frame that follows another by `time_step` [s].
 
-    The free run starts again after an interruption, a gap or a frame with unknown cells.
+    Cells that a frame does not show are as in the last corrected prediction before it, as in the
+    twin. The free run starts again after an interruption, a gap or a frame with too little seen.
     Snapshots are those at `snapshot_times` [s], 10 and 30 minutes as in the paper.
 
     Raises:
@@ -134,11 +141,16 @@ def evaluate(
     def step(start: FloatArray, rates: WellRates) -> tuple[FloatArray, FloatArray, str]:
         predicted = predict(start, rates, time_step)
         answer = assess(predicted, rates)
-        return predicted, correct(start, answer.sigma, rates, time_step), answer.status
+        corrected = predicted
+        if answer.applied:
+            # as in the twin: the correction may overshoot, a concentration cannot
+            corrected = np.clip(correct(start, answer.sigma, rates, time_step), 0.0, 1.0)
+        return predicted, corrected, answer.status
 
     for experiment in experiments:
         names.append(experiment.name)
         free: tuple[FloatArray, FloatArray] | None = None
+        believed: FloatArray | None = None
         times = experiment.times
         for n in range(len(times) - 1):
             before = np.asarray(experiment.concentration[n], dtype=float)
@@ -147,11 +159,14 @@ def evaluate(
             apart = not math.isclose(
                 times[n + 1] - times[n], time_step, rel_tol=TIME_STEP_TOLERANCE
             )
-            if clean or apart or not np.isfinite(before).all() or np.isnan(observed).all():
+            if clean or apart or not (enough_seen(before) and enough_seen(observed)):
                 free = None
+                believed = None if clean else believed
                 continue
+            before = fill_unseen(before, believed)
             rates = mean_rates(experiment.schedule, float(times[n]), float(times[n + 1]))
             predicted, corrected, status = step(before, rates)
+            believed = corrected
             free_start = free or (before, before)
             free_predicted = predict(free_start[0], rates, time_step)
             _, free_corrected, free_status = step(free_start[1], rates)

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,12 +16,14 @@ from torch import nn
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
 from porotwin_core.wells import WellRates
 from porotwin_costa.dataset import TIME_STEP_TOLERANCE, rate_vector
 from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.flow_shape import FlowShape
 from porotwin_costa.gate import Range, TrainingRange
 from porotwin_costa.network import NetworkSettings, build_network
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.scaling import Scaling
 
 FORMAT = 'porotwin-costa-model-1'
@@ -53,7 +55,8 @@ class CorrectiveModel:
 
     `trust` in 0..1 scales the network's answer; training sets it by least squares on the samples
     it kept aside, so that a network which learned nothing of use says nothing. `provenance` tells
-    what made the model: fingerprint of the data, seed, versions, losses.
+    what made the model: fingerprint of the data, seed, versions, losses. `physics` is what it
+    corrects: the errors of another scheme, or of another belief about the rig, are others.
     """
 
     grid: Grid
@@ -65,6 +68,7 @@ class CorrectiveModel:
     trained_on: TrainingRange
     trust: float
     provenance: Mapping[str, Any]
+    physics: PhysicsId = field(default_factory=PhysicsId)
 
     def assess(self, predicted: FloatArray, rates: WellRates) -> Correction:
         """Return sigma for the predicted concentration (nz, nx), or zero and why it is withheld.
@@ -130,6 +134,28 @@ class CorrectiveModel:
             )
         return self
 
+    def for_physics(self, rig: Rig, grid: Grid, setting: str = '') -> Self:
+        """Return this model after checking that it corrects the physics of `rig` on `grid`.
+
+        `setting` names the scheme; empty: not known, so not checked.
+
+        Raises:
+            InputError: it was trained for other wells, another grid, scheme or rig description.
+        """
+        self.for_wells(tuple(rig.wells), grid)
+        if difference := self.physics.difference(PhysicsId.of(rig, setting)):
+            raise InputError(
+                f'model corrects {difference}; choose what it was trained for, or train again'
+            )
+        return self
+
+    @property
+    def doubt(self) -> str:
+        """One line if the model does not say which physics it corrects, else an empty string."""
+        if self.physics.known:
+            return ''
+        return 'model does not say which rig and setting it corrects: not checked; train it again'
+
     def save(self, path: Path) -> None:
         """Write weights and description to one .safetensors file, whole or not at all."""
         tensors: dict[str, NDArray] = {
@@ -147,6 +173,7 @@ class CorrectiveModel:
             'scaling': dataclasses.asdict(self.scaling),
             'trained_on': dataclasses.asdict(self.trained_on),
             'trust': self.trust,
+            'physics': dataclasses.asdict(self.physics),
             'provenance': dict(self.provenance),
         }
 
@@ -168,7 +195,11 @@ class CorrectiveModel:
                 np.zeros((len(wells), grid.nz - 1, grid.nx)),
             )
             network = build_network(grid.shape, len(wells), settings, unknown_flow)
-            network.load_state_dict(safetensors.torch.load_file(path))
+            weights = safetensors.torch.load_file(path)
+            if settings.architecture == 'local':
+                # models of before depth was kept took it for even
+                weights.setdefault('relative_depth', torch.ones(grid.shape))
+            network.load_state_dict(weights)
             network.eval()
             return cls(
                 grid=grid,
@@ -180,6 +211,7 @@ class CorrectiveModel:
                 trained_on=_trained_on(header['trained_on']),
                 trust=float(header['trust']),
                 provenance=header['provenance'],
+                physics=PhysicsId(**header.get('physics', {})),
             )
         except (KeyError, TypeError, RuntimeError, safetensors.SafetensorError) as error:
             reason = ' '.join(str(error).split())[:200]

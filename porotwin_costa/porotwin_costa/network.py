@@ -95,7 +95,9 @@ def _outflow(right: Tensor, up: Tensor) -> Tensor:
 
 
 class LocalFluxNetwork(nn.Module):
-    """A corrective source term that only moves tracer: sigma = -div F, with F learned per face.
+    """A corrective source term that only moves tracer: sigma = -div F / d, F learned per face.
+
+    d is the depth of the rig relative to its mean, since sigma is a density per rig volume.
 
     F = (|q| + q0) m N: q is the flow through the face in homogeneous sand (`FlowShape`, superposed
     with the rates), q0 a tenth of its usual size, so that errors which do not follow the flow can
@@ -111,6 +113,7 @@ class LocalFluxNetwork(nn.Module):
     right_flow: Tensor
     up_flow: Tensor
     change: Tensor
+    relative_depth: Tensor
 
     presence = 0.02
     """Concentration from which on a face counts as carrying tracer [-]."""
@@ -121,6 +124,7 @@ class LocalFluxNetwork(nn.Module):
         self.register_buffer('right_flow', torch.as_tensor(flow.right, dtype=torch.float32))
         self.register_buffer('up_flow', torch.as_tensor(flow.up, dtype=torch.float32))
         self.register_buffer('change', torch.zeros(shape))
+        self.register_buffer('relative_depth', torch.ones(shape))
         filters = settings.filters
         self.trunk = nn.Sequential(
             nn.Conv2d(3, filters, 5, padding=2),
@@ -134,7 +138,8 @@ class LocalFluxNetwork(nn.Module):
 
     def forward(self, concentration: Tensor, rates: Tensor) -> Tensor:
         """Return scaled sigma (batch, nz, nx) of c~ (batch, nz, nx) and rates (batch, 2 w)."""
-        return self.source(concentration, *self.face_flow(rates), self.change)
+        flow = self.face_flow(rates)
+        return self.source(concentration, *flow, self.change, self.relative_depth)
 
     def face_flow(self, rates: Tensor) -> tuple[Tensor, Tensor]:
         """Return the flow to the right and upward through the inner faces, in scaled rates."""
@@ -144,10 +149,13 @@ class LocalFluxNetwork(nn.Module):
             torch.einsum('bw,wzx->bzx', pumped, self.up_flow),
         )
 
-    def source(self, concentration: Tensor, right: Tensor, up: Tensor, change: Tensor) -> Tensor:
+    def source(
+        self, concentration: Tensor, right: Tensor, up: Tensor, change: Tensor, depth: Tensor
+    ) -> Tensor:
         """Return scaled sigma of c~ and the flow through the inner faces, on the grid or a part.
 
-        `change` is the change of concentration per unit of scaled sigma, as (nz, nx) or per sample.
+        `change` is the change of concentration per unit of scaled sigma, `depth` relative to the
+        rig's mean, both as (nz, nx) or per sample.
         """
         pad = nn.functional.pad
         across = 0.5 * (pad(right, (0, 1)) + pad(right, (1, 0)))
@@ -159,7 +167,7 @@ class LocalFluxNetwork(nn.Module):
             self._flux(0.5 * (carried[:, 0, :, :-1] + carried[:, 0, :, 1:]), right, right_tracer),
             self._flux(0.5 * (carried[:, 1, :-1] + carried[:, 1, 1:]), up, up_tracer),
         )
-        return -_outflow(*_bounded(concentration, *fluxes, change))
+        return -_outflow(*_bounded(concentration, *fluxes, change / depth)) / depth
 
     def _flux(self, carried: Tensor, flow: Tensor, tracer: Tensor) -> Tensor:
         present = torch.clamp(tracer / (2 * self.presence), 0.0, 1.0)

@@ -19,17 +19,21 @@ from rclpy.task import Future
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import load_dataset
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
 
 _PART = 10
 """Pairs that are written together; a crash costs one fewer at most."""
+
+REPORT_S = 60.0
+"""Shortest time between two reports of what was left out [s]."""
 
 SILENCE_S = 300.0
 """A training that has not reported an epoch for so long is lost [s]."""
@@ -48,6 +52,7 @@ class TrainerNode(Node):
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        setting = declare(self, 'setting', '', 'scheme of the solver; empty: not known')
         self._time_step = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
         self._every = declare(self, 'retrain_every', 40, 'new pairs between two trainings')
         self._architecture = declare(self, 'architecture', '', 'network; empty: that of costa')
@@ -56,8 +61,13 @@ class TrainerNode(Node):
         self._patience = declare(self, 'model_timeout_s', 20.0, 'longest wait for the solver [s]')
         self._dataset = self._folder(declare(self, 'dataset', '', 'folder; empty: a temporary one'))
         self._collector = Collector(
-            rig, self._grid, self._time_step, first_experiment=self._known_experiments()
+            rig,
+            self._grid,
+            self._time_step,
+            first_experiment=self._known_experiments(PhysicsId.of(rig, setting)),
+            setting=setting,
         )
+        self._dropped = 0
         self._pending: deque[Pair] = deque(maxlen=1000)
         self._pair: Pair | None = None
         self._training_due = False
@@ -83,7 +93,7 @@ class TrainerNode(Node):
         self._temporary = tempfile.TemporaryDirectory(prefix='porotwin_costa_')
         return Path(self._temporary.name)
 
-    def _known_experiments(self) -> int:
+    def _known_experiments(self, physics: PhysicsId) -> int:
         if not any(self._dataset.glob('part_*.safetensors')):
             return 0
         known = load_dataset(self._dataset)
@@ -92,6 +102,8 @@ class TrainerNode(Node):
                 f'{self._dataset}: holds pairs on {known.grid} every {known.time_step:g} s, the '
                 f'twin runs on {self._grid} every {self._time_step:g} s; name another folder'
             )
+        if difference := known.physics.difference(physics):
+            raise InputError(f'{self._dataset}: holds pairs of {difference}; name another folder')
         return int(known.experiment.max()) + 1
 
     def _on_state(self, message: NewState) -> None:
@@ -101,7 +113,20 @@ class TrainerNode(Node):
             self._pending.extend(self._collector.observed(stamp, concentration, grid))
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
+        self._report_dropped()
         self._next()
+
+    def _report_dropped(self) -> None:
+        """Say what cannot be learned from: a trainer that collects nothing must not be silent."""
+        dropped = self._collector.dropped
+        if dropped.total() == self._dropped:
+            return
+        self._dropped = dropped.total()
+        reasons = ', '.join(f'{count} {reason}' for reason, count in dropped.items())
+        self.get_logger().warning(
+            f'{self._collector.completed} training pairs so far; left out: {reasons}',
+            throttle_duration_sec=REPORT_S,
+        )
 
     def _on_clean(self, message: CleanState) -> None:
         if message.cause == CleanState.FINISHED:
@@ -109,6 +134,7 @@ class TrainerNode(Node):
         else:
             self._collector.interrupted(conversions.time_from_msg(message.header.stamp))
         self.get_logger().info(f'time sequence interrupted: {message.reason}')
+        self._report_dropped()
         self._next()
 
     def _on_measured(self, message: WellRates) -> None:
@@ -143,7 +169,7 @@ class TrainerNode(Node):
             return
         self._pair = pair = self._pair or self._pending.popleft()
         request = Predict.Request(
-            previous=self._tracer(pair.previous, pair.end - self._time_step),
+            previous=self._tracer(self._collector.start(pair), pair.end - self._time_step),
             wells=conversions.rates_to_msg(pair.rates),
             time_step=self._time_step,
         )
@@ -173,8 +199,8 @@ class TrainerNode(Node):
     def _on_predicted(self, pair: Pair, answer: Predict.Response) -> None:
         predicted, _ = conversions.tracer_from_msg(answer.predicted)
         request = Residual.Request(
-            previous=self._tracer(pair.previous, pair.end - self._time_step),
-            next=self._tracer(pair.following, pair.end),
+            previous=self._tracer(self._collector.start(pair), pair.end - self._time_step),
+            next=self._tracer(fill_unseen(pair.following, predicted), pair.end),
             wells=conversions.rates_to_msg(pair.rates),
             time_step=self._time_step,
         )

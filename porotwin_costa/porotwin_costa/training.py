@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
-from typing import Literal
 
 import numpy as np
 import torch
@@ -30,10 +29,9 @@ from porotwin_costa.scaling import Scaling
 class TrainingSettings:
     """How long and on what to train.
 
-    `validation_share` of the samples is kept aside: the last of each experiment with `split`
-    'time', or the last experiments with 'experiment'. Training ends after `patience` epochs without
-    a better loss on those, and the best weights are kept. The local network learns from windows of
-    `window` x `window` cells, or from whole maps with 0.
+    About `validation_share` of the samples is kept aside, see `split_samples`. Training ends after
+    `patience` epochs without a better loss on those, and the best weights are kept. The local
+    network learns from windows of `window` x `window` cells, or from whole maps with 0.
     """
 
     network: NetworkSettings = HOMOGENEOUS_RIG
@@ -43,7 +41,6 @@ class TrainingSettings:
     patience: int = 40
     window: int = 0
     validation_share: float = 0.15
-    split: Literal['time', 'experiment'] = 'time'
 
     def __post_init__(self) -> None:
         if min(self.epochs, self.batch_size, self.patience) < 1 or not self.learning_rate > 0:
@@ -53,8 +50,6 @@ class TrainingSettings:
             )
         if not 0 < self.validation_share < 1:
             raise InputError(f'validation_share {self.validation_share}: must lie within 0 and 1')
-        if self.split not in ('time', 'experiment'):
-            raise InputError(f"split '{self.split}': choose 'time' or 'experiment'")
 
 
 @dataclass(frozen=True)
@@ -79,24 +74,26 @@ class TrainingCancelledError(Exception):
 def split_samples(dataset: Dataset, settings: TrainingSettings) -> NDArray[np.bool_]:
     """Return which samples are kept aside for validation, shape (samples,).
 
+    The last experiments, whole: a frame that follows one learned from is hardly a new one. As many
+    as hold `validation_share` of the samples, but at most half of all; where that cannot be, as
+    with one experiment, the last samples of all.
+
     Raises:
-        InputError: too few samples or experiments to keep any aside.
+        InputError: too few samples to keep any aside.
     """
-    if len(dataset) < 4:
-        raise InputError(f'{len(dataset)} training pairs: at least 4 are needed; record longer')
-    aside = np.zeros(len(dataset), bool)
-    numbers = np.unique(dataset.experiment)
-    if settings.split == 'experiment':
-        if len(numbers) < 2:
-            raise InputError("split 'experiment': only one experiment; add one or split by 'time'")
-        count = max(1, round(settings.validation_share * len(numbers)))
-        return np.isin(dataset.experiment, numbers[-count:])
-    for number in numbers:
-        own = np.flatnonzero(dataset.experiment == number)
-        own = own[np.argsort(dataset.time[own], kind='stable')]
-        aside[own[len(own) - int(np.ceil(settings.validation_share * len(own))) :]] = len(own) > 1
-    if not aside.any():
-        aside[-max(1, round(settings.validation_share * len(dataset))) :] = True
+    count = len(dataset)
+    if count < 4:
+        raise InputError(f'{count} training pairs: at least 4 are needed; record longer')
+    wanted = settings.validation_share * count
+    for number in np.unique(dataset.experiment)[::-1]:
+        aside = dataset.experiment >= number
+        if aside.sum() >= wanted:
+            break
+    if 2 * aside.sum() <= count:
+        return aside
+    aside = np.zeros(count, bool)
+    in_order = np.lexsort((dataset.time, dataset.experiment))
+    aside[in_order[-max(1, round(wanted)) :]] = True
     return aside
 
 
@@ -127,6 +124,7 @@ def train(
         )
     if isinstance(network, LocalFluxNetwork):
         network.change.copy_(torch.as_tensor(scaling.sigma * dataset.time_step / dataset.porosity))
+        network.relative_depth.copy_(torch.as_tensor(dataset.relative_depth))
     batches, validation = Batches.of(learning, scaling), Batches.of(judging, scaling)
     losses = _fit(
         network, batches, validation, settings, seed=seed, progress=progress, cancelled=cancelled
@@ -142,6 +140,7 @@ def train(
         scaling=scaling,
         trained_on=TrainingRange.of(dataset.predicted, dataset.rates, dataset.residual),
         trust=trust,
+        physics=dataset.physics,
         provenance={
             'data': dataset.fingerprint,
             'samples': len(dataset),

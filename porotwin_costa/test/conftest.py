@@ -146,6 +146,12 @@ def training_frames(observe) -> list[Frames]:
 
 
 @pytest.fixture(scope='session')
+def judging_frames(observe) -> Frames:
+    """Return a third experiment, which training keeps aside."""
+    return observe(Schedule.constant(injecting(left=200.0, right=200.0)), 15, 'both')
+
+
+@pytest.fixture(scope='session')
 def unseen_frames(observe) -> Frames:
     told = [(0.0, injecting(left=300.0, right=100.0)), (300.0, injecting(left=50.0, right=350.0))]
     return observe(Schedule.from_rates(told), 25, 'unseen')

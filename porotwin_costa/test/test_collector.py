@@ -1,7 +1,10 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 from porotwin_core.errors import InputError
+from porotwin_core.grid import fill_unseen
 from porotwin_core.wells import WellRate
 from porotwin_costa.collector import Collector
 from porotwin_costa.dataset import build_dataset, load_dataset, mean_rates
@@ -23,19 +26,26 @@ def _feed(collector, model, frames, count=25, start=0.0):
         pairs += collector.observed(time, frames.concentration[n], model.grid)
     pairs += collector.finished()
     for pair in pairs:
-        predicted = model.predict(pair.previous, pair.rates, 30.0)
-        residual = model.residual(pair.previous, pair.following, pair.rates, 30.0)
+        start = collector.start(pair)
+        predicted = model.predict(start, pair.rates, 30.0)
+        following = fill_unseen(pair.following, predicted)
+        residual = model.residual(start, following, pair.rates, 30.0)
         collector.complete(pair, predicted, residual)
     return pairs
 
 
+@pytest.mark.parametrize('hidden_columns', [0, 9])
 def test_a_live_run_gives_the_data_set_that_its_recording_gives(
-    collector, model, unseen_frames, rig, grid
+    collector, model, unseen_frames, rig, grid, hidden_columns
 ):
-    _feed(collector, model, unseen_frames)
+    concentration = unseen_frames.concentration.copy()
+    concentration[:, :, :hidden_columns] = np.nan
+    frames = dataclasses.replace(unseen_frames, concentration=concentration)
+    _feed(collector, model, frames)
     live = collector.take()
+    assert len(live) == 24
     recorded = build_dataset(
-        [unseen_frames],
+        [frames],
         rig,
         grid=grid,
         time_step=30.0,
@@ -94,7 +104,7 @@ def test_what_cannot_be_used_is_counted(collector, model, grid):
     assert collector.finished() == []
     assert collector.dropped == {
         'pairs without measured rates': 1,
-        'pairs with unknown cells': 1,
+        'pairs with too little seen': 1,
         'pairs not 30 s apart': 1,
     }
 
@@ -115,3 +125,14 @@ def test_state_on_another_grid_and_unknown_well_are_refused(collector, rig):
         collector.observed(0.0, np.zeros((5, 7)), rig.grid(7, 5))
     with pytest.raises(InputError, match="'other'"):
         collector.measured(0.0, {'other': WellRate(1e-7)})
+
+
+def test_what_was_believed_ends_with_an_interruption(collector, model, unseen_frames, grid):
+    hidden = unseen_frames.concentration.copy()
+    hidden[:, :, :9] = np.nan
+    frames = dataclasses.replace(unseen_frames, concentration=hidden)
+    pairs = _feed(collector, model, frames, 5)
+    assert collector.start(pairs[-1])[:, :9].any()
+    (later, *_) = _feed(collector, model, frames, 5)
+    assert later.course == pairs[-1].course + 1
+    assert collector.start(pairs[-1])[:, :9].any() != collector.start(later)[:, :9].any()

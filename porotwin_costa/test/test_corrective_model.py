@@ -8,11 +8,14 @@ import safetensors.numpy
 import torch
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_costa.dataset import build_dataset
-from porotwin_costa.model import APPLIED, NO_MODEL, CorrectiveModel, correction
+from porotwin_costa.files import write_tensors
+from porotwin_costa.model import APPLIED, FORMAT, NO_MODEL, CorrectiveModel, correction
 from porotwin_costa.network import NetworkSettings
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.training import TrainingSettings, train
 
 NETWORKS = {
@@ -163,6 +166,35 @@ def test_model_is_held_against_the_rig(trained, grid, rig):
         trained.for_wells(tuple(rig.wells), rig.grid(31, 20))
     with pytest.raises(InputError, match='left, right, producer: the rig has a'):
         trained.for_wells(('a',), grid)
+
+
+def test_model_is_held_against_the_physics_it_corrects(trained, grid, rig, tmp_path):
+    path = tmp_path / 'model.safetensors'
+    upwind = dataclasses.replace(trained, physics=PhysicsId.of(rig, 'upwind'))
+    upwind.save(path)
+    again = CorrectiveModel.load(path)
+    assert again.for_physics(rig, grid, 'upwind') is again
+    assert not again.doubt
+    with pytest.raises(InputError, match="setting 'upwind', not 'fast'") as refusal:
+        again.for_physics(rig, grid, 'fast')
+    assert '\n' not in str(refusal.value)
+    sorbing = EffectDescription(name='sorption', parameters={'retardation_factor': 1.2})
+    for belief in ({'permeability_m2': 1e-9}, {'effects': (sorbing,)}):
+        with pytest.raises(InputError, match=r'rig .*, not .*effects of rig.yaml'):
+            again.for_physics(rig.model_copy(update=belief), grid, 'upwind')
+
+
+def test_older_model_is_taken_with_a_doubt(trained, grid, rig, tmp_path):
+    path = tmp_path / 'model.safetensors'
+    description = trained.description()
+    del description['physics']
+    weights = {name: value.numpy() for name, value in trained.network.state_dict().items()}
+    weights.pop('relative_depth', None)
+    write_tensors(path, weights, FORMAT, description)
+    old = CorrectiveModel.load(path)
+    assert old.for_physics(rig, grid, 'fast') is old
+    assert 'does not say which rig and setting' in old.doubt
+    assert '\n' not in old.doubt
 
 
 def test_pickles_are_refused_unread(tmp_path, trained):

@@ -1,5 +1,6 @@
 """COSTA and its trainer as real processes; this test plays asset, solver and hub over DDS."""
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from porotwin_core.rig import write_rig
 from porotwin_costa.dataset import build_dataset, load_dataset, mean_rates
 from porotwin_costa.model import CorrectiveModel
 from porotwin_costa.network import NetworkSettings
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.training import TrainingSettings, train
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
@@ -328,7 +330,9 @@ def test_trainer_collects_pairs_and_has_costa_trained(
                         wells=rates,
                     )
                 )
-                tracer = conversions.tracer_to_msg(frames.concentration[n], model.grid, start)
+                seen = frames.concentration[n].copy()
+                seen[:, 6:9] = np.nan  # a tube before the sand, for ever
+                tracer = conversions.tracer_to_msg(seen, model.grid, start)
                 states.publish(
                     NewState(header=conversions.header_at(start), sequence=sequence, tracer=tracer)
                 )
@@ -352,6 +356,7 @@ def test_trainer_collects_pairs_and_has_costa_trained(
     dataset = load_dataset(folder)
     assert len(dataset) == 24, report
     assert len(np.unique(dataset.experiment)) == 2
+    assert not dataset.residual[:, :, 6:9].any()
     corrective = CorrectiveModel.load(output)
     assert corrective.provenance['samples'] in (20, 24)
     assert 'Traceback' not in report
@@ -392,15 +397,44 @@ def test_a_training_that_costa_took_with_it_is_asked_for_again(client, rig_file,
     node.destroy_node()
 
 
-def test_wrong_parameters_end_the_node_with_one_line(domain, rig_file, tmp_path):
+class Listener:
+    """Stands for the node's logger."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warning(self, text: str, **_: Any) -> None:
+        self.warnings.append(text)
+
+
+def test_a_trainer_that_learns_nothing_says_why(client, rig_file, grid, monkeypatch):
+    monkeypatch.setattr(trainer_node, 'ActionClient', lambda *_: LostTraining())
+    overrides = [Parameter('rig', value=str(rig_file)), Parameter('grid', value='30x20')]
+    node = trainer_node.TrainerNode(context=client.context, parameter_overrides=overrides)
+    listener = Listener()
+    monkeypatch.setattr(node, 'get_logger', lambda: listener)
+    for n in range(4):
+        tracer = conversions.tracer_to_msg(np.full(grid.shape, np.nan), grid, 30.0 * n)
+        node._on_state(NewState(header=conversions.header_at(30.0 * n), sequence=n, tracer=tracer))
+    assert listener.warnings == [
+        f'0 training pairs so far; left out: {count} pairs with too little seen' for count in (1, 2)
+    ]
+    node.destroy_node()
+
+
+def test_wrong_parameters_end_the_node_with_one_line(domain, rig, rig_file, trained, tmp_path):
     broken = tmp_path / 'model.safetensors'
     broken.write_bytes(b'no model')
+    other = tmp_path / 'other.safetensors'
+    dataclasses.replace(trained, physics=PhysicsId.of(rig, 'upwind')).save(other)
     processes = [
+        _start('costa_node', rig=rig_file, grid='30x20', model=other, setting='fast'),
         _start('costa_node', rig=tmp_path / 'none.yaml'),
         _start('costa_node', rig=rig_file, model=broken),
         _start('costa_node', rig=rig_file, architecture='cubist'),
     ]
-    for process, complaint in zip(processes, ('none.yaml', 'safetensors', 'cubist'), strict=True):
+    complaints = ("setting 'upwind'", 'none.yaml', 'safetensors', 'cubist')
+    for process, complaint in zip(processes, complaints, strict=True):
         _, errors = process.communicate(timeout=2 * PATIENCE)
         assert process.returncode == 2
         assert errors.count('error: ') == 1

@@ -64,6 +64,29 @@ def test_exact_correction_leaves_no_error_one_step_or_free(model, unseen_frames)
     assert max(abs(frame.corrected_mass) for frame in result.frames) < 1e-12
 
 
+def test_an_overshooting_correction_stays_within_0_and_1_as_in_the_twin(model, unseen_frames):
+    starts = []
+
+    def predict(start, rates, time_step):
+        starts.append((start.min(), start.max()))
+        return model.predict(start, rates, time_step)
+
+    def overshooting(predicted, rates):
+        return Correction(np.where(predicted > 0.5, 0.01, -0.01), APPLIED)
+
+    result = evaluate(
+        [unseen_frames],
+        time_step=TIME_STEP,
+        predict=predict,
+        correct=model.correct,
+        assess=overshooting,
+    )
+    low, high = np.transpose(starts)
+    assert low.min() >= 0.0
+    assert high.max() <= 1.0 + 1e-9
+    assert all(shot.corrected.max() <= 1.0 for shot in result.snapshots)
+
+
 def test_free_run_starts_anew_after_an_interruption(model, unseen_frames):
     interrupted = dataclasses.replace(unseen_frames, clean_times=(360.0,))
     result = _run(model, [interrupted], _nothing)
@@ -82,6 +105,16 @@ def test_cells_that_were_not_observed_do_not_count(model, unseen_frames):
     )
     assert len(result.frames) == 24
     assert np.isfinite(result.frames[-1].predicted)
+
+
+def test_sand_that_is_never_seen_does_not_end_the_judgement(model, unseen_frames):
+    concentration = unseen_frames.concentration.copy()
+    concentration[:, 4:12, 6:9] = np.nan
+    hidden = dataclasses.replace(unseen_frames, concentration=concentration)
+    result, whole = (_run(model, [frames], _nothing) for frames in (hidden, unseen_frames))
+    assert len(result.frames) == 24
+    assert result.frames[-1].free_predicted > result.frames[-1].predicted
+    assert result.mean('predicted') < 1.5 * whole.mean('predicted')
 
 
 def test_error_is_relative_to_the_observed_tracer():

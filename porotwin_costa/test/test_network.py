@@ -84,6 +84,20 @@ def test_local_network_makes_and_destroys_no_tracer():
     assert abs(float(answer.sum())) < 1e-6 * float(answer.abs().sum())
 
 
+@pytest.mark.parametrize('seed', range(5))
+def test_local_network_conserves_tracer_and_bounds_in_a_rig_of_uneven_depth(seed):
+    network, plume = _local(seed), _plume(seed)
+    network.relative_depth.copy_(torch.linspace(0.77, 1.23, 30).expand(18, 30))
+    answer = network(plume, _rates(4)).detach()
+    moved = answer.double() * network.relative_depth.double()
+    assert moved.abs().sum() > 1e-3
+    assert abs(float(moved.sum())) < 1e-6 * float(moved.abs().sum())  # float32
+    pooled = nn.functional.max_pool2d
+    corrected = plume + network.change * answer
+    assert bool((corrected <= pooled(plume, 3, 1, 1) + 1e-6).all())
+    assert bool((corrected >= -pooled(-plume, 3, 1, 1) - 1e-6).all())
+
+
 def test_local_network_is_silent_where_there_is_no_tracer():
     answer = _local()(_plume(), _rates(4)).detach()
     away = torch.ones(18, 30, dtype=torch.bool)
@@ -108,9 +122,10 @@ def test_local_network_is_the_same_wherever_the_flow_is():
     network = build_network((40, 40), len(WELLS), LOCAL, _flow(40, 40))
     plume, right, up = torch.zeros(1, 40, 40), torch.rand(1, 40, 39), torch.rand(1, 39, 40)
     plume[:, 16:22, 17:24] = torch.rand(1, 6, 7)
-    here = network.source(plume, right, up, network.change)
+    given = network.change, network.relative_depth
+    here = network.source(plume, right, up, *given)
     there = network.source(
-        *(torch.roll(field, (2, -3), (1, 2)) for field in (plume, right, up)), network.change
+        *(torch.roll(field, (2, -3), (1, 2)) for field in (plume, right, up)), *given
     )
     assert float(here.detach().abs().max()) > 1e-3
     assert torch.allclose(there, torch.roll(here, (2, -3), (1, 2)), atol=1e-6)

@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import rig_from_maps
 from porotwin_costa.architectures import training_settings
-from porotwin_costa.dataset import build_dataset
+from porotwin_costa.dataset import build_dataset, join_datasets
 from porotwin_costa.evaluation import evaluate
 from porotwin_costa.network import COMPLEX_RIG, HOMOGENEOUS_RIG, NetworkSettings
 from porotwin_costa.training import (
@@ -63,8 +64,18 @@ def test_training_does_not_touch_the_global_random_state(dataset):
     assert torch.equal(before, torch.get_rng_state())
 
 
-def test_local_network_reduces_the_error_of_an_unseen_schedule(dataset, model, unseen_frames):
-    corrective = train(dataset, LOCAL, seed=13)
+def test_local_network_reduces_the_error_of_an_unseen_schedule(
+    dataset, rig, grid, model, judging_frames, unseen_frames
+):
+    judging = build_dataset(
+        [judging_frames],
+        rig,
+        grid=grid,
+        time_step=30.0,
+        predict=model.predict,
+        residual=model.residual,
+    )
+    corrective = train(join_datasets([dataset, judging]), LOCAL, seed=13)
     result = evaluate(
         [unseen_frames],
         time_step=30.0,
@@ -102,6 +113,26 @@ def test_a_network_that_learned_nothing_of_use_says_nothing(dataset, rig):
     assert not answer.sigma.any()
 
 
+def test_a_rig_of_uneven_depth_is_told_to_the_local_network(rig, grid, model, training_frames):
+    depth = np.linspace(0.008, 0.0128, 30) * np.ones((20, 1))
+    uneven = rig_from_maps(
+        rig.model_dump(exclude={'depth_m', 'porosity'}), {'depth_m': depth, 'porosity': 0.375}
+    )
+    uneven_data = build_dataset(
+        training_frames,
+        uneven,
+        grid=grid,
+        time_step=30.0,
+        predict=model.predict,
+        residual=model.residual,
+    )
+    corrective = train(uneven_data, dataclasses.replace(LOCAL, epochs=2), seed=13)
+    corrective = dataclasses.replace(corrective, trust=1.0)
+    sigma = corrective.corrective_source(uneven_data.predicted[20].astype(float), {})
+    assert np.abs(sigma).sum() > 0
+    assert abs((sigma * depth).sum()) < 1e-6 * np.abs(sigma * depth).sum()
+
+
 def test_progress_reports_every_epoch_and_an_estimate(dataset):
     seen = []
     train(dataset, dataclasses.replace(LOCAL, epochs=4), seed=13, progress=seen.append)
@@ -129,25 +160,38 @@ def test_diverging_training_is_an_error_not_a_model(dataset):
         train(dataset, dataclasses.replace(PAPER, learning_rate=1e30, epochs=2), seed=13)
 
 
-def test_samples_kept_aside_are_the_last_of_each_experiment(dataset):
+def test_samples_kept_aside_are_whole_experiments(dataset):
     aside = split_samples(dataset, LOCAL)
-    for number in np.unique(dataset.experiment):
-        own = dataset.experiment == number
-        assert dataset.time[own & aside].min() > dataset.time[own & ~aside].max()
-
-
-def test_samples_kept_aside_can_be_whole_experiments(dataset):
-    aside = split_samples(dataset, dataclasses.replace(LOCAL, split='experiment'))
     assert set(dataset.experiment[aside]) == {1}
     assert set(dataset.experiment[~aside]) == {0}
+
+
+def test_samples_kept_aside_of_one_experiment_are_its_last(dataset):
+    one = dataset.select(dataset.experiment == 0)
+    aside = split_samples(one, LOCAL)
+    assert aside.sum() == round(0.15 * len(one))
+    assert one.time[aside].min() > one.time[~aside].max()
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'expected'),
+    [
+        ([2, 2, 2, 2], [0, 0, 0, 1]),  # a quarter, and no sequence torn apart
+        ([20, 4, 1], [0, 1, 1]),  # one pair alone is too few to judge by
+        ([20, 20, 3, 1], [0, 3 / 20, 1, 1]),  # more than half: the last samples of all
+    ],
+)
+def test_sequences_kept_aside_are_many_enough_and_not_too_many(dataset, lengths, expected):
+    numbers = np.repeat(np.arange(len(lengths)), lengths)
+    cut = dataset.select(np.arange(len(dataset)) < len(numbers))
+    aside = split_samples(dataclasses.replace(cut, experiment=numbers), LOCAL)
+    shares = [aside[numbers == number].mean() for number in range(len(lengths))]
+    assert shares == pytest.approx(expected)
 
 
 def test_too_little_to_learn_from_is_refused(dataset):
     with pytest.raises(InputError, match='at least 4'):
         train(dataset.select(np.arange(len(dataset)) < 3), LOCAL, seed=13)
-    one = dataset.select(dataset.experiment == 0)
-    with pytest.raises(InputError, match='only one experiment'):
-        train(one, dataclasses.replace(LOCAL, split='experiment'), seed=13)
 
 
 def test_networks_have_names_and_the_paper_is_the_default():
@@ -162,7 +206,7 @@ def test_networks_have_names_and_the_paper_is_the_default():
 
 @pytest.mark.parametrize(
     'wrong',
-    [{'epochs': 0}, {'learning_rate': 0.0}, {'validation_share': 1.0}, {'split': 'pixels'}],
+    [{'epochs': 0}, {'learning_rate': 0.0}, {'validation_share': 1.0}],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(InputError):

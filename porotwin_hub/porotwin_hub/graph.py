@@ -62,6 +62,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
     mapped = {**common, 'grid': settings.grid} if settings.grid else common
     calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
     model = {'model': str(settings.model)} if settings.model else {}
+    modelled = {**mapped, 'setting': settings.setting}
     nodes = [
         NodeDescription(
             'imaging',
@@ -69,10 +70,8 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
             'imaging_node',
             {**mapped, **calibration},
         ),
-        NodeDescription(
-            'solver', 'porotwin_solver', 'solver_node', {**mapped, 'setting': settings.setting}
-        ),
-        NodeDescription('costa', 'porotwin_costa', 'costa_node', {**mapped, **model}),
+        NodeDescription('solver', 'porotwin_solver', 'solver_node', modelled),
+        NodeDescription('costa', 'porotwin_costa', 'costa_node', {**modelled, **model}),
         NodeDescription(
             'hub',
             'porotwin_hub',
@@ -93,7 +92,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
                 'porotwin_costa',
                 'trainer_node',
                 {
-                    **mapped,
+                    **modelled,
                     'photo_interval_s': settings.photo_interval_s,
                     'retrain_every': settings.retrain_every,
                 },
@@ -118,7 +117,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
                 'diagnosis',
                 'porotwin_diagnosis',
                 'diagnosis_node',
-                {**mapped, 'setting': settings.setting, 'output': str(settings.diagnoses)},
+                {**modelled, 'output': str(settings.diagnoses)},
             )
         )
     if settings.page:

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray, Grid, relative_error
+from porotwin_core.grid import FloatArray, Grid, fill_unseen, relative_error
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.control import Decision, Limits, optimise
 from porotwin_hub.objective import Objective
@@ -104,12 +104,6 @@ class Cycle:
     forecast: Forecast | None = None
     durations: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
-
-
-def fill_unseen(observed: FloatArray, believed: FloatArray | None) -> FloatArray:
-    """Return the observed map with unseen cells taken from what the twin believes, else empty."""
-    substitute = np.zeros_like(observed) if believed is None else believed
-    return np.where(np.isfinite(observed), np.clip(observed, 0.0, 1.0), substitute)
 
 
 class Twin:

@@ -92,3 +92,9 @@ def test_the_papers_rig_can_be_controlled() -> None:
     rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     limits = Limits.of(rig)
     assert limits.violations(limits.safe()) == []
+
+
+def test_costa_and_its_trainer_know_the_scheme_that_they_correct() -> None:
+    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, setting='upwind')
+    told = {node.name: node.parameters.get('setting') for node in twin_nodes(settings)}
+    assert told['solver'] == told['costa'] == told['trainer'] == 'upwind'

@@ -17,7 +17,6 @@ from porotwin_hub.twin import (
     ModelUnavailable,
     Observation,
     Twin,
-    fill_unseen,
     no_correction,
 )
 
@@ -203,10 +202,3 @@ def test_without_control_the_twin_predicts_with_the_measured_rates() -> None:
     assert cycle.setpoint is None
     assert cycle.forecast is not None
     assert cycle.forecast.rates == LIMITS.safe()
-
-
-def test_unseen_cells_are_taken_from_what_the_twin_believes() -> None:
-    observed = np.array([[0.2, np.nan], [1.3, 0.0]])
-    believed = np.array([[0.9, 0.7], [0.9, 0.9]])
-    assert fill_unseen(observed, believed).tolist() == [[0.2, 0.7], [1.0, 0.0]]
-    assert fill_unseen(observed, None).tolist() == [[0.2, 0.0], [1.0, 0.0]]
