@@ -185,7 +185,9 @@ class VirtualRig:
             places[str(moved['well'])] = (x + float(moved['dx']), z + float(moved['dz']), radius)
         for leak in self.effects.all('leak'):
             places[LEAK] = (float(leak['x']), float(leak['z']), 0.004)
-        return places
+        return {
+            name: (*self.mesh.off_faces(x, z), radius) for name, (x, z, radius) in places.items()
+        }
 
     def _background_fluxes(self) -> Fluxes:
         x_velocity = self.effects.number('background_flow', 'x_velocity')

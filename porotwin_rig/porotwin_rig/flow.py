@@ -232,7 +232,8 @@ class BoxFlow:
         known = np.zeros(self.mesh.shape) if held_potential is None else held_potential.copy()
         extra = no_flux(self.mesh)
         supply = np.zeros(self.mesh.shape)
-        for x, z, rate in wells:
+        for *place, rate in wells:
+            x, z = self.mesh.off_faces(*place)
             radial = self._radial(x, z, along_x, along_z)
             extra = extra + radial.onto_boxes(self.mesh) * rate
             supply[self._box_of(x, z)] += rate
