@@ -444,9 +444,10 @@ class Imaging:
             return None, []
         moved = cv2.perspectiveTransform(corners[:, None].astype(np.float64), alignment.homography)
         found = colour_checker.find(_linear_near(pixels, moved[:, 0]), moved[:, 0])
-        if found is None:
+        gain = None if found is None else colour_checker.log_gain(found.patches, baseline.patches)
+        if gain is None:
             return None, ['colour checker not seen: light is judged by the sand alone']
-        return colour_checker.log_gain(found.patches, baseline.patches), []
+        return gain, []
 
     def _checker_corners(self) -> Array | None:
         camera = self.rig.camera

@@ -95,6 +95,18 @@ def test_a_hand_before_the_camera_is_no_tracer(laboratory, make_plume, grid) -> 
     assert any('is covered or' in line for line in found.status)
 
 
+def test_a_chart_dark_in_one_channel_leaves_the_light_to_the_sand(laboratory, make_plume) -> None:
+    chain = Imaging(laboratory.rig, laboratory.rig.grid(90, 50), calibration=CALIBRATION)
+    truth = make_plume(SHAPE, 0.4, 0.25, 0.12)
+    pictures = [laboratory.scene(c) for c in (NOTHING, truth)]
+    for light in pictures:
+        light[:130, :, 2] *= 0.05  # blue of the chart, above the sand
+    chain.set_baselines([encode(pictures[0])])
+    found = chain.concentration(encode(pictures[1]))
+    assert any('light is judged by the sand alone' in line for line in found.status)
+    assert error(found.values, truth) < 0.05
+
+
 def test_a_file_damaged_in_its_middle_is_refused_or_left_out(imaging, laboratory) -> None:
     data = bytearray(laboratory.photograph(NOTHING, seed=3))
     middle = len(data) // 2
