@@ -194,6 +194,12 @@ class Imaging:
         self.sampling = Sampling.of(self._geometry, self.grid, self.reduction)
         pictures = [first, *(self._decode(data) for data in photographs[1:])]
         remarks = self._combine([picture.pixels for picture in pictures])
+        turned = photograph.orientation(photographs[0])
+        if turned != 1:
+            remarks.append(
+                f'EXIF orientation {turned} is not applied: camera.corners_px must count pixels as '
+                'the file holds them, not as a viewer that turns the photograph shows them'
+            )
         if len(photographs) == 1:
             remarks.append('one baseline: the fluctuation between photographs is not known')
         return remarks
