@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from rig_examples import SMALL
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, rig_from_maps
+from porotwin_rig import flow as box_flow
 from porotwin_rig.flow import BoxFlow, Fluxes, held_vertices, no_flux, radial_fluxes
 from porotwin_rig.mesh import Mesh
 
@@ -144,6 +146,16 @@ def test_a_place_leaves_a_face_once_and_no_other_place_is_moved() -> None:
     supply = np.zeros(mesh.shape)
     supply[outflow.argmax() // mesh.shape[1], outflow.argmax() % mesh.shape[1]] = 1.0
     np.testing.assert_allclose(outflow, supply, atol=1e-12)
+
+
+def test_transmissivities_too_far_apart_are_refused(monkeypatch) -> None:
+    monkeypatch.setattr(box_flow, 'MOST_ITERATIONS', 3)
+    mesh = Mesh(31, 21, WIDTH, HEIGHT)
+    sand = np.full((mesh.nz, mesh.nx), TRANSMISSIVITY)
+    changed = sand * 10 ** np.random.default_rng(2).uniform(-3, 0, sand.shape)
+    boxes = BoxFlow(mesh, sand, sand, held=held_vertices(mesh, Boundaries()))
+    with pytest.raises(InputError, match='flow: not found in 3 iterations'):
+        boxes.combined([(*SOURCE, 1.0)], along=(changed, changed))
 
 
 def test_more_injected_than_produced_leaves_through_the_open_top() -> None:
