@@ -194,6 +194,12 @@ class Imaging:
         self.sampling = Sampling.of(self._geometry, self.grid, self.reduction)
         pictures = [first, *(self._decode(data) for data in photographs[1:])]
         remarks = self._combine([picture.pixels for picture in pictures])
+        turned = photograph.orientation(photographs[0])
+        if turned != 1:
+            remarks.append(
+                f'EXIF orientation {turned} is not applied: camera.corners_px must count pixels as '
+                'the file holds them, not as a viewer that turns the photograph shows them'
+            )
         if len(photographs) == 1:
             remarks.append('one baseline: the fluctuation between photographs is not known')
         return remarks
@@ -444,9 +450,10 @@ class Imaging:
             return None, []
         moved = cv2.perspectiveTransform(corners[:, None].astype(np.float64), alignment.homography)
         found = colour_checker.find(_linear_near(pixels, moved[:, 0]), moved[:, 0])
-        if found is None:
+        gain = None if found is None else colour_checker.log_gain(found.patches, baseline.patches)
+        if gain is None:
             return None, ['colour checker not seen: light is judged by the sand alone']
-        return colour_checker.log_gain(found.patches, baseline.patches), []
+        return gain, []
 
     def _checker_corners(self) -> Array | None:
         camera = self.rig.camera

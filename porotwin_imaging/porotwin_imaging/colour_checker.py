@@ -62,6 +62,8 @@ LEAST_SPREAD = 0.02
 """Spread of the patches' linear colours below which there is no chart but an even surface."""
 OVER_EXPOSED = 0.955
 """Linear value (grey level 250) from which a patch is over-exposed."""
+FEWEST_PATCHES = 4
+"""Patches of which the median in a channel tells the light."""
 
 
 @dataclass(frozen=True)
@@ -190,13 +192,15 @@ def fit_matrix(patches: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]
     return matrix.T, usable & (tukey > 0.0)
 
 
-def log_gain(patches: Array, baseline: Array) -> Array:
+def log_gain(patches: Array, baseline: Array) -> Array | None:
     """Return the log ratio (3,) of light at the chart to that of the baseline, channel by channel.
 
-    The median over patches that are neither over-exposed nor dark in either: one covered patch,
-    or glare on one, does not move it.
+    The median over patches that are over-exposed in neither and not dark in the baseline: one
+    covered patch, or glare on one, does not move it. None where a channel has too few of them.
     """
     usable = (patches < OVER_EXPOSED) & (baseline < OVER_EXPOSED) & (baseline > 0.05)
+    if usable.sum(axis=0).min() < FEWEST_PATCHES:
+        return None
     ratio = np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4))
     return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])
 

@@ -1,11 +1,17 @@
-"""Photographs as files: is this one whole, how large is it, and its pixels at a reduced scale."""
+"""Photographs as files: is this one whole, how large is it, and its pixels at a reduced scale.
 
+Pixels are in the order of the file: a camera turned by hand between two photographs writes another
+EXIF orientation, but the corners of the rig are known in the pixels of its sensor.
+"""
+
+import io
 import struct
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from porotwin_core.errors import InputError
 
@@ -21,6 +27,8 @@ REDUCTIONS = {
     8: cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION,
 }
 _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_ORIENTATION = 0x0112
+_UPRIGHT = 1
 _TRAILING_BYTES = 64
 """Some cameras pad a finished JPEG with zeros; the end marker is looked for in this tail."""
 
@@ -47,11 +55,38 @@ class Photograph:
 
 
 def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
+    if data.startswith(TIFF_STARTS):
+        data = _without_orientation(data)
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), REDUCTIONS[reduction])
     except cv2.error:  # a damaged header may claim a size beyond what OpenCV reads
         return None
     return None if pixels is None else np.asarray(pixels, np.uint8)
+
+
+def _without_orientation(tiff: bytes) -> bytes:
+    """Return the TIFF with an upright orientation: OpenCV turns TIFFs whatever it is told."""
+    order = '<' if tiff.startswith(b'II') else '>'
+    try:
+        (directory,) = struct.unpack_from(order + 'I', tiff, 4)
+        (count,) = struct.unpack_from(order + 'H', tiff, directory)
+        for entry in range(directory + 2, directory + 2 + 12 * count, 12):
+            if struct.unpack_from(order + 'H', tiff, entry) == (_ORIENTATION,):
+                upright = struct.pack(order + 'HH', _UPRIGHT, 0)
+                return tiff[: entry + 8] + upright + tiff[entry + 12 :]
+    except struct.error:  # damaged: the decoder says so
+        pass
+    return tiff
+
+
+def orientation(data: bytes) -> int:
+    """Return the EXIF orientation (1 to 8) of the photograph `data`; 1 where it has none."""
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            written = image.getexif().get(_ORIENTATION, _UPRIGHT)
+    except Exception:  # a damaged header makes Pillow raise all kinds of errors
+        return _UPRIGHT
+    return written if written in range(1, 9) else _UPRIGHT
 
 
 def is_whole(data: bytes) -> bool:

@@ -1,8 +1,11 @@
 """The whole chain on photographs of the small laboratory."""
 
+import io
+
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import conservative_resample
@@ -93,6 +96,29 @@ def test_a_hand_before_the_camera_is_no_tracer(laboratory, make_plume, grid) -> 
     assert error(found.values, truth) < 0.05
     assert found.suspicious
     assert any('is covered or' in line for line in found.status)
+
+
+def test_a_chart_dark_in_one_channel_leaves_the_light_to_the_sand(laboratory, make_plume) -> None:
+    chain = Imaging(laboratory.rig, laboratory.rig.grid(90, 50), calibration=CALIBRATION)
+    truth = make_plume(SHAPE, 0.4, 0.25, 0.12)
+    pictures = [laboratory.scene(c) for c in (NOTHING, truth)]
+    for light in pictures:
+        light[:130, :, 2] *= 0.05  # blue of the chart, above the sand
+    chain.set_baselines([encode(pictures[0])])
+    found = chain.concentration(encode(pictures[1]))
+    assert any('light is judged by the sand alone' in line for line in found.status)
+    assert error(found.values, truth) < 0.05
+
+
+def test_an_orientation_that_is_not_applied_is_told_with_the_baseline(laboratory) -> None:
+    chain = Imaging(laboratory.rig, laboratory.rig.grid(90, 50), calibration=CALIBRATION)
+    file, tags = io.BytesIO(), Image.Exif()
+    tags[0x0112] = 3
+    upright = laboratory.photograph(NOTHING, seed=1)
+    Image.open(io.BytesIO(upright)).save(file, 'JPEG', quality=95, exif=tags)
+    remarks = chain.set_baselines([file.getvalue()])
+    assert any('EXIF orientation 3 is not applied' in line for line in remarks)
+    assert not any('EXIF' in line for line in chain.set_baselines([upright]))
 
 
 def test_a_file_damaged_in_its_middle_is_refused_or_left_out(imaging, laboratory) -> None:

@@ -64,3 +64,9 @@ def test_light_is_read_from_the_chart_despite_a_covered_patch() -> None:
     later = REFERENCE * gain
     later[20] = 0.0
     np.testing.assert_allclose(colour_checker.log_gain(later, REFERENCE), np.log(gain), atol=1e-6)
+
+
+def test_a_channel_in_which_the_chart_is_dark_tells_no_light() -> None:
+    yellowish = REFERENCE * [1.0, 1.0, 0.06]
+    assert colour_checker.log_gain(yellowish * 1.1, yellowish) is None
+    assert colour_checker.log_gain(REFERENCE, REFERENCE + np.array([1.0, 0.0, 0.0])) is None

@@ -1,10 +1,12 @@
 """Files of photographs: whole, broken, dark, too bright."""
 
+import io
 import struct
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from porotwin_core.errors import InputError
 from porotwin_imaging import photograph
@@ -34,6 +36,29 @@ def test_coarser_decoding_keeps_the_picture(reduction: int) -> None:
     assert found.pixels.shape == (240 // reduction, 360 // reduction, 3)
     coarse = cv2.resize(smooth, found.pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
     assert np.abs(found.pixels.astype(int) - coarse).max() <= 6
+
+
+@pytest.mark.parametrize('kind', ['JPEG', 'PNG', 'TIFF'])
+@pytest.mark.parametrize('turned', [1, 3, 6])
+@pytest.mark.parametrize('reduction', [1, 2])
+def test_pixels_are_those_of_the_file_whatever_its_orientation(kind, turned, reduction) -> None:
+    smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
+    tags = Image.Exif()
+    tags[0x0112] = turned
+    file = io.BytesIO()
+    Image.fromarray(smooth[..., ::-1]).save(file, kind, exif=tags)
+    data = file.getvalue()
+    assert photograph.orientation(data) == turned
+    assert photograph.size(data) == (360, 240)
+    found = photograph.decode(data, reduction).pixels
+    coarse = cv2.resize(smooth, (360 // reduction, 240 // reduction), interpolation=cv2.INTER_AREA)
+    assert found.shape == coarse.shape
+    assert np.abs(found.astype(int) - coarse).max() <= 6
+
+
+def test_without_a_readable_orientation_a_photograph_is_upright() -> None:
+    assert photograph.orientation(encoded('.jpg', pixels())) == 1
+    assert photograph.orientation(b'hello') == 1
 
 
 def test_a_camera_that_pads_its_files_is_read() -> None:

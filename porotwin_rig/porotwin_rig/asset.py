@@ -69,7 +69,8 @@ class VirtualRig:
         cell: about the size of an element [m]; 2.1 mm on the small rig by default.
 
     Raises:
-        InputError: an effect, a parameter or a well is not known.
+        InputError: an effect, a parameter or a well is not known, a value is impossible, or a
+            well or the leak lies outside the rig.
     """
 
     def __init__(
@@ -185,7 +186,15 @@ class VirtualRig:
             places[str(moved['well'])] = (x + float(moved['dx']), z + float(moved['dz']), radius)
         for leak in self.effects.all('leak'):
             places[LEAK] = (float(leak['x']), float(leak['z']), 0.004)
-        return places
+        for name, (x, z, _) in places.items():
+            if not (0.0 < x < self.rig.width_m and 0.0 < z < self.rig.height_m):
+                raise InputError(
+                    f"'{name}' at ({x:.6g}, {z:.6g}) m lies outside the rig of "
+                    f'{self.rig.width_m} x {self.rig.height_m} m; correct its effect'
+                )
+        return {
+            name: (*self.mesh.off_faces(x, z), radius) for name, (x, z, radius) in places.items()
+        }
 
     def _background_fluxes(self) -> Fluxes:
         x_velocity = self.effects.number('background_flow', 'x_velocity')

@@ -4,6 +4,7 @@ Those of the diagnosis contract, with its parameter names and conventions, and s
 (`OUTSIDE_LIBRARY`), with which a diagnosis is tested for admitting that it has no explanation.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
@@ -90,6 +91,43 @@ KNOWN: Mapping[str, Parameters] = MappingProxyType(
     {**PHYSICS, **IMAGE, **OUTSIDE_PHYSICS, **OUTSIDE_IMAGE}
 )
 
+_POSITIVE = frozenset(
+    {
+        ('viscosity', 'viscosity_ratio'),
+        ('heterogeneity', 'radius'),
+        ('heterogeneity', 'permeability_factor'),
+        ('porosity', 'factor'),
+        ('depth', 'factor_centre'),
+        ('saturation', 'exponent'),
+        ('registration', 'scale'),
+        ('streak', 'permeability_factor'),
+        ('pulsation', 'period'),
+        ('freundlich', 'exponent'),
+        ('anisotropy', 'ratio'),
+        ('water_table', 'period'),
+        ('reflection', 'radius'),
+    }
+)
+"""(effect, parameter) that divides, or scales what cannot be zero."""
+
+_RANGES: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
+    {
+        ('dispersion', 'longitudinal_dispersivity'): (0.0, math.inf),
+        ('dispersion', 'transverse_dispersivity'): (0.0, math.inf),
+        ('dispersion', 'diffusion'): (0.0, math.inf),
+        ('retardation', 'retardation_factor'): (1.0, math.inf),
+        ('decay', 'rate'): (0.0, math.inf),
+        ('dual_porosity', 'immobile_fraction'): (0.0, 0.95),
+        ('dual_porosity', 'exchange_rate'): (0.0, math.inf),
+        ('rate', 'factor'): (0.0, math.inf),
+        ('streak', 'width'): (0.0, math.inf),
+        ('freundlich', 'capacity'): (0.0, math.inf),
+        ('settling', 'velocity'): (0.0, math.inf),
+        ('stain', 'delay'): (0.0, math.inf),
+    }
+)
+"""Least and largest value of (effect, parameter)."""
+
 
 class Effects:
     """Effects by name, checked against a rig: `effects['decay']['rate']` is always there."""
@@ -124,6 +162,8 @@ def _checked(effect: EffectDescription, rig: Rig) -> dict[str, float | str]:
             )
         if isinstance(neutral[parameter], str) != isinstance(value, str):
             raise InputError(f"effect '{effect.name}': {parameter} = {value!r} is of a wrong kind")
+        if isinstance(value, float):
+            _check_range(effect.name, parameter, value)
     parameters = {**neutral, **effect.parameters}
     well = parameters.get('well')
     if well is not None and well not in rig.wells:
@@ -131,6 +171,19 @@ def _checked(effect: EffectDescription, rig: Rig) -> dict[str, float | str]:
             f"effect '{effect.name}' names an unknown well '{well}'; known: {', '.join(rig.wells)}"
         )
     return parameters
+
+
+def _check_range(effect: str, parameter: str, value: float) -> None:
+    low, high = _RANGES.get((effect, parameter), (-math.inf, math.inf))
+    if (effect, parameter) in _POSITIVE and value <= 0.0:
+        bound = 'greater than 0'
+    elif value < low:
+        bound = f'at least {low:g}'
+    elif value > high:
+        bound = f'at most {high:g}'
+    else:
+        return
+    raise InputError(f"effect '{effect}': {parameter} = {value:g} must be {bound}")
 
 
 def parse_effects(text: str) -> tuple[EffectDescription, ...]:
@@ -154,6 +207,7 @@ def parse_effects(text: str) -> tuple[EffectDescription, ...]:
 
 def _value(text: str) -> float | str:
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         return text
+    return number if math.isfinite(number) else text

@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries
 from porotwin_rig.mesh import Mesh
 
 FloatArray = NDArray[np.floating]
 Solve = Callable[[FloatArray], FloatArray]
+
+MOST_ITERATIONS = 1000
+"""Enough for viscosity ratios from 1 / 1000 to 1000."""
 
 
 @dataclass(frozen=True)
@@ -227,12 +231,16 @@ class BoxFlow:
         `driven`: flow through half faces that a body force adds (buoyancy).
         `along`: another transmissivity along x and z than that of the factorisation, which then
         serves as the preconditioner of conjugate gradients.
+
+        Raises:
+            InputError: that other transmissivity differs too much from the factorised one.
         """
         along_x, along_z = (self.along_x, self.along_z) if along is None else along
         known = np.zeros(self.mesh.shape) if held_potential is None else held_potential.copy()
         extra = no_flux(self.mesh)
         supply = np.zeros(self.mesh.shape)
-        for x, z, rate in wells:
+        for *place, rate in wells:
+            x, z = self.mesh.off_faces(*place)
             radial = self._radial(x, z, along_x, along_z)
             extra = extra + radial.onto_boxes(self.mesh) * rate
             supply[self._box_of(x, z)] += rate
@@ -275,14 +283,19 @@ class BoxFlow:
             flow = bilinear_flow(self.mesh, padded.reshape(self.mesh.shape), *along)
             return flow.onto_boxes(self.mesh).outflow.ravel()[self._free]
 
-        solution, _ = cg(
+        solution, unfinished = cg(
             LinearOperator((size, size), outflow, dtype=float),
             demand,
             rtol=1e-8,
             atol=0.0,
-            maxiter=200,
+            maxiter=MOST_ITERATIONS,
             M=LinearOperator((size, size), self._factor, dtype=float),
         )
+        if unfinished:
+            raise InputError(
+                f'flow: not found in {MOST_ITERATIONS} iterations; '
+                'choose a viscosity_ratio closer to 1'
+            )
         return solution
 
     def _box_of(self, x: float, z: float) -> tuple[int, int]:

@@ -89,6 +89,14 @@ class Mesh:
         """Areas of the vertices' boxes [m^2], shape (nz + 1, nx + 1)."""
         return np.outer(self.box_height, self.box_width)
 
+    def off_faces(self, x: float, z: float) -> tuple[float, float]:
+        """Return a place [m], moved into one box by 1e-4 of an element where it lies on a face.
+
+        On a face, round-off alone would say which box holds a well and which way its water goes.
+        The middle of every rig is such a place, its element counts being odd.
+        """
+        return _off_edges(x, self.hx), _off_edges(z, self.hz)
+
     def to_vertices(self, field: FloatArray) -> FloatArray:
         """Return the mean over each vertex's box of a map (rows, columns) on any uniform grid."""
         rows = _overlap(box_edges(self.nz, 1.0), np.linspace(0.0, 1.0, field.shape[0] + 1))
@@ -115,6 +123,12 @@ def _default_cell(rig: Rig) -> float:
         return cell
     interfaces = rig.width_m / permeability.shape[1] / PER_SAND_CELL
     return max(min(cell, interfaces), math.sqrt(area / MOST_VERTICES))
+
+
+def _off_edges(place: float, size: float) -> float:
+    from_vertex = place / size
+    on_edge = abs(from_vertex - math.floor(from_vertex) - 0.5) < 1e-6
+    return place + 1e-4 * size if on_edge else place
 
 
 def box_edges(elements: int, length: float) -> FloatArray:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.units import GRAVITY
 from porotwin_rig.effects import Effects
@@ -31,7 +32,11 @@ class Sand:
 
 
 def true_sand(rig: Rig, mesh: Mesh, effects: Effects) -> Sand:
-    """Return the sand of `rig` on `mesh` as it is, not as its owner believes."""
+    """Return the sand of `rig` on `mesh` as it is, not as its owner believes.
+
+    Raises:
+        InputError: the porosity exceeds 1.
+    """
     elements = mesh.elements
     x, z = np.meshgrid(elements.x, elements.z)
     permeability = _nearest(rig, 'permeability_m2', mesh)
@@ -49,6 +54,11 @@ def true_sand(rig: Rig, mesh: Mesh, effects: Effects) -> Sand:
         along_x, along_z = along_x * stretch, along_z / stretch
     depth = _averaged(rig, 'depth_m', mesh) * _bulging(mesh.x[None, :], rig, bulge)
     porosity = _averaged(rig, 'porosity', mesh) * effects.number('porosity', 'factor')
+    if porosity.max() > 1.0 + 1e-9:  # a mean over a map of ones may be off by round-off
+        raise InputError(
+            f'porosity {porosity.max():.6g}: must not exceed 1; '
+            "lower its map or the factor of effect 'porosity'"
+        )
     return Sand(along_x, along_z, porosity * depth, depth)
 
 

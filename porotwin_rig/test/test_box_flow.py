@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from rig_examples import SMALL
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, rig_from_maps
+from porotwin_rig import flow as box_flow
 from porotwin_rig.flow import BoxFlow, Fluxes, held_vertices, no_flux, radial_fluxes
 from porotwin_rig.mesh import Mesh
 
@@ -120,6 +122,40 @@ def test_changed_transmissivity_by_conjugate_gradients_agrees_with_a_factorisati
     iterated = BoxFlow(mesh, sand, sand, held=held).combined(wells, along=(changed, changed))
     direct = BoxFlow(mesh, changed, changed, held=held).combined(wells)
     assert relative_difference(iterated, direct) < 1e-6
+
+
+@pytest.mark.parametrize('size', [(0.9, 0.6), (0.934, 0.562), (2.8, 1.5), (0.7, 0.3)])
+@pytest.mark.parametrize('elements', [(31, 21), (45, 31), (61, 33)])
+@pytest.mark.parametrize('aside', [(0.0, 0.0), (0.0, 0.013), (0.017, 0.0)])
+def test_a_well_on_a_face_flows_as_one_beside_it(size, elements, aside) -> None:
+    mesh = Mesh(*elements, *size)
+    flow = uniform_flow(mesh, 'open')
+    middle = (mesh.width / 2 + aside[0], mesh.height / 2 + aside[1])
+    near = (middle[0] + 2e-4 * mesh.hx, middle[1] + 2e-4 * mesh.hz)
+    assert relative_difference(flow.well(*middle), flow.well(*near)) < 1e-3
+
+
+def test_a_place_leaves_a_face_once_and_no_other_place_is_moved() -> None:
+    mesh = Mesh(21, 13, WIDTH, HEIGHT)
+    x, z = mesh.off_faces(WIDTH / 2, HEIGHT / 2)
+    assert 0.0 < x - WIDTH / 2 < 2e-4 * mesh.hx
+    assert 0.0 < z - HEIGHT / 2 < 2e-4 * mesh.hz
+    assert mesh.off_faces(x, z) == (x, z)
+    assert mesh.off_faces(*SOURCE) == SOURCE
+    outflow = radial_fluxes(mesh, x, z).outflow
+    supply = np.zeros(mesh.shape)
+    supply[outflow.argmax() // mesh.shape[1], outflow.argmax() % mesh.shape[1]] = 1.0
+    np.testing.assert_allclose(outflow, supply, atol=1e-12)
+
+
+def test_transmissivities_too_far_apart_are_refused(monkeypatch) -> None:
+    monkeypatch.setattr(box_flow, 'MOST_ITERATIONS', 3)
+    mesh = Mesh(31, 21, WIDTH, HEIGHT)
+    sand = np.full((mesh.nz, mesh.nx), TRANSMISSIVITY)
+    changed = sand * 10 ** np.random.default_rng(2).uniform(-3, 0, sand.shape)
+    boxes = BoxFlow(mesh, sand, sand, held=held_vertices(mesh, Boundaries()))
+    with pytest.raises(InputError, match='flow: not found in 3 iterations'):
+        boxes.combined([(*SOURCE, 1.0)], along=(changed, changed))
 
 
 def test_more_injected_than_produced_leaves_through_the_open_top() -> None:

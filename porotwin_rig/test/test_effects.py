@@ -234,6 +234,16 @@ def test_neutral_parameters_are_no_effect(name: str) -> None:
         ('decay:speed=1', "no parameter 'speed'"),
         ('decay:rate=fast', 'wrong kind'),
         ('rate:well=nowhere,factor=1', "unknown well 'nowhere'"),
+        ('decay:rate=nan', 'wrong kind'),
+        ('well_position:well=injector,dx=-0.285', r"'injector' at \(-0.05, 0.235\) m lies outside"),
+        ('leak:x=0.3,z=0.6,rate=-10', "'leak' at .* lies outside the rig of 0.934 x 0.562 m"),
+        ('porosity:factor=0', 'factor = 0 must be greater than 0'),
+        ('porosity:factor=3', 'porosity 1.125: must not exceed 1'),
+        ('viscosity:viscosity_ratio=0', 'viscosity_ratio = 0 must be greater than 0'),
+        ('dual_porosity:immobile_fraction=1', 'immobile_fraction = 1 must be at most 0.95'),
+        ('dual_porosity:immobile_fraction=1.2', 'immobile_fraction = 1.2 must be at most 0.95'),
+        ('retardation:retardation_factor=0.5', 'retardation_factor = 0.5 must be at least 1'),
+        ('pulsation:well=injector,period=0', 'period = 0 must be greater than 0'),
     ],
 )
 def test_wrong_effects_are_refused_by_name(text: str, complaint: str) -> None:

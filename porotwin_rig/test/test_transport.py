@@ -55,6 +55,18 @@ def test_front_of_one_injector_is_a_circle_of_the_injected_volume() -> None:
     assert (field > 0.5).sum() * grid.cell_area == pytest.approx(math.pi * radius**2, rel=0.01)
 
 
+@pytest.mark.parametrize('cell', [0.007, 0.01])
+def test_a_well_in_the_middle_of_the_rig_makes_the_plume_of_one_beside_it(cell: float) -> None:
+    fields = []
+    for aside in (0.0, 1e-6):
+        wells = {'injector': {'x_m': 0.467 + aside, 'z_m': 0.281 + aside}}
+        asset = VirtualRig(make_rig(control=None, wells=wells), cell=cell)
+        asset.set_rates(rates(injector=(500.0, 1.0)))
+        run(asset, 120.0)
+        fields.append(asset.visible())
+    np.testing.assert_allclose(fields[0], fields[1], atol=2e-3)
+
+
 def doublet_arrivals(spacing: float, rate: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Return first arrival [s], times and produced fractions of a doublet in the plane.
 

@@ -7,10 +7,12 @@ taken. One forward run keeps the state before every step; backwards each step is
 With J the cost, u the coefficients of a step (fluxes, sources, storage, dispersion) and s any rate
 or parameter, dJ/ds = sum over the steps of dJ/du du/ds. dJ/du comes from the adjoint. Rates enter
 u by superposition; for parameters of effects du/ds is a central difference of the coefficients,
-which costs no simulation and, the coefficients being smooth, about eight digits are right.
+which costs no simulation and, the coefficients being smooth, about eight digits are right. At the
+end of a parameter's range, such as a decay of 0, it is a one-sided one.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +27,7 @@ from porotwin_solver.diffusion import Exchanges, diffuse, tensor, tensor_adjoint
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.flow import FaceField
 from porotwin_solver.model import Model
+from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import refine
 from porotwin_solver.transport import Pace, Sources, advect, pace
 
@@ -32,7 +35,15 @@ Cost = Callable[[int, FloatArray], tuple[float, FloatArray]]
 """From the index of a time and the map there (nz, nx) to its part of J and dJ/dmap (nz, nx)."""
 
 STEP = 1e-5
-"""Relative step of the central differences of coefficients by parameters."""
+"""Relative step of the differences of coefficients by parameters."""
+
+DIFFERENCES: tuple[Mapping[float, float], ...] = (
+    {1.0: 0.5, -1.0: -0.5},
+    {0.0: -1.5, 1.0: 2.0, 2.0: -0.5},
+    {0.0: 1.5, -1.0: -2.0, -2.0: 0.5},
+)
+"""Weights by steps: central, and for a parameter at its least or largest value one-sided; all of
+second order."""
 
 
 @dataclass(frozen=True)
@@ -106,12 +117,12 @@ def gradient(
     `parameters` names (effect, parameter) pairs of the rig's and the given `effects`.
 
     Raises:
-        InputError: a parameter whose gradient is not there (the offset of the clock), and all that
-            `simulate` refuses.
+        InputError: a parameter whose gradient is not there (the offset of the clock; dispersivities
+            that are equal; spreading without any diffusion), and all that `simulate` refuses.
     """
     described = (*rig.effects, *effects)
     model = Model(rig.model_copy(update={'effects': ()}), grid, setting=setting, effects=described)
-    _refuse(parameters)
+    _refuse(parameters, model.engine.physics)
     varied = [
         _Varied(rig, grid, setting, described, effect, parameter)
         for effect, parameter in parameters
@@ -121,14 +132,28 @@ def gradient(
     return run.backward(total, bars, varied)
 
 
-def _refuse(parameters: Sequence[tuple[str, str]]) -> None:
+def _refuse(parameters: Sequence[tuple[str, str]], physics: Physics) -> None:
+    # the derivative runs over the pairs of cells that exchange: without diffusion there are none,
+    # and with spreading alike in all directions none aslant
+    resting = physics.diffusion + physics.model_diffusion == 0.0
+    alike = physics.longitudinal_dispersivity == physics.transverse_dispersivity
     for effect, parameter in parameters:
         if effect == 'clock':
             raise InputError(f'gradient by {effect} {parameter}: not available; leave it out')
+        if resting and effect in ('dispersion', 'numerical_diffusion'):
+            raise InputError(
+                f'gradient by {effect} {parameter}: not available without any diffusion; '
+                'give a little, such as 1e-10 m2/s'
+            )
+        if alike and effect == 'dispersion' and parameter.endswith('dispersivity'):
+            raise InputError(
+                f'gradient by {effect} {parameter}: not available where both dispersivities are '
+                'equal; give the longitudinal one 1e-7 m more'
+            )
 
 
 class _Varied:
-    """The model with one parameter a little more and a little less."""
+    """The model with one parameter changed a little, and the weights of a difference by it."""
 
     def __init__(
         self,
@@ -146,29 +171,33 @@ class _Varied:
                 'give the effect with all its parameters'
             )
         self.step = STEP * (abs(values[0]) or 1.0)
-        self.models = tuple(
-            Model(
-                rig.model_copy(update={'effects': ()}),
-                grid,
-                setting=setting,
-                effects=_shifted(described, effect, parameter, sign * self.step),
-            )
-            for sign in (1.0, -1.0)
+        believed = rig.model_copy(update={'effects': ()})
+
+        def model(steps: float) -> Model:
+            shifted = _shifted(described, effect, parameter, steps * self.step)
+            return Model(believed, grid, setting=setting, effects=shifted)
+
+        for weights in DIFFERENCES:
+            # what cannot be on one side of the value may be on the other
+            with suppress(InputError):
+                self.models = {model(steps): weight for steps, weight in weights.items()}
+                return
+        raise InputError(
+            f'gradient by {effect} {parameter} = {values[0]:g}: no room to vary it on either side'
         )
 
     @property
     def reacts(self) -> bool:
         """Whether the parameter acts on decay or on the exchange with immobile water."""
-        more, less = (model.engine.physics for model in self.models)
+        one, other, *_ = (model.engine.physics for model in self.models)
         return any(
-            getattr(more, name) != getattr(less, name)
+            getattr(one, name) != getattr(other, name)
             for name in ('decay_rate', 'immobile_fraction', 'exchange_rate')
         )
 
     def difference(self, value: Callable[[Model], float]) -> float:
-        """Return the central difference of `value` by the parameter."""
-        more, less = self.models
-        return (value(more) - value(less)) / (2.0 * self.step)
+        """Return the difference of `value` by the parameter."""
+        return sum(weight * value(model) for model, weight in self.models.items()) / self.step
 
 
 def _shifted(

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import GRAVITY
 from porotwin_core.wells import WellRates
@@ -22,6 +23,9 @@ from porotwin_solver.physics import Physics
 
 TOLERANCE = 1e-11
 """Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
+
+MOST_ITERATIONS = 1000
+"""Enough for viscosity ratios from 1 / 1000 to 1000."""
 
 
 class Coupling:
@@ -41,6 +45,9 @@ class Coupling:
 
         Free of divergence to round-off. Where the viscosity varies, the factor of pure water
         preconditions conjugate gradients, and the flow of pure water carries what they leave.
+
+        Raises:
+            InputError: the viscosities differ too much for that.
         """
         physics, water = self.physics, self._water
         if physics.viscosity_ratio == 1.0:
@@ -106,13 +113,18 @@ class Coupling:
             result[0] += water.pin * pressure.ravel()[0]
             return result
 
-        pressure, _ = cg(
+        pressure, unfinished = cg(
             LinearOperator((source.size,) * 2, matvec=outflow, dtype=float),
             source.ravel(),
             rtol=TOLERANCE,
-            maxiter=200,
+            maxiter=MOST_ITERATIONS,
             M=LinearOperator((source.size,) * 2, matvec=water.solve, dtype=float),
         )
+        if unfinished:
+            raise InputError(
+                f'viscosity_ratio {self.physics.viscosity_ratio:g}: the pressure is not found in '
+                f'{MOST_ITERATIONS} iterations; choose a ratio closer to 1'
+            )
         return np.asarray(pressure).reshape(shape)
 
 

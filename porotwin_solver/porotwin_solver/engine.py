@@ -180,12 +180,17 @@ class Engine:
             del self._still[next(iter(self._still))]
         return found
 
+    @property
+    def _exchanges_with_rest(self) -> bool:
+        """Whether immobile water follows: also a share of 0, by which one may ask the gradient."""
+        return self.physics.immobile_fraction > 0.0 or self.physics.exchange_rate > 0.0
+
     def react(self, state: State, duration: float) -> None:
         """Exchange with the immobile water and decay, both exactly, by `duration` [s]."""
         left, kept = self._reaction(duration)
         share = self.physics.immobile_fraction
-        if share > 0.0:
-            mean = self.seen(state)
+        if self._exchanges_with_rest:
+            mean = (1.0 - share) * state.mobile + share * state.immobile
             gap = (state.mobile - state.immobile) * kept
             state.mobile[:] = left * (mean + share * gap)
             state.immobile[:] = left * (mean - (1.0 - share) * gap)
@@ -197,7 +202,7 @@ class Engine:
         """Turn `bar`, the derivative by the state after `react`, into that by the one before."""
         left, kept = self._reaction(duration)
         share = self.physics.immobile_fraction
-        if share > 0.0:
+        if self._exchanges_with_rest:
             mean = bar.mobile + bar.immobile
             gap = kept * (share * bar.mobile - (1.0 - share) * bar.immobile)
             bar.mobile[:] = left * ((1.0 - share) * mean + gap)

@@ -166,7 +166,9 @@ class Flow:
         self.grid = grid
         self.transmissibility = transmissibilities(grid, conductance, boundaries)
         self.closed = 'open' not in boundaries.model_dump().values()
-        self.pin = float(self.transmissibility.x.max()) if self.closed else 0.0
+        trans = self.transmissibility
+        # any conductance does; a single column has none along x, a single cell none at all
+        self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0
         matrix = pressure_matrix(self.transmissibility, pin=self.pin)
         self.solve: PressureSolver = pressure_solver(matrix, grid.shape)
 

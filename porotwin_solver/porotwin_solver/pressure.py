@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 
 PressureSolver = Callable[[FloatArray], FloatArray]
@@ -16,6 +17,9 @@ LARGEST_FACTOR = 200_000
 
 TOLERANCE = 1e-9
 """Relative residual of the iteration; `flow.Flow.flux` solves twice and ends at round-off."""
+
+MOST_ITERATIONS = 500
+"""Ten are usual, 50 where the permeability of neighbours differs by decades."""
 
 
 def pressure_solver(matrix: csc_matrix, shape: tuple[int, int]) -> PressureSolver:
@@ -42,6 +46,8 @@ def two_grid(matrix: csc_matrix, shape: tuple[int, int]) -> PressureSolver:
     The preconditioner smooths by damped Jacobi before and after a correction on 2 x 2 blocks of
     cells, whose matrix is factorised. Blocks of constant pressure are too stiff by about a factor
     of two, which the correction makes up for (Braess, Computing 55 (1995) 379-393).
+
+    The solver raises InputError where the iteration does not get there.
     """
     rows, columns = np.indices(shape)
     coarse_columns = (shape[1] + 1) // 2
@@ -62,13 +68,18 @@ def two_grid(matrix: csc_matrix, shape: tuple[int, int]) -> PressureSolver:
         return pressure
 
     def solve(source: FloatArray) -> FloatArray:
-        pressure, _ = cg(
+        pressure, unfinished = cg(
             matrix,
             source,
             rtol=TOLERANCE,
-            maxiter=500,
+            maxiter=MOST_ITERATIONS,
             M=LinearOperator(matrix.shape, matvec=smoothed, dtype=float),
         )
+        if unfinished:
+            raise InputError(
+                f'pressure on {shape[1]} x {shape[0]} cells: not found in {MOST_ITERATIONS} '
+                'iterations; the permeability varies too much for so fine a grid, make it coarser'
+            )
         return np.asarray(pressure)
 
     return solve

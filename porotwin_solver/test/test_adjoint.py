@@ -171,6 +171,70 @@ def test_the_gradient_by_every_effect_parameter_is_that_of_finite_differences(ri
         assert value == pytest.approx(expected, rel=1e-5, abs=1e-9), f'{effect} {name}'
 
 
+@pytest.mark.parametrize(
+    ('effects', 'effect', 'name', 'step'),
+    [
+        ({'decay': {'rate': 0.0}}, 'decay', 'rate', 1e-7),
+        ({'retardation': {'retardation_factor': 1.0}}, 'retardation', 'retardation_factor', 1e-6),
+        ({'rate': {'well': 'injector', 'factor': 0.0}}, 'rate', 'factor', 1e-6),
+        (
+            {'numerical_diffusion': {'model_diffusion': 0.0}},
+            'numerical_diffusion',
+            'model_diffusion',
+            1e-12,
+        ),
+        (
+            {'dual_porosity': {'immobile_fraction': 0.0, 'exchange_rate': 1e-3}},
+            'dual_porosity',
+            'immobile_fraction',
+            1e-6,
+        ),
+        (
+            {'dual_porosity': {'immobile_fraction': 0.1, 'exchange_rate': 0.0}},
+            'dual_porosity',
+            'exchange_rate',
+            1e-7,
+        ),
+        (
+            {'dual_porosity': {'immobile_fraction': 0.95, 'exchange_rate': 1e-3}},
+            'dual_porosity',
+            'immobile_fraction',
+            -1e-7,
+        ),
+    ],
+)
+def test_the_gradient_at_the_end_of_a_range_is_that_of_one_sided_differences(
+    rig, effects, effect, name, step
+) -> None:
+    problem = Problem(rig, 'fast', effects)
+    found = problem.gradient([(effect, name)]).parameters[0]
+    costs = [
+        problem.cost(
+            schedule(), {effect: {**effects[effect], name: effects[effect][name] + steps * step}}
+        )
+        for steps in range(3)
+    ]
+    assert found == pytest.approx(
+        (-1.5 * costs[0] + 2.0 * costs[1] - 0.5 * costs[2]) / step, rel=3e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ('diffusion', 'name', 'complaint'),
+    [
+        (1e-9, 'transverse_dispersivity', 'where both dispersivities are equal'),
+        (0.0, 'diffusion', 'without any diffusion'),
+    ],
+)
+def test_a_gradient_by_spreading_that_is_not_there_is_refused(
+    rig, diffusion, name, complaint
+) -> None:
+    neutral = {'longitudinal_dispersivity': 0.0, 'transverse_dispersivity': 0.0}
+    problem = Problem(rig, 'fast', {'dispersion': {**neutral, 'diffusion': diffusion}})
+    with pytest.raises(InputError, match=f'gradient by dispersion {name}: .*{complaint}'):
+        problem.gradient([('dispersion', name)])
+
+
 @pytest.mark.parametrize('scheme', [UPWIND, SUPERBEE, THIRD_ORDER])
 def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme) -> None:
     """<bar, dP/du u'> = <dP/du^T bar, u'> for all inputs of one step at once."""

@@ -36,6 +36,25 @@ def test_nothing_passes_closed_sides() -> None:
     assert flux.z[-1].sum() == pytest.approx(1e-7, rel=1e-12)
 
 
+@pytest.mark.parametrize('shape', [(1, 12), (12, 1)], ids=['one column', 'one row'])
+def test_a_closed_line_of_cells_carries_what_is_pumped_through_it(shape) -> None:
+    grid = Grid(*shape, 0.934, 0.562)
+    source = np.zeros(grid.shape)
+    source.flat[2], source.flat[9] = 1e-7, -1e-7
+    flux = Flow(grid, np.full(grid.shape, 1e-8), CLOSED).flux(source)
+    np.testing.assert_allclose(flux.divergence(), source, atol=1e-20)
+    through = flux.z[1:-1, 0] if shape[0] == 1 else flux.x[0, 1:-1]
+    np.testing.assert_allclose(
+        through, 1e-7 * ((np.arange(11) >= 2) & (np.arange(11) < 9)), atol=1e-20
+    )
+
+
+def test_a_closed_cell_rests() -> None:
+    grid = Grid(1, 1, 0.934, 0.562)
+    flux = Flow(grid, np.full((1, 1), 1e-8), CLOSED).flux(np.zeros((1, 1)))
+    assert not flux.x.any() and not flux.z.any()
+
+
 def test_layers_share_a_flow_along_them_by_their_conductance() -> None:
     conductance = np.repeat(10.0 ** -np.arange(6.0, 23.0)[:, None], 31, axis=1) * 1e3
     sides = Boundaries(top='closed', left='open', right='open')
