@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import IMAGE, Candidate, Knob
@@ -290,8 +291,11 @@ class Fitter:
                 if np.abs(step).max() < LEAST_STEP:
                     return turns
                 trial = np.clip(turns + step, low, high)
-                trial_residuals = self._fitted_residuals(members, trial, width)
-                trial_cost = _sum_of_squares(trial_residuals)
+                try:
+                    trial_residuals = self._fitted_residuals(members, trial, width)
+                    trial_cost = _sum_of_squares(trial_residuals)
+                except InputError:  # so strong an effect that the model cannot run with it
+                    trial_cost = np.inf
                 if trial_cost < cost:
                     accepted = True
                     break

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from diagnosis_examples import recorded
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
@@ -148,6 +149,23 @@ class Arctangent(Fitter):
 def test_a_fit_that_starts_where_nothing_changes_takes_shorter_steps_until_one_helps():
     knob = Knob('value', '-', 0.0, 1.0)
     turns = Arctangent([])._descend(
+        (Candidate('decay', (knob,)),), [knob], np.array([10.0]), 1.5, steps=8
+    )
+    assert abs(turns[0]) < 0.5
+
+
+class Refusing(Arctangent):
+    """The same with a model that cannot run below minus one."""
+
+    def residuals(self, effects, width, *, fitted_only=False):
+        if float(effects[0].parameters['value']) < -1.0:
+            raise InputError('value: must be at least -1')
+        return super().residuals(effects, width)
+
+
+def test_a_step_to_where_the_model_cannot_run_is_not_taken():
+    knob = Knob('value', '-', 0.0, 1.0)
+    turns = Refusing([])._descend(
         (Candidate('decay', (knob,)),), [knob], np.array([10.0]), 1.5, steps=8
     )
     assert abs(turns[0]) < 0.5
