@@ -168,3 +168,9 @@ def test_a_pair_is_less_sure_where_one_of_its_effects_nearly_suffices():
     far = decide(findings(5.0, ('well_position', 2.0), pairs=[pair]), LIMITS)
     assert near.members == far.members == ('well_position', 'depth')
     assert near.confidence < 0.85 < far.confidence
+
+
+def test_a_viscosity_may_leave_more_than_other_effects():
+    assert decide(findings(13.0, ('viscosity', 0.85), ('leak', 4.0)), LIMITS).name == 'viscosity'
+    assert decide(findings(13.0, ('decay', 0.85), ('leak', 4.0)), LIMITS).name == 'unexplained'
+    assert decide(findings(13.0, ('viscosity', 1.2), ('leak', 4.0)), LIMITS).name == 'unexplained'
