@@ -16,6 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library, pumping_wells
 from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened, noise_misfit
 from porotwin_diagnosis.fit import Fit, Fitter
@@ -39,8 +40,9 @@ EXTRAPOLATION = 1.6
 """How many times the change from judging to finest cells is taken off (Richardson): with errors
 that fall with the cells' size to the power of 1 to 1.4, as seen, it would be 2.3 to 3.3 in full."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS = 7, 4, 3, 4
-"""How many fits go on at most: to refinement, to judgement; bases of pairs, partners."""
+REFINED, JUDGED, PAIR_BASES, PARTNERS, SCREENED_AGAIN = 7, 4, 3, 4, 6
+"""How many fits go on at most: to refinement, to judgement; bases of pairs, partners; screened
+fits that are fitted again before pairs are made of them."""
 
 LIKELY_SECONDS = ('saturation', 'illumination')
 """Partners that are always tried: they cost no simulation, and their response is not linear."""
@@ -56,8 +58,9 @@ HOPELESS = 2.0
 """Fits of coarse residuals that leave this many times the best one's misfit are not finished."""
 
 SMALL_GAP = 4.0
-"""Misfit of the model as it is below which coarse runs are corrected by what finer cells change;
-above it fronts lie too far apart for that correction to stay in place."""
+"""Misfit of a model below which coarse runs are corrected by what finer cells change in it: the
+model as it is, before pairs the best single effect; above it fronts lie too far apart for that
+correction to stay in place."""
 
 ALIKE = 1.03
 """Fits whose misfit is within this factor of the last one that goes on go on with it."""
@@ -175,9 +178,8 @@ class Search:
         """Return what was found."""
         self.progress('running the model as it is', 0.0)
         null = self.judging.judged((), np.zeros(0))
-        for fitter in (self.screening, self.refining) if score(null) < SMALL_GAP else ():
-            for forward, finer in zip(fitter.forwards, self.judging.forwards, strict=True):
-                forward.lean_on(finer)
+        if score(null) < SMALL_GAP:
+            self._lean(())
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
         findings.noise = overall(*noise_misfit(self.samples))
@@ -202,6 +204,12 @@ class Search:
         forwards = [forward for fitter in fitters for forward in fitter.forwards]
         findings.runs = sum(forward.runs for forward in (*forwards, *self.finest))
         return findings
+
+    def _lean(self, effects: Sequence[EffectDescription]) -> None:
+        """Correct coarse runs from now on by what the judging cells change with `effects`."""
+        for fitter in (self.screening, self.refining):
+            for forward, finer in zip(fitter.forwards, self.judging.forwards, strict=True):
+                forward.lean_on(finer, effects)
 
     def _tried_again_alone(self, findings: Findings) -> None:
         """Fit a member of the best pair alone once more if, as it is there, it leaves less than
@@ -332,11 +340,24 @@ class Search:
         Coarse cells confuse effects that delay or pale the plume alike, so that where a pair nearly
         closes the gap, more of them get their turn.
         """
-        pairs = _near(self._pairs(findings.screened))[:REFINED]
+        screened = findings.screened
+        if score(findings.singles[0]) < SMALL_GAP:
+            self._lean(findings.singles[0].effects)
+            screened = self._screened_again(screened)
+        pairs = _near(self._pairs(screened))[:REFINED]
         refined = self._refined(pairs[:JUDGED], 0.66)
         if refined and findings.excess(refined[0]) < NEARLY_CLOSED:
             refined += self._refined(pairs[JUDGED:], 0.72)
         return sorted(refined, key=score)
+
+    def _screened_again(self, screened: Sequence[Fit]) -> list[Fit]:
+        """Return `screened` with the best fitted again on cells whose correction has changed."""
+        again = [
+            self.screening.fit(fit.members, start=fit.turns, coarse_steps=0)
+            for fit in _distinct(screened)[:SCREENED_AGAIN]
+        ]
+        kept = {fit.label for fit in again}
+        return sorted([*again, *(fit for fit in screened if fit.label not in kept)], key=score)
 
     def _partners(self, base: Fit, screened: Sequence[Fit], *, thorough: bool) -> list[Candidate]:
         """Return the candidates whose response best explains what `base` leaves.
