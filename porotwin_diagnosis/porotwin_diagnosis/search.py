@@ -59,8 +59,8 @@ HOPELESS = 2.0
 
 SMALL_GAP = 4.0
 """Misfit of a model below which coarse runs are corrected by what finer cells change in it: the
-model as it is, before pairs the best single effect; above it fronts lie too far apart for that
-correction to stay in place."""
+model as it is, or the best single effect where no pair was found. Above it fronts lie too far apart
+for that correction to stay in place."""
 
 ALIKE = 1.03
 """Fits whose misfit is within this factor of the last one that goes on go on with it."""
@@ -190,8 +190,12 @@ class Search:
         findings.null = self.judging.judged((), np.zeros(0))
         best = findings.singles[0]
         if findings.excess(best) > EXPLAINED:
-            pairs = self._judged(self._refined_pairs(findings), 0.78)
-            findings.pairs = self._sharpened(findings, pairs, 0.86)
+            findings.pairs = self._judged_pairs(findings, screened)
+            open_still = not findings.pairs or findings.excess(findings.pairs[0]) > EXPLAINED
+            if open_still and score(best) < SMALL_GAP:
+                self._lean(best.effects)
+                more = self._judged_pairs(findings, self._screened_again(screened))
+                findings.pairs = self._ranked([*findings.pairs, *more])
         findings.parts = [
             self.judging.judged((member,), turns)
             for pair in findings.pairs[:1]
@@ -334,16 +338,17 @@ class Search:
             key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns),
         )
 
-    def _refined_pairs(self, findings: Findings) -> list[Fit]:
-        """Return the best pairs, refitted on the recording's cells.
+    def _judged_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
+        """Return the best pairs of `screened` effects, judged."""
+        pairs = self._judged(self._refined_pairs(findings, screened), 0.78)
+        return self._sharpened(findings, pairs, 0.86)
+
+    def _refined_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
+        """Return the best pairs of `screened` effects, refitted on the recording's cells.
 
         Coarse cells confuse effects that delay or pale the plume alike, so that where a pair nearly
         closes the gap, more of them get their turn.
         """
-        screened = findings.screened
-        if score(findings.singles[0]) < SMALL_GAP:
-            self._lean(findings.singles[0].effects)
-            screened = self._screened_again(screened)
         pairs = _near(self._pairs(screened))[:REFINED]
         refined = self._refined(pairs[:JUDGED], 0.66)
         if refined and findings.excess(refined[0]) < NEARLY_CLOSED:

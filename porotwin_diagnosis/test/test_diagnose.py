@@ -132,8 +132,8 @@ def test_a_search_that_finds_no_pairs_goes_on_without(quiet, monkeypatch):
     search = Search([read_sample(open_recording(quiet))], workers=1)
     null = search.judging.judged((), np.zeros(0))
     monkeypatch.setattr(search, '_pairs', lambda screened: [])
-    findings = Findings(null, null, [], [null])
-    assert search._refined_pairs(findings) == []
+    findings = Findings(null, null, [])
+    assert search._refined_pairs(findings, []) == []
     assert search._judged([], 0.5) == []
 
 
