@@ -49,12 +49,15 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
             start = file.read(4)
     except OSError as error:
         raise InputError(f'{path}: cannot be read ({error.strerror})') from None
-    if start.startswith(_PICKLES):
-        raise InputError(f'{path}: a pickle, which may run code; only .safetensors files are read')
     try:
         with safetensors.safe_open(path, framework='numpy') as file:
             metadata = file.metadata() or {}
     except safetensors.SafetensorError as error:
+        # asked last: the length with which a sound file begins may look like a pickle
+        if start.startswith(_PICKLES):
+            raise InputError(
+                f'{path}: a pickle, which may run code; only .safetensors files are read'
+            ) from None
         raise InputError(f'{path}: not a safetensors file ({error})') from None
     if _KEY not in metadata:
         raise InputError(f'{path}: made by another program, needs {file_format}')

@@ -18,7 +18,7 @@ from porotwin_costa.dataset import (
     mean_rates,
     rate_vector,
 )
-from porotwin_costa.files import write_tensors
+from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.physics_id import PhysicsId
 
 
@@ -254,3 +254,12 @@ def test_older_file_is_read_as_of_a_rig_of_even_depth(build, unseen_frames, tmp_
     assert old.physics == PhysicsId()
     assert (old.relative_depth == 1.0).all()
     assert np.array_equal(old.residual, dataset.residual)
+
+
+def test_a_sound_file_whose_length_looks_like_a_pickle_is_read(tmp_path):
+    for length in range(300):
+        path = tmp_path / f'{length}.safetensors'
+        write_tensors(path, {'value': np.zeros(1)}, 'test', {'text': 'x' * length})
+        assert read_header(path, 'test')['text'] == 'x' * length
+    starts = {path.read_bytes()[:1] for path in tmp_path.iterdir()}
+    assert b'\x80' in starts
