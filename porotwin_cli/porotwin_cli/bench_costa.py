@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_cli.costa_data import dataset_of
 from porotwin_cli.rehearsal import (
     ARCHITECTURE,
     TRAINING_EPOCHS,
@@ -17,7 +18,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
 from porotwin_costa.architectures import training_settings
-from porotwin_costa.dataset import Frames, build_dataset
+from porotwin_costa.dataset import Frames
 from porotwin_costa.evaluation import evaluate
 from porotwin_costa.training import train
 from porotwin_rig.asset import VirtualRig
@@ -66,14 +67,7 @@ def _row(
     rig: Rig, grid: Grid, setting: str, seen: list[Frames], unseen: Frames, epochs: int
 ) -> dict[str, Any]:
     physics = Model(rig, grid, setting=setting)
-    dataset = build_dataset(
-        seen,
-        rig,
-        grid=grid,
-        time_step=INTERVAL_S,
-        predict=physics.predict,
-        residual=physics.residual,
-    )
+    dataset = dataset_of(seen, rig, grid=grid, time_step=INTERVAL_S, setting=setting)
     begun = time.perf_counter()
     learned = train(dataset, training_settings(ARCHITECTURE, epochs=epochs), seed=SEED)
     trained = time.perf_counter() - begun

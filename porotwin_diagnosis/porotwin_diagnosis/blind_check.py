@@ -169,8 +169,9 @@ def _open(case: BlindCase, place: Path) -> None:
 def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
     """Return how the diagnosis in `result` compares with the truth of `case`.
 
-    Of a pair only the stronger effect is right. The share of the gap that is closed is not what the
-    diagnosis says, but recomputed against the virtual rig's maps without noise.
+    Of a pair the stronger effect is right, or either where they are equal (see `Truth`). The share
+    of the gap that is closed is not what the diagnosis says, but recomputed against the virtual
+    rig's maps without noise.
     """
     said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
     verdict = str(said['verdict'])

@@ -162,7 +162,7 @@ class Search:
         known = {candidate.effect for candidate in library(samples)} | set(LOCAL)
         if not known - set(LOCAL) - self.excluded:
             raise InputError('all effects without a place are excluded; leave at least one in')
-        self.progress = progress
+        self.progress = _forward_only(progress)
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
@@ -423,6 +423,18 @@ class Search:
         unless all did."""
         kept = [fit for fit in fits if not self._at_a_well(fit)] or fits
         return sorted(kept, key=lambda fit: worse(fit) * OCCAM ** len(fit.turns))
+
+
+def _forward_only(progress: Progress) -> Progress:
+    """Return `progress` with shares that never go back where a stage is gone through again."""
+    reached = 0.0
+
+    def told(stage: str, share: float) -> None:
+        nonlocal reached
+        reached = max(reached, share)
+        progress(stage, reached)
+
+    return told
 
 
 def _screening_factor(sample: Sample) -> int:
