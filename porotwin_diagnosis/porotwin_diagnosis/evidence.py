@@ -136,6 +136,11 @@ class Sample:
         return (self.compared > ACTIVE) & (self.compared < FULL) & seen
 
     @cached_property
+    def at_most(self) -> FloatArray:
+        """What the compared cells may hold for all that noise tells, (nt, nz', nx')."""
+        return self.compared + 2.0 * self._noise(WIDTH)[:, ::STRIDE, ::STRIDE]
+
+    @cached_property
     def expected_squares(self) -> FloatArray:
         """The squares of whitened residuals that noise alone leads one to expect, (nt, nz', nx')"""
         return (self._noise(WIDTH)[:, ::STRIDE, ::STRIDE] * self.weight(WIDTH)) ** 2
@@ -247,15 +252,16 @@ def _spread(indices: NDArray[np.intp], count: int) -> NDArray[np.intp]:
 def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
     """Return the root mean square of whitened residuals at fronts: fitted, held out.
 
-    What counts are cells that hold some tracer but not all stock, as observed or as predicted; the
-    observed ones divide, so that neither an empty nor a full rig dilutes a gap.
+    What counts are cells that hold some tracer but not all stock, as predicted, or as observed
+    beyond noise: of a pale plume's interior the noise would choose the low ones alone. The observed
+    ones divide, so that neither an empty nor a full rig dilutes a gap.
     """
     squares = []
     for sample, residual in zip(samples, residuals, strict=True):
         weight = sample.weight(WIDTH)
         predicted = sample.compared - residual / np.where(weight > 0, weight, np.inf)
         most = np.maximum(sample.compared, predicted)
-        least = np.minimum(sample.compared, predicted)
+        least = np.minimum(sample.at_most, predicted)
         squares.append(residual**2 * ((most > ACTIVE) & (least < FULL)))
     return _root_mean(samples, squares)
 
