@@ -194,7 +194,7 @@ class Search:
             open_still = not findings.pairs or findings.excess(findings.pairs[0]) > EXPLAINED
             if open_still and score(best) < SMALL_GAP:
                 self._lean(best.effects)
-                more = self._judged_pairs(findings, self._screened_again(screened))
+                more = self._judged_pairs(findings, self._screened_again(best, screened))
                 findings.pairs = self._ranked([*findings.pairs, *more])
         findings.parts = [
             self.judging.judged((member,), turns)
@@ -319,13 +319,12 @@ class Search:
             for well in pumping
         )
 
-    def _pairs(self, screened: Sequence[Fit]) -> list[Fit]:
-        alone = _distinct(screened)
-        bases = [fit for fit in alone if score(fit) < BASE * score(alone[0])][:PAIR_BASES]
+    def _pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
+        bases, thorough = _bases(findings.singles[0], screened)
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
             self.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
-            for partner in self._partners(base, screened, thorough=index == 0):
+            for partner in self._partners(base, screened, thorough=index < thorough):
                 key = frozenset((base.members[0].label, partner.label))
                 if key in fits:
                     continue
@@ -349,17 +348,18 @@ class Search:
         Coarse cells confuse effects that delay or pale the plume alike, so that where a pair nearly
         closes the gap, more of them get their turn.
         """
-        pairs = _near(self._pairs(screened))[:REFINED]
+        pairs = _near(self._pairs(findings, screened))[:REFINED]
         refined = self._refined(pairs[:JUDGED], 0.66)
         if refined and findings.excess(refined[0]) < NEARLY_CLOSED:
             refined += self._refined(pairs[JUDGED:], 0.72)
         return sorted(refined, key=score)
 
-    def _screened_again(self, screened: Sequence[Fit]) -> list[Fit]:
-        """Return `screened` with the best fitted again on cells whose correction has changed."""
+    def _screened_again(self, best: Fit, screened: Sequence[Fit]) -> list[Fit]:
+        """Return `screened` with the first of them, and the `best` as judged, fitted again on cells
+        whose correction has changed."""
         again = [
             self.screening.fit(fit.members, start=fit.turns, coarse_steps=0)
-            for fit in _distinct(screened)[:SCREENED_AGAIN]
+            for fit in _led_by(best, _distinct(screened))[:SCREENED_AGAIN]
         ]
         kept = {fit.label for fit in again}
         return sorted([*again, *(fit for fit in screened if fit.label not in kept)], key=score)
@@ -451,17 +451,35 @@ def _near(fits: Sequence[Fit]) -> list[Fit]:
     return [fit for fit in fits if score(fit) <= ALIKE * score(kept[-1])]
 
 
+def _kind(fit: Fit) -> tuple[str, object]:
+    """Return the effect and well of a single effect's `fit`, variants of one effect being one."""
+    member = fit.members[0]
+    return member.effect, member.fixed.get('well')
+
+
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the best fit of every effect and well, variants of one effect being one."""
-    seen: set[tuple[str, object]] = set()
-    result = []
+    """Return the best fit of every effect and well."""
+    best: dict[tuple[str, object], Fit] = {}
     for fit in fits:
-        member = fit.members[0]
-        key = (member.effect, member.fixed.get('well'))
-        if key not in seen:
-            seen.add(key)
-            result.append(fit)
-    return result
+        best.setdefault(_kind(fit), fit)
+    return list(best.values())
+
+
+def _led_by(best: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Return `fits` with those of the effect that was judged the `best` first."""
+    return sorted(fits, key=lambda fit: _kind(fit) != _kind(best))
+
+
+def _bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
+    """Return the single effects that pairs are made of, and how many of them deserve all partners.
+
+    On coarse cells the effect that was judged the `best` may stand behind others.
+    """
+    alone = _distinct(screened)
+    near = [fit for fit in alone if score(fit) < BASE * score(alone[0])][:PAIR_BASES]
+    judged = [fit for fit in alone if _kind(fit) == _kind(best)]
+    bases = judged + [fit for fit in near if _kind(fit) != _kind(best)]
+    return bases, 1 if alone[0] in judged else 2
 
 
 def _gain(

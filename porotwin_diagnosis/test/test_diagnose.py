@@ -131,7 +131,7 @@ def test_a_search_with_nothing_to_look_for_is_refused(quiet):
 def test_a_search_that_finds_no_pairs_goes_on_without(quiet, monkeypatch):
     search = Search([read_sample(open_recording(quiet))], workers=1)
     null = search.judging.judged((), np.zeros(0))
-    monkeypatch.setattr(search, '_pairs', lambda screened: [])
+    monkeypatch.setattr(search, '_pairs', lambda findings, screened: [])
     findings = Findings(null, null, [])
     assert search._refined_pairs(findings, []) == []
     assert search._judged([], 0.5) == []
