@@ -21,7 +21,7 @@ from porotwin_core.rig import load_rig
 from porotwin_diagnosis.diagnose import Diagnosis, diagnose
 from porotwin_diagnosis.run_so_far import RunSoFar
 from porotwin_msgs.action import Diagnose
-from porotwin_msgs.msg import CleanState, NewState, WellRates
+from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 
 NICENESS = 10
 """Given way to the loop: the diagnosis takes what the twin leaves of the machine."""
@@ -51,6 +51,7 @@ class DiagnosisNode(Node):
         self._busy = threading.Lock()
         self._run = RunSoFar(self._rig, self._grid)
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
         self._server = ActionServer(
@@ -71,19 +72,31 @@ class DiagnosisNode(Node):
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
 
+    def _on_setpoint(self, message: Setpoint) -> None:
+        try:
+            rates = conversions.rates_from_msg(message.wells)
+        except InputError as error:
+            self.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
+            return
+        with self._lock:
+            self._run.told(conversions.time_from_msg(message.header.stamp), rates)
+
     def _on_measured(self, message: WellRates) -> None:
         try:
             rates = conversions.rates_from_msg(message.wells)
-            start = conversions.time_from_msg(message.start)
         except InputError as error:
             self.get_logger().error(f'measured rates ignored: {error}')
             return
+        start = conversions.time_from_msg(message.start)
+        end = conversions.time_from_msg(message.header.stamp)
         with self._lock:
-            self._run.pumped(start, rates)
+            self._run.pumped(start, end, rates)
 
     def _on_clean(self, message: CleanState) -> None:
-        if message.cause == CleanState.FINISHED:
-            with self._lock:
+        with self._lock:
+            if message.cause == CleanState.START:
+                self._run.started()
+            elif message.cause == CleanState.FINISHED:
                 self._run.finished()
 
     def _execute(self, goal: ServerGoalHandle) -> Any:

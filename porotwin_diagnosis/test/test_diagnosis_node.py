@@ -8,6 +8,7 @@ import pytest
 from diagnosis_examples import SMALL
 
 from porotwin_core.rig import write_rig
+from porotwin_core.wells import WellRate
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
@@ -18,7 +19,7 @@ from rclpy.parameter import Parameter  # noqa: E402
 from porotwin_core import conversions, qos  # noqa: E402
 from porotwin_diagnosis.diagnosis_node import DiagnosisNode  # noqa: E402
 from porotwin_msgs.action import Diagnose  # noqa: E402
-from porotwin_msgs.msg import NewState, Outcome  # noqa: E402
+from porotwin_msgs.msg import NewState, Outcome, Setpoint  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
@@ -89,15 +90,18 @@ def test_a_graph_that_has_shown_nothing_is_refused_with_a_reason(graph):
 
 def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
     publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
-    while graph.server.count_publishers('asset/new_state') == 0:
-        pass
+    setpoints = graph.node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+    for topic in ('asset/new_state', 'wells/setpoint'):
+        while graph.server.count_publishers(topic) == 0:
+            pass
+    setpoints.publish(Setpoint(wells=conversions.rates_to_msg({'injector': WellRate()})))
     for number in range(3):
         tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, 30.0 * number)
         message = NewState(sequence=number, tracer=tracer)
         message.header.stamp = tracer.header.stamp
         publisher.publish(message)
     for _ in range(200):
-        if len(graph.server._run) == 3:
+        if len(graph.server._run) == 3 and graph.server._run._rates:
             break
         threading.Event().wait(0.1)
     handle, _ = graph.goal()

@@ -29,7 +29,7 @@ def written(kept, folder):
 
 def test_time_begins_with_the_run_whatever_the_clock_of_the_photographs(tmp_path):
     kept = run(1.7e9, 1.7e9 + 30.0, 1.7e9 + 60.0)
-    kept.pumped(1.7e9 + 30.0, INJECTING)
+    kept.pumped(1.7e9 + 30.0, 1.7e9 + 60.0, INJECTING)
     recording = written(kept, tmp_path / 'run')
     assert recording.times == pytest.approx([0.0, 30.0, 60.0])
     assert recording.schedule.at(29.0) == {}
@@ -42,7 +42,7 @@ def test_missed_photographs_do_not_end_a_run():
 
 def test_a_clock_that_goes_back_begins_a_run_in_which_the_pumps_go_on(tmp_path):
     kept = run(0.0, 30.0)
-    kept.pumped(10.0, INJECTING)
+    kept.pumped(10.0, 10.0, INJECTING)
     kept.saw(5.0, EMPTY, GRID)
     recording = written(kept, tmp_path / 'run')
     assert list(recording.times) == [0.0]
@@ -58,12 +58,43 @@ def test_a_finished_run_stays_until_another_begins():
 
 
 def test_a_run_that_was_not_seen_from_its_beginning_is_refused(tmp_path):
-    kept = run(3000.0, 3030.0, first=FULL)
-    with pytest.raises(InputError, match='nobody saw how it got there'):
-        kept.write(tmp_path / 'run')
-    kept = run(3000.0, 3030.0, first=FULL)
-    kept.pumped(2900.0, INJECTING)  # it was seen how
+    for since in (3000.0, 2970.0):  # its rates are heard with the first map, or just before it
+        kept = run(3000.0, 3030.0, first=FULL)
+        kept.pumped(since, 3000.0, INJECTING)
+        with pytest.raises(InputError, match='nobody saw how it got there'):
+            kept.write(tmp_path / 'run')
+    kept = run(30000.0, 30030.0, first=FULL)
+    kept.pumped(0.0, 30000.0, INJECTING)  # it was seen how
     kept.write(tmp_path / 'run')
+
+
+def test_a_run_whose_rates_nobody_told_is_refused(tmp_path):
+    with pytest.raises(InputError, match='nobody said what the pumps do'):
+        run(0.0, 30.0).write(tmp_path / 'run')
+
+
+def test_a_setpoint_counts_as_followed_unless_rates_were_measured_since(tmp_path):
+    other = {'injector': WellRate(5e-8, 1.0)}
+    kept = run(0.0, 30.0, 60.0, 90.0)
+    kept.told(0.0, INJECTING)
+    kept.told(30.0, INJECTING)
+    kept.pumped(30.0, 60.0, other)
+    kept.told(30.0, INJECTING)  # comes late
+    kept.told(60.0, INJECTING)
+    schedule = written(kept, tmp_path / 'run').schedule
+    assert [schedule.at(t)['injector'].rate for t in (0.0, 29.0, 30.0, 59.0, 60.0)] == [
+        1e-7, 1e-7, 5e-8, 5e-8, 1e-7
+    ]  # fmt: skip
+
+
+def test_a_new_start_begins_a_run_where_the_tracer_is_gone():
+    kept = run(0.0, 30.0, 60.0)
+    kept.started()
+    kept.saw(90.0, FULL, GRID)  # only the evaluation of photographs was started again
+    assert len(kept) == 4
+    kept.started()
+    kept.saw(120.0, EMPTY, GRID)
+    assert len(kept) == 1
 
 
 def test_a_map_on_another_grid_is_refused():
