@@ -43,18 +43,21 @@ def command(
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
     if live or recordings is None:
-        if rig is not None or apply:
-            raise InputError('--live judges the twin as it runs; leave out --rig and --apply')
+        if rig is not None or apply or setting != 'accurate':
+            raise InputError(
+                '--live judges the twin as it runs; leave out --rig, --setting and --apply'
+            )
         _live(output, as_json=as_json)
         return
+    own = load_rig(rig) if rig is not None else None
     for recording in recordings:
-        open_recording(recording)  # complain before a progress bar is drawn
+        open_recording(recording, rig=own)  # complain before a progress bar is drawn
     with progress() as bar:
         task = bar.add_task('diagnosis', total=100)
         result = diagnose(
             recordings,
             output,
-            rig=load_rig(rig) if rig is not None else None,
+            rig=own,
             setting=setting,
             apply=apply,
             progress=lambda stage, share: bar.update(

@@ -11,6 +11,7 @@ from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from porotwin_cli.output import WorkFailed
+from porotwin_core.errors import InputError
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -28,7 +29,8 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     `progress` is told the stage and the share done. An interrupt calls the diagnosis off.
 
     Raises:
-        WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it refused.
+        InputError: the run so far cannot be judged.
+        WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it failed.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context = rclpy.Context()
@@ -59,6 +61,8 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     finally:
         client.destroy()
         rclpy.try_shutdown(context=context)
+    if result.outcome.code == Outcome.INVALID_INPUT:
+        raise InputError(result.outcome.message)
     if result.outcome.code != Outcome.OK:
         raise WorkFailed(result.outcome.message)
     return result

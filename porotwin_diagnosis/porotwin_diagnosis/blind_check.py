@@ -54,7 +54,7 @@ class Score:
     parameter_errors: tuple[float, ...]
     intervals_held: int
     distance_m: float | None
-    seconds: float
+    seconds: float | None
 
 
 def blind_check(
@@ -76,14 +76,13 @@ def blind_check(
     drawn = [draw_case(number, seed) for number in range(cases)]
     _publish_seals(folder, drawn, seed)
     missing = [case for case in drawn if not (folder / case.name / FIGURES).exists()]
-    with ProcessPoolExecutor(workers, mp_context=get_context('spawn')) as pool:
-        work = {pool.submit(_make_and_diagnose, case, folder / case.name): case for case in missing}
-        for done, finished in enumerate(as_completed(work), start=cases - len(missing) + 1):
-            finished.result()
-            progress(done, cases, f'{work[finished].name} diagnosed')
+    failed = _work_through(folder, missing, workers, cases, progress)
     scores = []
     for case in drawn:
         place = folder / case.name
+        if case.name in failed:
+            scores.append(failed_score(case))
+            continue
         _open(case, place)
         scores.append(score_case(case, place / 'result', Truth.read(place / FIGURES)))
     figures = summary(scores)
@@ -93,6 +92,29 @@ def blind_check(
     (folder / 'report.md').write_text(table(scores, figures), encoding='utf-8')
     progress(cases, cases, 'done')
     return figures
+
+
+def _work_through(
+    folder: Path, missing: Sequence[BlindCase], workers: int, cases: int, progress: CaseProgress
+) -> set[str]:
+    """Make and diagnose the `missing` cases; return those whose diagnosis failed.
+
+    An interrupt ends the cases that are worked on, and leaves the others alone.
+    """
+    failed = set()
+    pool = ProcessPoolExecutor(workers, mp_context=get_context('spawn'))
+    try:
+        work = {pool.submit(_make_and_diagnose, case, folder / case.name): case for case in missing}
+        for done, finished in enumerate(as_completed(work), start=cases - len(missing) + 1):
+            name = work[finished].name
+            try:
+                finished.result()
+            except (InputError, subprocess.CalledProcessError):
+                failed.add(name)
+            progress(done, cases, f'{name} {"failed" if name in failed else "diagnosed"}')
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return failed
 
 
 def _make_and_diagnose(case: BlindCase, place: Path) -> None:
@@ -194,6 +216,24 @@ def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
         intervals_held=sum(inside for _, inside in parameters),
         distance_m=_distance(case, said),
         seconds=float(said['made_with']['seconds']),
+    )
+
+
+def failed_score(case: BlindCase) -> Score:
+    """Return the score of a `case` whose diagnosis ended without a verdict: wrong, unsure."""
+    return Score(
+        name=case.name,
+        kind=case.kind,
+        truth=tuple(effect.name for effect in case.effects) or ('none',),
+        verdict='failed',
+        confidence=0.0,
+        right=False,
+        both_found=False if case.kind == 'pair' else None,
+        gap_closed=None,
+        parameter_errors=(),
+        intervals_held=0,
+        distance_m=None,
+        seconds=None,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, write_rig
 from porotwin_diagnosis.evidence import Sample, read_sample
 from porotwin_diagnosis.findings_file import write_findings
@@ -25,6 +26,7 @@ from porotwin_diagnosis.search import EDGE_BLUR, Findings, Progress, Search
 from porotwin_diagnosis.strength import smallest_strengths
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED, Verdict, decide, refuted
 from porotwin_recording.recording import Recording, open_recording
+from porotwin_solver.model import setting_of
 
 FEWEST_COLUMNS, SCANT_CONFIDENCE = 80, 0.7
 """Columns of a recording below which no verdict is surer than this: on 47 columns a shifted picture
@@ -72,7 +74,9 @@ def diagnose(
     """
     paths = [recording] if isinstance(recording, Path | str) else list(recording)
     began = time.perf_counter()
+    setting_of(setting)  # complain before the long search
     opened = tuple(open_recording(path, rig=rig) for path in paths)
+    _refuse_other_rigs(opened)
     progress('reading the recording', 0.0)
     result = examine(opened, setting=setting, excluded=excluded, workers=workers, progress=progress)
     result.summary['made_with'] = {
@@ -99,6 +103,16 @@ def diagnose(
     return result
 
 
+def _refuse_other_rigs(recordings: Sequence[Recording]) -> None:
+    first = recordings[0]
+    for other in recordings[1:]:
+        if other.rig.physics_fingerprint != first.rig.physics_fingerprint:
+            raise InputError(
+                f'{other.source}: its rig is not described as that of {first.source} is; judge '
+                'each alone, or name the rig.yaml that holds for all with --rig'
+            )
+
+
 def with_effects(rig: Rig, verdict: Verdict) -> Rig:
     """Return `rig` with the effects that `verdict` names; unchanged where it names none."""
     if not verdict.members:
@@ -116,6 +130,7 @@ def examine(
 ) -> Diagnosis:
     """Return the diagnosis of `recordings` without writing anything; see `diagnose`."""
     samples = tuple(read_sample(recording) for recording in recordings)
+    gap = map_gap(*recordings)
     search = Search(samples, excluded=excluded, workers=workers, progress=progress)
     findings = search.run()
     verdict = _no_surer_than_seen(decide(findings), samples)
@@ -131,8 +146,7 @@ def examine(
     if verdict.members and not falls(held_out):
         verdict = refuted(verdict)
         held_out = _held_out(recordings, samples, verdict, numerics)
-    progress('mapping where the gap arises', 0.95)
-    gap = map_gap(*recordings)
+    progress('looking for experiments that would tell more', 0.95)
     if verdict.name == NONE:
         gap = gap.without_places()
     strengths = smallest_strengths(search.screening)

@@ -8,7 +8,7 @@ sizes are never concluded from it, for noise in the starting map makes them wron
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -45,9 +45,10 @@ class Spot:
 
 @dataclass(frozen=True)
 class Phase:
-    """A time [s] between two changes of the pumps, what they did, and its share of the gap.
+    """A time [s] in which the pumps did one thing, and its share of the gap.
 
-    `recording` is the number of the recording that it is a part of.
+    `state`: `injecting` tracer, `chasing` it with water, or `resting`. `recording` is the number of
+    the recording that it is a part of.
     """
 
     start: float
@@ -101,15 +102,17 @@ def _one_steps(recording: Recording) -> tuple[Grid, FloatArray, list[tuple[float
     grid = recording.grid
     coarse = recording.rig.grid(max(4, grid.nx // COARSENING), max(4, grid.nz // COARSENING))
     model = Model(recording.rig, coarse, setting='fast')
-    times, maps = observed_maps(recording, coarse, STEPS + 1)
+    times, maps, seen = observed_maps(recording, coarse, STEPS + 1)
     energy = np.zeros(coarse.shape)
     moments: list[tuple[float, float, float]] = []
     cell = coarse.dx * coarse.dz
-    for (before, after), (start, end) in zip(pairwise(maps), pairwise(times), strict=True):
+    steps = zip(pairwise(maps), pairwise(seen), pairwise(times), strict=True)
+    for (before, after), (known, still_known), (start, end) in steps:
         predicted = before
         for low, high, rates in recording.schedule.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
-        weak = gaussian_filter(after - predicted, TEST_WIDTH) / (end - start)
+        residual = (after - predicted) * known * still_known
+        weak = gaussian_filter(residual, TEST_WIDTH) / (end - start)
         energy += weak**2
         moments.append((start, end, float(np.sum(weak**2) * cell * (end - start))))
     strength = np.sqrt(energy / max(len(moments), 1))
@@ -124,8 +127,9 @@ def _on_grid(strength: FloatArray, grid: Grid) -> FloatArray:
 
 def observed_maps(
     recording: Recording, grid: Grid, count: int
-) -> tuple[FloatArray, list[FloatArray]]:
-    """Return at most `count` times and observed maps, evenly spread, without NaN, on `grid`.
+) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
+    """Return at most `count` times and observed maps, evenly spread, without NaN, on `grid`, and
+    the share of each cell that is seen.
 
     Frames of which little is seen are left out: filled, they would look like another state.
     """
@@ -138,8 +142,10 @@ def observed_maps(
         raise InputError(f'{recording.source}: most maps are empty; two are needed with half seen')
     seen = _apart(seen, recording.times)
     frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])
-    maps = [filled_map(recording.concentration[frame], grid) for frame in frames]
-    return recording.times[frames], maps
+    observed = [recording.concentration[frame] for frame in frames]
+    maps = [filled_map(frame, grid) for frame in observed]
+    known = [conservative_resample(np.isfinite(f).astype(float), grid.shape) for f in observed]
+    return recording.times[frames], maps, known
 
 
 def _apart(frames: list[int], times: FloatArray) -> list[int]:
@@ -173,16 +179,19 @@ def _spots(strength: FloatArray, grid: Grid) -> tuple[Spot, ...]:
 def _phases(
     moments: Sequence[list[tuple[float, float, float]]], schedules: Sequence[Schedule]
 ) -> tuple[Phase, ...]:
-    """Return the gap's share of every stretch of constant pumping, the strongest first."""
+    """Return the gap's share of every stretch of one operating state, the strongest first."""
     total = sum(energy for own in moments for _, _, energy in own) or 1.0
     phases = []
     for number, (own, schedule) in enumerate(zip(moments, schedules, strict=True)):
-        for low, high, rates in schedule.intervals(own[0][0], own[-1][1]):
+        stretches = schedule.intervals(own[0][0], own[-1][1])
+        for state, group in groupby(stretches, key=lambda stretch: _state(stretch[2])):
+            together = list(group)
+            low, high = together[0][0], together[-1][1]
             share = sum(
                 energy * max(0.0, min(high, until) - max(low, since)) / (until - since)
                 for since, until, energy in own
             )
-            phases.append(Phase(low, high, share / total, _state(rates), number))
+            phases.append(Phase(low, high, share / total, state, number))
     return tuple(sorted(phases, key=lambda phase: -phase.share))
 
 

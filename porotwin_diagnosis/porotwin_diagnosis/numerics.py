@@ -76,7 +76,7 @@ def before_and_after(
 def _equivalent_diffusion(sample: Sample, setting: str) -> float:
     """Return the diffusion [m2/s] with which the sharp scheme predicts what `setting` does."""
     wanted = Forward(sample, setting=setting).maps(())
-    sharp = Forward(sample, setting='fast', refinement=1)
+    sharp = Forward(sample, refinement=JUDGING)
     unit = sample.grid.dx**2 / sample.duration
 
     def difference(exponent: float) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import CAMERA
 from porotwin_diagnosis.evidence import WIDTH, Sample
@@ -59,10 +60,14 @@ def propose(fitter: Fitter, findings: Findings, verdict: Verdict) -> tuple[Propo
     again = np.sqrt(2.0) * max(present, thresholds().same * np.sqrt(sample.active))
     for name, what, change in SCHEDULES:
         changed = change(sample)
-        if changed is not None:
+        if changed is None:
+            continue
+        try:
             gain = float(_apart([sample, changed], one, other) / again)
-            if gain > LEAST_GAIN:
-                tried.append(Proposal(name, what, names, gain))
+        except InputError:  # the model cannot run with such rates
+            continue
+        if gain > LEAST_GAIN:
+            tried.append(Proposal(name, what, names, gain))
     tried.sort(key=lambda proposal: -(proposal.gain or 0.0))
     return (*_laboratory(names, one, other), *tried)
 

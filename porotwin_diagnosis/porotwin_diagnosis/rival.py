@@ -37,7 +37,7 @@ def sparse_regression(recording: Recording) -> str:
 
     grid = recording.grid
     coarse = recording.rig.grid(grid.nx // COARSENING, grid.nz // COARSENING)
-    times, maps = observed_maps(recording, coarse, FRAMES)
+    times, maps, _ = observed_maps(recording, coarse, FRAMES)
     model = Model(recording.rig, coarse, setting='fast')
     modelled = np.zeros((coarse.nz, coarse.nx, len(times) - 1))
     missing = np.zeros_like(modelled)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import Candidate, heterogeneity, leak
@@ -143,7 +144,9 @@ def _places(sample: Sample) -> list[tuple[float, float]]:
 
 
 def _leaks(sample: Sample) -> list[Candidate]:
-    strongest = max(abs(row.rate.rate) for row in sample.schedule.rows)
+    strongest = max((abs(row.rate.rate) for row in sample.schedule.rows), default=0.0)
+    if strongest == 0.0:
+        raise InputError('leak: no pump ever runs, so that no rate says how large one may be')
     rate = LEAK_SHARE * strongest * 3.6e9
     return [leak(sample.rig, place, rate) for place in _places(sample)]
 

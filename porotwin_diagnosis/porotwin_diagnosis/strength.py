@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_diagnosis.candidates import LOCAL, library
 from porotwin_diagnosis.evidence import WIDTH
 from porotwin_diagnosis.fit import Fitter
@@ -16,7 +17,8 @@ def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
     """Return by effect the parameter that counts, its unit, and the least deviation that shows.
 
     From the response of the whole picture to a small amount of the effect, alone, in the middle of
-    the rig where it needs a place; deviations are from no effect (from 1 for a factor).
+    the rig where it needs a place; deviations are from no effect (from 1 for a factor). Of several
+    wells the one that shows most counts, of several parameters the first.
     """
     base = fitter.residuals((), WIDTH)
     cells = max(sum(sample.active for sample in fitter.samples), 1)
@@ -27,7 +29,10 @@ def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
             turns[0] = 1.0 if candidate.effect != 'dispersion' else 0.0
         elif candidate.effect in LOCAL:
             turns[-1] = 1.0
-        changed = fitter.residuals((candidate.described(turns),), WIDTH)
+        try:
+            changed = fitter.residuals((candidate.described(turns),), WIDTH)
+        except InputError:  # the model cannot run with it
+            continue
         power = sum(float(np.sum((a - b) ** 2)) for a, b in zip(base, changed, strict=True))
         if power <= 0.0:
             continue
@@ -36,7 +41,7 @@ def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
         deviation = abs(knob.value(turns[main]) - _absent(candidate.effect, knob.neutral))
         least = deviation * VISIBLE / math.sqrt(power / cells)
         known = found.get(candidate.effect)
-        if known is None or least < float(known['value']):
+        if known is None or (known['parameter'] == knob.name and least < float(known['value'])):
             found[candidate.effect] = {
                 'parameter': knob.name,
                 'value': float(f'{least:.3g}'),

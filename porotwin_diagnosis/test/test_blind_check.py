@@ -1,7 +1,9 @@
 """The blind check: sealed truths, drawn reproducibly, scored honestly."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from subprocess import CalledProcessError
 
 import numpy as np
 import pytest
@@ -10,7 +12,14 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis import blind_check
 from porotwin_diagnosis.blind_cases import draw_case
-from porotwin_diagnosis.blind_check import Score, calibration_error, score_case, summary, table
+from porotwin_diagnosis.blind_check import (
+    Score,
+    calibration_error,
+    failed_score,
+    score_case,
+    summary,
+    table,
+)
 from porotwin_diagnosis.blind_truth import Truth, truth_of
 from porotwin_diagnosis.held_out import HeldOut
 from porotwin_diagnosis.output import write_fields
@@ -138,3 +147,27 @@ def test_a_check_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert not list((tmp_path / 'case_000' / 'recording').glob('*truth*'))
     assert first['right'] == 1.0
     assert 'confusion' in (tmp_path / 'report.md').read_text().lower()
+
+
+def test_a_case_whose_diagnosis_fails_is_wrong_and_the_others_go_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        blind_check, 'ProcessPoolExecutor', lambda workers, **_: ThreadPoolExecutor(workers)
+    )
+
+    def fails(case, _place):
+        if case.name == 'case_001':
+            raise CalledProcessError(2, 'diagnosis')
+
+    monkeypatch.setattr(blind_check, '_make_and_diagnose', fails)
+    drawn = [draw_case(number, 1) for number in range(3)]
+    stages = []
+    failed = blind_check._work_through(
+        tmp_path, drawn, 2, 3, lambda _done, _all, stage: stages.append(stage)
+    )
+    assert failed == {'case_001'}
+    assert sorted(stages) == ['case_000 diagnosed', 'case_001 failed', 'case_002 diagnosed']
+    score = failed_score(drawn[1])
+    figures = summary([score])
+    assert figures['right'] == 0.0
+    assert figures['seconds_median'] is None
+    assert 'failed' in table([score], figures)

@@ -15,7 +15,8 @@ from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.diagnose import diagnose
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.gap_map import map_gap
+from porotwin_diagnosis.gap_map import _phases, map_gap
+from porotwin_diagnosis.scan import _leaks
 from porotwin_diagnosis.search import Findings, Search
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
@@ -165,3 +166,34 @@ def test_a_model_begins_with_the_tracer_of_the_first_map(quiet):
     shown = Forward(sample).maps(())
     assert np.abs(shown - still[1]).mean() < 0.01
     assert read_sample(recording).initial is None
+
+
+def test_setpoints_that_change_with_every_photograph_are_one_stretch_of_one_state():
+    rows = [ScheduleRow(30.0 * n, 'injector', WellRate((1 + n) * 1e-8, 1.0)) for n in range(20)]
+    rows.append(ScheduleRow(600.0, 'injector', WellRate()))
+    moments = [[(60.0 * n, 60.0 * n + 60.0, 1.0) for n in range(20)]]
+    injecting, resting = _phases(moments, [Schedule(tuple(rows))])
+    assert (injecting.start, injecting.end, injecting.state) == (0.0, 600.0, 'injecting')
+    assert (resting.start, resting.end, resting.state) == (600.0, 1200.0, 'resting')
+    assert injecting.share == pytest.approx(0.5)
+
+
+def test_no_gap_arises_where_nobody_sees(quiet):
+    recording = open_recording(quiet)
+    maps = np.array(recording.concentration)
+    maps[:, 5:45, 20:70] = np.nan
+    blind = map_gap(with_frames(recording, recording.times, maps)).strength
+    assert blind[18:32, 35:55].max() == 0.0
+
+
+def test_a_setting_that_does_not_exist_is_refused_before_the_search(quiet, tmp_path):
+    stages = []
+    with pytest.raises(InputError, match="setting 'fats': unknown"):
+        diagnose(quiet, tmp_path, setting='fats', progress=lambda stage, _: stages.append(stage))
+    assert stages == []
+
+
+def test_a_rig_at_rest_offers_no_size_for_a_leak(quiet):
+    sample = read_sample(open_recording(quiet))
+    with pytest.raises(InputError, match='no pump ever runs'):
+        _leaks(replace(sample, schedule=Schedule(())))

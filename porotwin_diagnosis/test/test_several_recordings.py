@@ -1,13 +1,15 @@
 """Several recordings of one rig: one size of the effect in all, and more that can be told apart."""
 
 import json
+import shutil
 
 import netCDF4
 import numpy as np
 import pytest
 from diagnosis_examples import SMALL, recorded
 
-from porotwin_core.rig import EffectDescription
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription, write_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.diagnose import diagnose
@@ -91,3 +93,14 @@ def test_the_gap_of_several_recordings_is_mapped_together_and_each_by_itself(inj
         (1, 'chasing'),
     }
     assert np.hypot(together.spots[0].x - 0.235, together.spots[0].z - 0.235) < 0.15
+
+
+def test_rigs_that_are_described_differently_are_not_judged_together(injecting, tmp_path):
+    other = tmp_path / 'tuesday'
+    shutil.copytree(injecting, other)
+    text = (other / 'rig.yaml').read_text()
+    changed = SMALL.model_copy(update={'porosity': 0.9 * SMALL.porosity})
+    write_rig(changed, other / 'rig.yaml')
+    assert (other / 'rig.yaml').read_text() != text
+    with pytest.raises(InputError, match=r'tuesday: its rig is not described as .* --rig'):
+        diagnose([injecting, other], tmp_path / 'out')
