@@ -256,19 +256,29 @@ def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[
     beyond noise: of a pale plume's interior the noise would choose the low ones alone. The observed
     ones divide, so that neither an empty nor a full rig dilutes a gap.
     """
-    squares = []
-    for sample, residual in zip(samples, residuals, strict=True):
-        weight = sample.weight(WIDTH)
-        predicted = sample.compared - residual / np.where(weight > 0, weight, np.inf)
-        most = np.maximum(sample.compared, predicted)
-        least = np.minimum(sample.at_most, predicted)
-        squares.append(residual**2 * ((most > ACTIVE) & (least < FULL)))
+    squares = [
+        residual**2 * _counted(sample, residual)
+        for sample, residual in zip(samples, residuals, strict=True)
+    ]
     return _root_mean(samples, squares)
 
 
-def noise_misfit(samples: Sequence[Sample]) -> tuple[float, float]:
-    """Return the misfit that the noise alone leads one to expect: fitted, held out."""
-    return _root_mean(samples, [sample.expected_squares * sample.front for sample in samples])
+def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
+    """Return the misfit that the noise alone leads one to expect of a model that leaves
+    `residuals`, in the cells that count: fitted, held out."""
+    squares = [
+        sample.expected_squares * _counted(sample, residual)
+        for sample, residual in zip(samples, residuals, strict=True)
+    ]
+    return _root_mean(samples, squares)
+
+
+def _counted(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
+    weight = sample.weight(WIDTH)
+    predicted = sample.compared - residual / np.where(weight > 0, weight, np.inf)
+    most = np.maximum(sample.compared, predicted)
+    least = np.minimum(sample.at_most, predicted)
+    return (most > ACTIVE) & (least < FULL)
 
 
 def _root_mean(samples: Sequence[Sample], squares: Sequence[FloatArray]) -> tuple[float, float]:

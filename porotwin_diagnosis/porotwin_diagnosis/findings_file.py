@@ -20,7 +20,6 @@ def write_findings(path: Path, findings: Findings) -> None:
     """Write `findings`; parameters that a fit found are in the units of the diagnosis contract."""
     content = {
         'runs': findings.runs,
-        'noise': findings.noise,
         'null': _fit_json(findings.null),
         'screened_null': _fit_json(findings.screened_null),
         'screened': [_fit_json(fit) for fit in findings.screened],
@@ -49,7 +48,6 @@ def read_findings(path: Path) -> Findings:
         parts=fits('parts'),
         distances=content['distances'],
         pair_distances=content['pair_distances'],
-        noise=content['noise'],
         runs=content['runs'],
     )
 
@@ -66,7 +64,7 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             for member, described in zip(fit.members, fit.effects, strict=True)
         ],
         'turns': [float(turn) for turn in fit.turns],
-        'misfit': {'fitted': fit.fitted, 'held_out': fit.held_out},
+        'misfit': {'fitted': fit.fitted, 'held_out': fit.held_out, 'noise': list(fit.noise)},
         'error': {'fitted': fit.fitted_error, 'held_out': fit.error},
     }
 
@@ -84,4 +82,5 @@ def _read_fit(content: dict[str, Any]) -> Fit:
         fitted_error=content['error']['fitted'],
         error=content['error']['held_out'],
         covariance=np.zeros((len(turns), len(turns))),
+        noise=tuple(content['misfit']['noise']),
     )

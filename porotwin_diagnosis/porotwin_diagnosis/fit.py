@@ -15,7 +15,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import IMAGE, Candidate, Knob
-from porotwin_diagnosis.evidence import COARSE_WIDTH, WIDTH, misfit
+from porotwin_diagnosis.evidence import COARSE_WIDTH, WIDTH, misfit, noise_misfit
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.noise import blur
 
@@ -47,9 +47,9 @@ CHEAP_CHANGE = 0.25
 class Fit:
     """Effects fitted together: `turns` of all their knobs, and what they leave.
 
-    `fitted` and `held_out` are whitened misfits (see `evidence.misfit`); `error` and `fitted_error`
-    the relative L2 errors of maps as soft as recorded ones; `covariance` that of the turns, from
-    tiles.
+    `fitted` and `held_out` are whitened misfits (see `evidence.misfit`), `noise` those that the
+    noise alone leads one to expect of both; `error` and `fitted_error` the relative L2 errors of
+    maps as soft as recorded ones; `covariance` that of the turns, from tiles.
     """
 
     members: tuple[Candidate, ...]
@@ -59,6 +59,7 @@ class Fit:
     fitted_error: float
     error: float
     covariance: FloatArray
+    noise: tuple[float, float] = (0.0, 0.0)
 
     @property
     def label(self) -> str:
@@ -171,6 +172,7 @@ class Fitter:
             self._error(maps, held_out=False),
             self._error(maps, held_out=True),
             np.zeros((size, size)),
+            noise_misfit(self.samples, residuals),
         )
 
     def _error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:

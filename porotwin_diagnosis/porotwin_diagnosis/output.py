@@ -12,7 +12,7 @@ from porotwin_diagnosis.candidates import LOCAL
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.gap_map import Phase, Spot
 from porotwin_diagnosis.held_out import HeldOut, gap_closed, root_mean, together
-from porotwin_diagnosis.search import Findings, score
+from porotwin_diagnosis.search import Findings, overall, score
 from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
         'misfit': {
             'before': round(score(result.findings.null), 3),
             'after': round(score(verdict.model), 3),
-            'noise': round(result.findings.noise, 3),
+            'noise': round(overall(*verdict.model.noise), 3),
             'unit': 'deviations at fronts, of noise and of 0.12 cells',
         },
         'noise': {

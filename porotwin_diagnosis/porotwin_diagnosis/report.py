@@ -15,7 +15,7 @@ from porotwin_diagnosis.evidence import FRONT_TOLERANCE
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.output import FIXED_UNITS
 from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
-from porotwin_diagnosis.search import score
+from porotwin_diagnosis.search import excess, overall, score
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def _percent(share: float) -> str:
 
 def _beyond_noise(result: 'Diagnosis', fit: Fit) -> str:
     """Say what `fit` leaves beyond the noise, as what misplaced fronts would leave."""
-    shift = result.findings.excess(fit) * FRONT_TOLERANCE * result.samples[0].grid.dx
+    shift = excess(fit) * FRONT_TOLERANCE * result.samples[0].grid.dx
     return f'as much beyond the noise as fronts {number(1e3 * shift, 2)} mm off would leave'
 
 
@@ -309,8 +309,7 @@ def _pairs(result: 'Diagnosis') -> str:
         return '<p>No pair was tried: nothing is left for a second effect.</p>'
     best = findings.singles[0]
     rows = [
-        [_label(fit), _percent(fit.error), f'{findings.excess(fit):.2f}']
-        for fit in (best, *findings.pairs)
+        [_label(fit), _percent(fit.error), f'{excess(fit):.2f}'] for fit in (best, *findings.pairs)
     ]
     note = '<p>Pairs that went as far as the final judgement, below the best single effect:</p>'
     return note + _table(['effects', 'leave', 'misfit beyond noise'], rows, {1, 2})
@@ -393,7 +392,7 @@ def _method(result: 'Diagnosis') -> str:
         f' sand {_percent(noise.background)} of the stock, correlated over '
         f'{noise.correlation:.1f} cells. Misfit at fronts, in deviations of noise and of a front '
         f'0.12 cells off: {score(findings.null):.2f} before, {score(result.verdict.model):.2f} '
-        f'after; noise alone {findings.noise:.2f}. Before, there is '
+        f'after; noise alone {overall(*result.verdict.model.noise):.2f}. Before, there is '
         f'{_beyond_noise(result, findings.null)}; after, '
         f'{_beyond_noise(result, result.verdict.model)}. {smear}</p>'
     )

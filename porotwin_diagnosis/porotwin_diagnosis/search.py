@@ -18,7 +18,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library, pumping_wells
-from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened, noise_misfit
+from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.scan import starts
@@ -104,10 +104,9 @@ class Findings:
     """All fits at the finest level each has reached; `null` and
     `screened_null` are the model without any effect, judged and as screened.
 
-    `noise` is the misfit that the noise alone leads one to expect of judged fits. `distances`
-    are those of the predictions of all `singles` from the best one's, `pair_distances` those of
-    `pairs`. `parts` are the members of the best pair, each alone with the
-    parameters that it has there.
+    `distances` are those of the predictions of all `singles` from the best one's, `pair_distances`
+    those of `pairs`. `parts` are the members of the best pair, each alone with the parameters that
+    it has there.
     """
 
     null: Fit
@@ -118,15 +117,17 @@ class Findings:
     distances: list[float] = field(default_factory=list)
     pair_distances: list[float] = field(default_factory=list)
     parts: list[Fit] = field(default_factory=list)
-    noise: float = 0.0
     runs: int = 0
 
-    def excess(self, fit: Fit) -> float:
-        """Return what a judged `fit` leaves beyond the noise, in units of the share of a cell by
-        which no front is known; of a viscosity in larger ones."""
-        left = float(np.sqrt(max(worse(fit) ** 2 - (NOISE_DOUBT * self.noise) ** 2, 0.0)))
-        viscous = any(member.effect == 'viscosity' for member in fit.members)
-        return left / VISCOUS if viscous else left
+
+def excess(fit: Fit) -> float:
+    """Return what a judged `fit` leaves beyond the noise of the part, fitted or held out, where it
+    leaves more, in units of the share of a cell by which no front is known; of a viscosity in
+    larger ones."""
+    parts = zip((fit.fitted, fit.held_out), fit.noise, strict=True)
+    left = max(np.sqrt(max(all_of_it**2 - (NOISE_DOUBT * n) ** 2, 0.0)) for all_of_it, n in parts)
+    viscous = any(member.effect == 'viscosity' for member in fit.members)
+    return float(left / VISCOUS if viscous else left)
 
 
 def score(fit: Fit) -> float:
@@ -182,16 +183,15 @@ class Search:
             self._lean(())
         screened = self._screen()
         findings = Findings(null, self.screening.judged((), np.zeros(0)), screened)
-        findings.noise = overall(*noise_misfit(self.samples))
         refined = self._refined(_near(_distinct(screened))[:REFINED], 0.3)
         findings.singles = self._judged(refined, 0.4)
         findings.singles = self._sharpened(findings, findings.singles, 0.48)
-        self._attune(findings, findings.null)
+        self._attune(findings.null)
         findings.null = self.judging.judged((), np.zeros(0))
         best = findings.singles[0]
-        if findings.excess(best) > EXPLAINED:
+        if excess(best) > EXPLAINED:
             findings.pairs = self._judged_pairs(findings, screened)
-            open_still = not findings.pairs or findings.excess(findings.pairs[0]) > EXPLAINED
+            open_still = not findings.pairs or excess(findings.pairs[0]) > EXPLAINED
             if open_still and score(best) < SMALL_GAP:
                 self._lean(best.effects)
                 more = self._judged_pairs(findings, self._screened_again(best, screened))
@@ -233,22 +233,22 @@ class Search:
         """
         if not fits:
             return []
-        small = findings.excess(findings.null) < SMALL_EXCESS
+        small = excess(findings.null) < SMALL_EXCESS
         best = findings.null if small else fits[0]
         self._measure_blur(best)
-        near = [fit for fit in fits if findings.excess(fit) <= NEARLY_CLOSED]
-        far = [fit for fit in fits if findings.excess(fit) > NEARLY_CLOSED]
+        near = [fit for fit in fits if excess(fit) <= NEARLY_CLOSED]
+        far = [fit for fit in fits if excess(fit) > NEARLY_CLOSED]
         polished = []
         for index, fit in enumerate([*near, *far]):
             self.progress(f'polishing {fit.label}', begin + 0.05 * index / len(fits))
-            self._attune(findings, best if fit in far else fit)
+            self._attune(best if fit in far else fit)
             polished.append(self.judging.polished(fit, self.refining))
-        self._attune(findings, best)
+        self._attune(best)
         return self._ranked(polished)
 
-    def _attune(self, findings: Findings, fit: Fit) -> None:
+    def _attune(self, fit: Fit) -> None:
         """Judge from now on with blur and finest cells of `fit`, if that nearly closes the gap."""
-        if findings.excess(fit) > NEARLY_CLOSED:
+        if excess(fit) > NEARLY_CLOSED:
             return
         slow = any(effect.name in SLOW for effect in fit.effects)
         for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
@@ -350,7 +350,7 @@ class Search:
         """
         pairs = _near(self._pairs(findings, screened))[:REFINED]
         refined = self._refined(pairs[:JUDGED], 0.66)
-        if refined and findings.excess(refined[0]) < NEARLY_CLOSED:
+        if refined and excess(refined[0]) < NEARLY_CLOSED:
             refined += self._refined(pairs[JUDGED:], 0.72)
         return sorted(refined, key=score)
 

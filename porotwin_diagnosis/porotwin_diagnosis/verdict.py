@@ -14,7 +14,7 @@ from importlib.resources import files
 import numpy as np
 
 from porotwin_diagnosis.fit import Fit
-from porotwin_diagnosis.search import Findings, score, worse
+from porotwin_diagnosis.search import Findings, excess, score, worse
 
 NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
 
@@ -82,7 +82,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
     null, singles = findings.null, findings.singles
     best = singles[0]
     probabilities = _probabilities(findings, limits)
-    before = findings.excess(null)
+    before = excess(null)
     if before < limits.quiet:
         odds = 4.0 * (1.0 - before / limits.quiet) + 1.0
         return Verdict(NONE, _calibrated(odds, limits), null, (), (), probabilities)
@@ -126,9 +126,7 @@ def refuted(verdict: Verdict) -> Verdict:
 def _openness(model: Fit, findings: Findings, limits: Thresholds) -> float:
     """Return what `model` leaves, relative to what the true effect may leave."""
     limit = limits.open_pair if len(model.members) > 1 else limits.open
-    return findings.excess(model) / math.hypot(
-        limit, limits.of_gap * findings.excess(findings.null)
-    )
+    return excess(model) / math.hypot(limit, limits.of_gap * excess(findings.null))
 
 
 def _odds_of_more(openness: float) -> float:

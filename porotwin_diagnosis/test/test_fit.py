@@ -10,7 +10,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
-from porotwin_diagnosis.evidence import noise_misfit, read_sample
+from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.search import Findings, Search, score
@@ -110,10 +110,9 @@ def test_a_shifted_and_turned_picture_is_found_in_its_narrow_valley(tmp_path):
 def test_a_true_model_leaves_little_beyond_the_noise_and_a_wrong_one_much(fitter, denser_sand):
     sample = read_sample(open_recording(denser_sand))
     judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
-    noise = np.hypot(*noise_misfit([sample]))
     right = judge.judged((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.88))
     wrong = judge.judged((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.92))
-    left = np.hypot(right.fitted, right.held_out)
+    left, noise = np.hypot(right.fitted, right.held_out), np.hypot(*right.noise)
     assert left < 2.5 * noise
     assert np.hypot(wrong.fitted, wrong.held_out) > 2 * left
 
@@ -133,7 +132,7 @@ def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
 def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
     search = Search([read_sample(open_recording(quiet))], workers=1)
     before = search.judging.judged((), np.zeros(0))
-    search._attune(Findings(before, before, [], noise=before.fitted), before)
+    search._attune(before)
     after = search.judging.judged((), np.zeros(0))
     assert score(after) < score(before)
     assert search.judging.forwards[0].offset is not None
@@ -213,7 +212,7 @@ def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(fitt
     stuck = search.judging.judged((porosity,), np.zeros(1))
     right = porosity.knobs[0].turn(0.885)
     pair = search.judging.judged((porosity, saturation), np.array([right, 0.0]))
-    findings = Findings(stuck, stuck, [], [stuck], [pair], noise=0.4)
+    findings = Findings(stuck, stuck, [], [stuck], [pair])
     findings.parts = [search.judging.judged((porosity,), np.array([right]))]
     search._tried_again_alone(findings)
     found = findings.singles[0].effects[0].parameters['factor']

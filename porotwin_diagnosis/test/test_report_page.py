@@ -43,7 +43,7 @@ def denser(tmp_path_factory):
     pair = fitter.judged((porosity, rate), np.array([found[0], 0.5]))
     singles = [best, other]
     distances = [0.0, 3.0]
-    findings = Findings(null, null, singles, singles, [pair], distances, noise=0.3, runs=4)
+    findings = Findings(null, null, singles, singles, [pair], distances, runs=4)
     late = recording.times >= sample.held_out_start
     observed = recording.concentration[late].astype(float)
     part = replace(sample, times=recording.times[late], observed=observed, fitted=0, weights={})

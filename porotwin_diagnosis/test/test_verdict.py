@@ -21,7 +21,14 @@ def fit(*effects, misfit, held_out=None, error=0.1):
     members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in effects)
     size = len(members)
     return Fit(
-        members, np.ones(size), misfit, held_out or misfit, 0.1, error, np.zeros((size, size))
+        members,
+        np.ones(size),
+        misfit,
+        held_out or misfit,
+        0.1,
+        error,
+        np.zeros((size, size)),
+        (NOISE, NOISE),
     )
 
 
@@ -38,7 +45,6 @@ def findings(null, *singles, pairs=(), distances=None, pair_distances=None, part
         distances,
         pair_distances or [0.0] + [3.0] * (len(pairs) - 1),
         [fit(name, misfit=5.0, error=value) for name, value in parts],
-        noise=NOISE,
     )
 
 
