@@ -30,14 +30,15 @@ EMPTY = 0.02
 FEWEST = 200
 """Values that a statement needs."""
 
-LOCAL_MEAN = 1.5
-"""Width [cells] over which a map is smoothed to tell noise from tracer."""
-
-SMOOTHED_AWAY = 1.3
-"""What this takes from the deviation of a map's own noise, given back."""
+LOCAL_MEAN, GRAIN_MEAN = 1.5, 3.0
+"""Widths [cells] over which a map is smoothed to tell noise from tracer, and to see how wide its
+grain is."""
 
 MARGIN = 5
 """Cells kept between a front and the cells that are taken to be full or empty."""
+
+GRAIN_WIDTHS = np.linspace(0.3, 3.0, 271)
+"""Widths [cells] that a grain may have."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +115,11 @@ def measure_noise(maps: FloatArray) -> Noise:
         if np.count_nonzero(full) > FEWEST:
             break
     background = _one_sided(known[empty]) if np.count_nonzero(empty) > FEWEST else 0.0
-    total = _deviation_in_plume(known, smooth, full)
+    width = _grain_width(known, full)
+    total = _deviation_in_plume(known, smooth, full, width)
     frame = _frame_noise(known, full)
     grain = float(np.sqrt(max(total**2 - frame**2, 0.0)))
-    return Noise(grain, frame, background, _grain_width(known, full))
+    return Noise(grain, frame, background, width)
 
 
 def _one_sided(values: FloatArray) -> float:
@@ -125,13 +127,29 @@ def _one_sided(values: FloatArray) -> float:
     return float(np.sqrt(2.0 * np.mean(np.square(values)))) if values.size else 0.0
 
 
-def _deviation_in_plume(maps: FloatArray, smooth: FloatArray, full: NDArray[np.bool_]) -> float:
-    """Return the deviation of maps about their local mean, relative to it, before clipping at 1."""
+def _deviation_in_plume(
+    maps: FloatArray, smooth: FloatArray, full: NDArray[np.bool_], width: float
+) -> float:
+    """Return the deviation of maps about their local mean, relative to it, before clipping at 1 and
+    with what that mean takes from a noise of `width`."""
     if not full.any():
         return 0.02
     values = maps[full]
-    deviation = SMOOTHED_AWAY * float(np.std(values / smooth[full] - 1.0))
-    return deviation / _censored_deviation(float(np.mean(values >= 0.999)))
+    left = np.sqrt(float(_about_local_mean(0.0, np.array(width), LOCAL_MEAN)))
+    deviation = float(np.std(values / smooth[full] - 1.0)) / left
+    return float(deviation / _censored_deviation(float(np.mean(values >= 0.999))))
+
+
+def _about_local_mean(distance: float, width: FloatArray, local: float) -> FloatArray:
+    """Return the covariance, `distance` cells apart, that a noise of unit deviation and of `width`
+    keeps about its mean over a Gaussian of `local` cells; `width` is that of the Gaussian which
+    makes it of white noise."""
+
+    def smoothed(by: float) -> FloatArray:
+        square = 2.0 * width**2 + by
+        return 2.0 * width**2 / square * np.exp(-0.5 * distance**2 / square)
+
+    return smoothed(0.0) - 2.0 * smoothed(local**2) + smoothed(2.0 * local**2)
 
 
 def _censored_deviation(share: float) -> float:
@@ -156,22 +174,23 @@ def _frame_noise(maps: FloatArray, full: NDArray[np.bool_]) -> float:
 
 
 def _grain_width(maps: FloatArray, full: NDArray[np.bool_]) -> float:
-    """Return the width [cells] of a Gaussian whose correlation is that of neighbouring cells.
+    """Return the width [cells] of the Gaussian that makes a noise of white noise in which
+    neighbouring cells correlate as in the grain.
 
     Relative to a wide local mean, for a plume that fades from one side to the other is no grain.
     """
     pairs = full[:, :, 1:] & full[:, :, :-1]
     if np.count_nonzero(pairs) < 2 * FEWEST:
         return 1.0
-    width = (0.0, MARGIN, MARGIN)
+    width = (0.0, GRAIN_MEAN, GRAIN_MEAN)
     weight = gaussian_filter(full.astype(float), width)
     around = gaussian_filter(np.where(full, maps, 0.0), width) / np.maximum(weight, 1e-9)
     grain = maps - around
     a, b = grain[:, :, 1:][pairs], grain[:, :, :-1][pairs]
     if min(np.ptp(a), np.ptp(b)) == 0.0:
         return 1.0
-    correlation = float(np.clip(np.corrcoef(a, b)[0, 1], 0.05, 0.95))
-    return float(np.clip(1.0 / (2.0 * np.sqrt(-np.log(correlation))), 0.3, 3.0))
+    neighbours, own = (_about_local_mean(d, GRAIN_WIDTHS, GRAIN_MEAN) for d in (1.0, 0.0))
+    return float(np.interp(np.corrcoef(a, b)[0, 1], neighbours / own, GRAIN_WIDTHS))
 
 
 def measure_blur(observed: FloatArray, predicted: FloatArray, noise: Noise) -> float:

@@ -85,7 +85,7 @@ PER_KNOB = 0.85
 EDGE_BLUR = 0.55
 """Blur [cells] by which recorded maps are softer than averages over cells, until measured."""
 
-NOISE_DOUBT = 1.15
+NOISE_DOUBT = 1.1
 """By how much the noise may be stronger than measured."""
 
 VISCOUS = 1.5

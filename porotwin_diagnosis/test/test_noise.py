@@ -19,10 +19,10 @@ def plume(shape=(60, 90), radius=18.0):
     return 0.5 * (1 - np.tanh((distance - radius) / 2))
 
 
-def recorded(noise, frames=30, seed=11):
+def recorded(noise, frames=30, seed=11, level=1.0):
     """Maps of a plume with a known noise, made here and clipped as a camera does."""
     generator = np.random.default_rng(seed)
-    clean = plume()
+    clean = level * plume()
 
     def correlated():
         field = gaussian_filter(generator.standard_normal(clean.shape), noise.correlation)
@@ -44,6 +44,14 @@ def test_noise_is_measured_in_spite_of_clipping(grain, frame):
     assert np.hypot(found.grain, found.frame) == pytest.approx(np.hypot(grain, frame), rel=0.2)
     assert found.background == pytest.approx(0.5 * frame, rel=0.15)
     assert found.correlation == pytest.approx(0.8, abs=0.25)
+
+
+@pytest.mark.parametrize('width', [0.6, 0.9, 1.2])
+def test_the_noise_of_a_pale_plume_is_measured_however_wide_its_grain(width):
+    truth = Noise(0.03, 0.01, 0.005, correlation=width)
+    found = measure_noise(recorded(truth, level=0.85))
+    assert np.hypot(found.grain, found.frame) == pytest.approx(np.hypot(0.03, 0.01), rel=0.2)
+    assert found.correlation == pytest.approx(width, rel=0.2)
 
 
 def test_expected_map_is_the_mean_of_many_noisy_ones():
