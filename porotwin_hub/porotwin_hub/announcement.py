@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.wells import WellRates
 
 CHANGE_ML_H = 0.05
 """Smaller differences are not worth an operator's hand [ml/h]."""
@@ -25,7 +25,10 @@ def _spoken_name(well: str) -> str:
 
 
 def announce(sequence: int, rates: WellRates, before: WellRates) -> Announcement:
-    """Return the words for `rates` [m^3/s] after `before`; every rate in ml/h."""
+    """Return the words for `rates` [m^3/s] after `before`; every rate in ml/h.
+
+    A well of which nobody knows what it does before is to be set whatever its rate.
+    """
     return _words(f'setpoint {sequence}', '', rates, before)
 
 
@@ -39,14 +42,15 @@ def _words(title: str, opening: str, rates: WellRates, before: WellRates) -> Ann
     changed = tuple(
         well
         for well, rate in rates.items()
-        if abs(to_ml_h(rate.rate - before.get(well, WellRate()).rate)) > CHANGE_ML_H
+        if well not in before or abs(to_ml_h(rate.rate - before[well].rate)) > CHANGE_ML_H
     )
     lines = [title]
     for well, rate in rates.items():
         value = to_ml_h(rate.rate)
         line = f'  {well:12} {value:8.1f} ml/h'
         if well in changed:
-            line += f'   <-- was {to_ml_h(before.get(well, WellRate()).rate):.1f}'
+            known = well in before
+            line += f'   <-- was {to_ml_h(before[well].rate):.1f}' if known else '   <-- set'
         lines.append(line)
     spoken = [f'{_spoken_name(well)}: {to_ml_h(rates[well].rate):.0f}' for well in changed]
     speech = opening + (f'Set {", ".join(spoken)}.' if spoken else 'No change.')

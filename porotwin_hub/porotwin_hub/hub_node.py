@@ -83,7 +83,12 @@ class HubNode(Node):
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
         if self._limits is None:
-            self.get_logger().info('no control of wells: predicting only')
+            known = rig.control is not None
+            pumps = 'at their fixed and safe rates' if known else 'not known, taken as off'
+            self.get_logger().info(
+                f'no control of wells: predicting only; until rates are measured or confirmed the '
+                f'pumps are {pumps}'
+            )
         threading.Thread(target=self._work, daemon=True).start()
 
     def _make_twin(self, rig: Rig) -> Twin:
@@ -101,6 +106,7 @@ class HubNode(Node):
             objective=Objective(rig, self._grid) if self._limits is not None else None,
             # simulated time waits for the twin, and the result must not depend on the machine
             patience=math.inf if self._simulated else 0.5 * interval,
+            assumed=Limits.of(rig).safe() if rig.control is not None else None,
         )
         self._photographs = PhotographClock(interval=interval, validity=twin.validity)
         # time since 1970 that goes on steadily when this machine's clock is set
@@ -257,6 +263,7 @@ class HubNode(Node):
         try:
             send_control(self._call, message)
         except ModelUnavailable as error:
+            self._twin.not_taken(cycle)
             cycle.remarks.append(f'setpoint {self._setpoints} not taken: {error}')
 
     def _report_of(self, cycle: Cycle, state: NewState) -> CycleReport:

@@ -8,8 +8,11 @@ import queue
 import shutil
 import subprocess
 import threading
+import time
 from typing import Any
 
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import String
 
@@ -75,6 +78,8 @@ class OperatorNode(Node):
         self._asked: dict[int, dict[str, WellRate]] = {}
         self._newest: dict[str, WellRate] = {}
         self._expiry: tuple[int, float] | None = None
+        self._camera_ahead = 0.0
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
@@ -82,7 +87,8 @@ class OperatorNode(Node):
         if stands_for_asset:
             self.create_service(Control, 'asset/control', self._on_control)
             self.create_service(Ping, 'asset/ping', self._on_ping)
-        self.create_timer(EXPIRY_PERIOD_S, self._on_timer)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(EXPIRY_PERIOD_S, self._on_timer, clock=steady)
 
     def _on_setpoint(self, message: Setpoint) -> None:
         try:
@@ -97,6 +103,7 @@ class OperatorNode(Node):
             del self._asked[next(iter(self._asked))]
         # from its arrival on: the photograph's stamp is by another clock
         self._expiry = (message.sequence, self._now() + validity)
+        self._camera_ahead = conversions.time_from_msg(message.header.stamp) - self._now()
         self._say(announce(message.sequence, rates, self._newest))
         self._newest = rates
 
@@ -120,7 +127,10 @@ class OperatorNode(Node):
             raise InputError('; '.join(broken))
 
     def _now(self) -> float:
-        return float(self.get_clock().now().nanoseconds) * 1e-9
+        """Return the time [s] by a clock that nobody sets, or by the simulation's."""
+        if self._simulated:
+            return float(self.get_clock().now().nanoseconds) * 1e-9
+        return time.monotonic()
 
     def _on_timer(self) -> None:
         """Say once that a setpoint has expired without a successor, and what holds now."""
@@ -129,7 +139,8 @@ class OperatorNode(Node):
         sequence, self._expiry = self._expiry[0], None
         safe = self._limits.safe() if self._limits is not None else {}
         self._say(announce_expiry(sequence, safe, self._newest))
-        self._newest = safe or self._newest
+        if safe:
+            self._asked[sequence] = self._newest = safe  # what to confirm as done is now this
 
     def _say(self, words: Announcement) -> None:
         print(words.text, flush=True)
@@ -146,7 +157,8 @@ class OperatorNode(Node):
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'confirmation refused: {error}')
             return response
-        now = self.get_clock().now().to_msg()
+        # by the clock of the photographs, as all that is compared with them
+        now = conversions.time_to_msg(self._now() + self._camera_ahead)
         message = WellRates(start=now, wells=conversions.rates_to_msg(rates))
         message.header.stamp = now
         message.header.frame_id = conversions.RIG_FRAME

@@ -100,6 +100,8 @@ class Cycle:
     corrected_error: float = math.nan
     disallowed_tracer: float = math.nan
     setpoint: SetpointDecision | None = None
+    told_before: SetpointDecision | None = None
+    taken: bool = True
     decision: Decision | None = None
     forecast: Forecast | None = None
     durations: dict[str, float] = field(default_factory=dict)
@@ -125,6 +127,7 @@ class Twin:
         objective: Objective | None = None,
         validity_intervals: int = 3,
         patience: float = math.inf,
+        assumed: WellRates | None = None,
     ) -> None:
         """Make the loop.
 
@@ -139,6 +142,7 @@ class Twin:
             objective: what the optimiser minimises; needed with `limits`.
             validity_intervals: for how many photo intervals a setpoint is good.
             patience: how long one optimisation may take by the wall clock [s].
+            assumed: what the wells pump while nobody says, without `limits`; None: nothing.
         """
         self._physics = physics
         self._data_driven = data_driven
@@ -149,6 +153,7 @@ class Twin:
         self._limits = limits
         self._objective = objective
         self._patience = patience
+        self._assumed = assumed or {}
         self.validity = validity_intervals * photo_interval
         """How long a setpoint is good after its photograph [s]."""
         self._told: SetpointDecision | None = None
@@ -198,6 +203,11 @@ class Twin:
             self._decide(cycle)
         return cycle
 
+    def not_taken(self, cycle: Cycle) -> None:
+        """Go on as if the setpoint of `cycle` had not been told: the rig did not take it."""
+        cycle.taken = False
+        self._told = cycle.told_before
+
     def look_ahead(self, cycle: Cycle) -> None:
         """Judge the forecast made for the observation, and forecast the next photograph.
 
@@ -211,7 +221,7 @@ class Twin:
 
     def _told_rates(self, now: float) -> WellRates:
         if self._told is None:
-            return self._limits.safe() if self._limits is not None else {}
+            return self._limits.safe() if self._limits is not None else self._assumed
         if now > self._told.valid_until and self._limits is not None:
             return self._limits.safe()
         return self._told.rates
@@ -253,7 +263,7 @@ class Twin:
                 rates, reason = self._limits.safe(), 'optimised rates broke a limit'
             cycle.setpoint = SetpointDecision(rates, now + self.validity, reason)
         cycle.durations['optimise'] = time.perf_counter() - started
-        self._told = cycle.setpoint
+        cycle.told_before, self._told = self._told, cycle.setpoint
 
     def _optimise(self, state: FloatArray, now: float) -> Decision:
         assert self._limits is not None
@@ -279,7 +289,7 @@ class Twin:
 
     def _forecast_next(self, cycle: Cycle) -> None:
         now = cycle.observation.time
-        planned = cycle.setpoint.rates if cycle.setpoint is not None else cycle.pumped
+        planned = cycle.setpoint.rates if cycle.setpoint and cycle.taken else cycle.pumped
         try:
             cycle.forecast = self._make_forecast(
                 cycle.state, planned, now, now + self._photo_interval, durations=cycle.durations

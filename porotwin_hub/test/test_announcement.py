@@ -21,6 +21,13 @@ def test_speech_names_only_what_changed() -> None:
     assert (same.speech, same.changed) == ('No change.', ())
 
 
+def test_a_well_of_which_nothing_is_known_is_to_be_set_whatever_its_rate() -> None:
+    words = announce(1, {**AFTER, 'control2': WellRate()}, AFTER)
+    assert words.changed == ('control2',)
+    assert words.text.endswith('0.0 ml/h   <-- set')
+    assert words.speech == 'Set control 2: 0.'
+
+
 def test_a_difference_below_the_pumps_step_is_no_change() -> None:
     nearly = {**AFTER, 'control1': WellRate(from_ml_h(240.52))}
     assert announce(9, nearly, AFTER).changed == ()

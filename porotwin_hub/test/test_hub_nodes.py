@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ from porotwin_core.wells import WellRate
 from porotwin_hub import hub_node, operator_node
 from porotwin_hub.control import Limits
 from porotwin_hub.twin import Correction
-from porotwin_msgs.msg import NewState, Setpoint
-from porotwin_msgs.srv import Control
+from porotwin_msgs.msg import NewState, Setpoint, WellRates
+from porotwin_msgs.srv import ConfirmRates, Control
 
 pytestmark = pytest.mark.graph
 
@@ -195,3 +196,29 @@ def test_a_setpoint_that_expires_without_a_successor_is_said_once(
     assert told.count('setpoint 1 has expired') == 1
     assert '0.0 ml/h   <-- was 100.0' in told
     assert '<-- was 0.0' in said(operator, capsys, setpoint(2, OTHER))
+
+
+def test_what_the_operator_confirms_carries_the_time_of_the_photographs(operator: Any) -> None:
+    sent: list[WellRates] = []
+    operator._measured = SimpleNamespace(publish=sent.append)
+    operator._on_setpoint(setpoint(1, OTHER))  # its photograph: at 5 s
+    operator.moment += 12.0
+    answer = operator._on_confirm(ConfirmRates.Request(sequence=1), ConfirmRates.Response())
+    assert answer.outcome.message == ''
+    assert conversions.time_from_msg(sent[0].start) == pytest.approx(17.0)
+    assert sent[0].header.stamp == sent[0].start
+
+
+def test_an_expired_setpoint_is_confirmed_as_the_safe_rates_that_were_asked_for_then(
+    operator: Any,
+) -> None:
+    operator._on_setpoint(setpoint(1, OTHER))
+    operator.moment += 91.0
+    operator._on_timer()
+    assert operator._confirmed(ConfirmRates.Request(sequence=1)) == operator._limits.safe()
+
+
+def test_the_clock_of_expiry_is_one_that_nobody_sets(context: rclpy.Context) -> None:
+    overrides = [Parameter('rig', value=str(RIG))]
+    node = operator_node.OperatorNode(context=context, parameter_overrides=overrides)
+    assert node._now() == pytest.approx(time.monotonic(), abs=5.0)

@@ -8,8 +8,8 @@ import pytest
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.control import Limits
 from porotwin_hub.objective import Objective
 from porotwin_hub.twin import (
@@ -202,3 +202,30 @@ def test_without_control_the_twin_predicts_with_the_measured_rates() -> None:
     assert cycle.setpoint is None
     assert cycle.forecast is not None
     assert cycle.forecast.rates == LIMITS.safe()
+
+
+def test_without_control_the_wells_pump_what_is_assumed_until_somebody_says() -> None:
+    twin = Twin(
+        Toy(),
+        no_correction,
+        GRID,
+        photo_interval=30.0,
+        horizon=600.0,
+        evaluations=40,
+        assumed=LIMITS.safe(),
+    )
+    assert twin.cycle(empty(0.0), None).pumped == LIMITS.safe()
+    told = {'push': WellRate(from_ml_h(10.0))}
+    assert twin.cycle(empty(30.0), told).pumped == told
+
+
+def test_a_setpoint_that_the_rig_did_not_take_is_not_taken_as_pumped() -> None:
+    twin = make_twin(Toy())
+    first = twin.cycle(empty(0.0), None)
+    assert first.setpoint is not None
+    second = twin.decide(Observation(30.0, np.full(GRID.shape, 0.2)), None)
+    twin.not_taken(second)
+    twin.look_ahead(second)
+    assert second.forecast is not None
+    assert second.forecast.rates == second.pumped == first.setpoint.rates
+    assert twin.cycle(empty(60.0), None).pumped == first.setpoint.rates

@@ -16,10 +16,14 @@ class Audience:
         self._since: float | None = None
 
     def is_complete(self, listening: int, known: int) -> bool:
-        """Return whether photographs may be sent to the `listening` of the `known` listeners."""
-        if listening == 0 or listening < known:
+        """Return whether photographs may be sent to the `listening` of the `known` listeners.
+
+        One that is known and does not listen asks for the topic in another way than it is sent.
+        """
+        if listening == 0:
             self._since = None
             return False
         if self._since is None:
             self._since = self._clock()
-        return listening >= self._expected or self._clock() - self._since >= PATIENCE
+        complete = listening >= max(known, self._expected)
+        return complete or self._clock() - self._since >= PATIENCE
