@@ -98,6 +98,11 @@ class PlayerNode(Node):
         self._targets: dict[str, Publisher] = {}
         for name in played_topics(self._bag, wanted):
             self._add(name, told_as_measured=wanted == 'inputs')
+        if not self._targets:
+            raise InputError(
+                f'{self._bag.path}: none of the chosen topics can be played, for their interfaces '
+                'are not installed as they were recorded; choose others'
+            )
         self._answered = -1
         self._answers = threading.Condition()
         self._lockstep = self.resolve_topic_name(lockstep) if lockstep else ''
@@ -248,7 +253,7 @@ def main() -> None:
         return nodes[0]
 
     run(make)
-    sys.exit(int(nodes[0].failed))
+    sys.exit(int(any(node.failed for node in nodes)))
 
 
 if __name__ == '__main__':
