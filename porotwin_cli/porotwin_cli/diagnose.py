@@ -37,6 +37,7 @@ def command(
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
     """
+    from porotwin_diagnosis.candidates import CAMERA
     from porotwin_diagnosis.diagnose import diagnose
     from porotwin_recording.recording import open_recording
 
@@ -69,6 +70,12 @@ def command(
         return
     print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
     say(f'read {output / "report.html"}')
+    camera = ' and '.join(name for name in result.verdict.members if name in CAMERA)
+    if apply and camera:
+        say(
+            f'{camera}: an effect of the camera. rig.yaml has it, so that a diagnosis expects it; '
+            'the running twin takes its maps as they come: mend it at the camera'
+        )
 
 
 def _live(output: Path, *, as_json: bool) -> None:
