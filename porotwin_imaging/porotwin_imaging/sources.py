@@ -292,8 +292,8 @@ class Device:
     """A USB or V4L camera through OpenCV, one photograph for every `poll`, encoded as JPEG.
 
     `device` is a number or a path such as /dev/video0; `width`, `height` are asked of the camera
-    [px]. The first photograph that shows something is the baseline. `clock` gives the exposure
-    time [s].
+    [px]. The first photograph that shows something is the baseline. A camera that gives no picture
+    is opened again. `clock` gives the exposure time [s].
     """
 
     def __init__(
@@ -310,13 +310,19 @@ class Device:
         self._clock = clock
         self._count = 0
         self._baseline_taken = False
-        self._camera = cv2.VideoCapture(int(device) if str(device).isdigit() else str(device))
+        self._size = (width, height)
+        self._camera = self._opened()
         if not self._camera.isOpened():
             raise InputError(f"camera '{device}' cannot be opened; see which /dev/video* exist")
-        self._camera.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+
+    def _opened(self) -> cv2.VideoCapture:
+        name, (width, height) = self._name, self._size
+        camera = cv2.VideoCapture(int(name) if name.isdigit() else name)
+        camera.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if width and height:
-            self._camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
-            self._camera.set(cv2.CAP_PROP_FRAME_HEIGHT, height)
+            camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
+            camera.set(cv2.CAP_PROP_FRAME_HEIGHT, height)
+        return camera
 
     def poll(self) -> tuple[list[Photo], list[Problem]]:
         """Take a photograph now. See `Source.poll`."""
@@ -324,6 +330,9 @@ class Device:
         moment = self._clock()
         taken, pixels = self._camera.read()
         if not taken:
+            # one that was unplugged answers again only when opened again
+            self._camera.release()
+            self._camera = self._opened()
             return [], [Problem(self._name, f"camera '{self._name}' gave no picture; check it")]
         encoded, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
         if not encoded:

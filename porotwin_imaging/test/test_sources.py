@@ -240,8 +240,10 @@ def test_a_camera_that_is_not_there_is_refused() -> None:
 
 def test_a_camera_gives_photographs_stamped_at_exposure(monkeypatch) -> None:
     class Camera:
+        taken = 0
+
         def __init__(self, _: object) -> None:
-            self.taken = 0
+            self.alive = True
 
         def isOpened(self) -> bool:  # noqa: N802
             return True
@@ -252,9 +254,14 @@ def test_a_camera_gives_photographs_stamped_at_exposure(monkeypatch) -> None:
         def grab(self) -> bool:
             return True
 
+        def release(self) -> None:
+            self.alive = False
+
         def read(self) -> tuple[bool, np.ndarray | None]:
-            self.taken += 1
-            return self.taken != 3, np.full((30, 40, 3), 10 * self.taken, np.uint8)
+            Camera.taken += 1
+            # unplugged for a moment, a camera answers only when it is opened again
+            self.alive = self.alive and Camera.taken != 3
+            return self.alive, np.full((30, 40, 3), 10 * Camera.taken, np.uint8)
 
     monkeypatch.setattr(cv2, 'VideoCapture', Camera)
     moments = iter([6.0, 7.0, 8.0, 9.0])
