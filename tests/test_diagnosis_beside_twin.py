@@ -7,8 +7,8 @@ from graph import RunningGraph, running_graph
 from rclpy.action import ActionClient
 
 from porotwin_cli.live_diagnosis import diagnose_run_so_far
-from porotwin_cli.output import WorkFailed
 from porotwin_cli.rehearsal import calibration_run
+from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_msgs.action import Diagnose
@@ -77,7 +77,7 @@ def test_the_run_so_far_names_what_was_withheld_while_the_twin_goes_on(
         graph.wait_for_messages('hub/cycle', 3, timeout=120.0)
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         # as the command line asks
-        with pytest.raises(WorkFailed, match=r'^the run so far: \d maps are too few'):
+        with pytest.raises(InputError, match=r'^the run so far: \d maps are too few'):
             diagnose_run_so_far(tmp_path / 'early', lambda _stage, _share: None)
 
         graph.wait_for_messages('hub/cycle', STATES, timeout=180.0)

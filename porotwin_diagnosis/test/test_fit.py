@@ -13,7 +13,7 @@ from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_well
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import Findings, Search, score
+from porotwin_diagnosis.search import Findings, Search, excess, score
 from porotwin_recording.recording import open_recording
 from porotwin_rig.observation import MapNoise
 
@@ -217,4 +217,4 @@ def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(fitt
     search._tried_again_alone(findings)
     found = findings.singles[0].effects[0].parameters['factor']
     assert found == pytest.approx(0.88, abs=0.004)
-    assert findings.excess(findings.singles[0]) < 0.3 * findings.excess(stuck)
+    assert excess(findings.singles[0]) < 0.3 * excess(stuck)
