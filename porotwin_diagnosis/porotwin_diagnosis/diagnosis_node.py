@@ -5,6 +5,8 @@ import shutil
 import tempfile
 import threading
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
+from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.diagnose import Diagnosis, diagnose
 from porotwin_diagnosis.run_so_far import RunSoFar
 from porotwin_msgs.action import Diagnose
@@ -73,24 +76,24 @@ class DiagnosisNode(Node):
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
 
     def _on_setpoint(self, message: Setpoint) -> None:
-        try:
-            rates = conversions.rates_from_msg(message.wells)
-        except InputError as error:
-            self.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
-            return
-        with self._lock:
-            self._run.told(conversions.time_from_msg(message.header.stamp), rates)
+        stamp = conversions.time_from_msg(message.header.stamp)
+        self._keep_rates(f'setpoint {message.sequence}', message, partial(self._run.told, stamp))
 
     def _on_measured(self, message: WellRates) -> None:
+        start = conversions.time_from_msg(message.start)
+        end = conversions.time_from_msg(message.header.stamp)
+        self._keep_rates('measured rates', message, partial(self._run.pumped, start, end))
+
+    def _keep_rates(
+        self, what: str, message: Setpoint | WellRates, keep: Callable[[Rates], None]
+    ) -> None:
         try:
             rates = conversions.rates_from_msg(message.wells)
         except InputError as error:
-            self.get_logger().error(f'measured rates ignored: {error}')
+            self.get_logger().error(f'{what} ignored: {error}')
             return
-        start = conversions.time_from_msg(message.start)
-        end = conversions.time_from_msg(message.header.stamp)
         with self._lock:
-            self._run.pumped(start, end, rates)
+            keep(rates)
 
     def _on_clean(self, message: CleanState) -> None:
         with self._lock:

@@ -211,9 +211,14 @@ def _initial(recording: Recording) -> FloatArray | None:
     model begins; None for a rig that begins with water, or whose pumps ran before the first map."""
     start, first = recording.times[0], recording.concentration[0]
     pumped = any(row.rate.rate and row.time < start for row in recording.schedule.rows)
-    if pumped or np.mean(first > TRACER) < FILLED_SHARE:
+    if pumped or share_with_tracer(first) < FILLED_SHARE:
         return None
     return filled_map(first, recording.grid)
+
+
+def share_with_tracer(concentration: FloatArray) -> float:
+    """Return the share of cells (nz, nx) that hold tracer, to be compared with `FILLED_SHARE`."""
+    return float(np.mean(concentration > TRACER))
 
 
 def filled_map(frame: FloatArray, grid: Grid) -> FloatArray:

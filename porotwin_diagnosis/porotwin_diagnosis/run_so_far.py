@@ -9,7 +9,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates
-from porotwin_diagnosis.evidence import FILLED_SHARE, TRACER
+from porotwin_diagnosis.evidence import FILLED_SHARE, share_with_tracer
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.experiment import write_experiment
 from porotwin_solver.physics import believed_physics
@@ -63,7 +63,7 @@ class RunSoFar:
         """
         if grid != self._grid:
             raise InputError(f'map on {grid}; the run is kept on {self._grid}')
-        rinsed = self._started and _share_with_tracer(concentration) < FILLED_SHARE
+        rinsed = self._started and share_with_tracer(concentration) < FILLED_SHARE
         if self._times and (self._finished or rinsed or stamp <= self._times[-1]):
             self._begin_anew(stamp)
         self._started = False
@@ -123,7 +123,7 @@ class RunSoFar:
     def _refuse_tracer_that_nobody_injected(self, schedule: Schedule, first: float) -> None:
         """Refuse a run whose first map, `first` seconds after its rates begin, holds more tracer
         than those rates can have brought."""
-        share = _share_with_tracer(self._maps[0])
+        share = share_with_tracer(self._maps[0])
         believed = believed_physics(self._rig, self._grid)
         held = float(np.nansum(self._maps[0] * believed.storage))
         injected = sum(
@@ -136,7 +136,3 @@ class RunSoFar:
                 f'{share:.0%} of the rig, and nobody saw how it got there; start the diagnosis '
                 'with the experiment, or name a recording'
             )
-
-
-def _share_with_tracer(concentration: FloatArray) -> float:
-    return float(np.mean(concentration > TRACER))
