@@ -106,7 +106,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         lead = _lead_of_pair(model, {members[0], *inseparable}, findings, limits)
         # where one effect nearly suffices, the second may mend what the library lacks
         lead = min(lead, _odds_of_more(_openness(best, findings, limits)))
-    confidence = _calibrated(min(lead, 6.0 - 4.0 * openness), limits)
+    confidence = _calibrated(min(lead, 5.0 - 4.0 * openness), limits)
     return Verdict(members[0], confidence, model, members, inseparable, probabilities, alternatives)
 
 
