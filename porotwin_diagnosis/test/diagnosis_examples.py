@@ -10,6 +10,9 @@ from porotwin_diagnosis.blind_cases import SMALL
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
 
+COSTLY = ('buoyancy', 'viscosity', 'dual_porosity', 'background_flow', 'heterogeneity', 'leak')
+"""Effects that take most of a search; a test whose point is another one leaves them out."""
+
 
 def schedule():
     """Inject for 25 min beside a control well, rest for 5, inject again."""

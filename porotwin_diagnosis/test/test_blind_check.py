@@ -7,6 +7,7 @@ from subprocess import CalledProcessError
 
 import numpy as np
 import pytest
+from diagnosis_examples import COSTLY
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
@@ -132,9 +133,10 @@ def test_of_a_pair_only_the_stronger_effect_is_right(tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_a_check_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        blind_check, 'draw_case', lambda number, seed: replace(draw_case(number, seed), cell_m=0.01)
-    )
+    def light_case(number, seed):
+        return replace(draw_case(number, seed), cell_m=0.01, withheld=COSTLY)
+
+    monkeypatch.setattr(blind_check, 'draw_case', light_case)
     first = blind_check.blind_check(tmp_path, cases=1)
     stamp = (tmp_path / 'case_000' / 'result' / 'diagnosis.json').stat().st_mtime_ns
     stages = []

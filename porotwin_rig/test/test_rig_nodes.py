@@ -48,7 +48,7 @@ def domain() -> Iterator[None]:
 class Twin:
     """Plays the twin: keeps what it hears in order, answers photographs with setpoints."""
 
-    def __init__(self, answers: dict[float, dict[str, Any]]) -> None:
+    def __init__(self, answers: dict[float, dict[str, Any]], namespace: str = '/porotwin') -> None:
         self.heard: list[tuple[str, float, Any]] = []
         self.sent: list[tuple[int, str, float]] = []
         self.outcomes: dict[float, Outcome] = {}
@@ -56,7 +56,7 @@ class Twin:
         self._answers = answers
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
-        self.node = rclpy.create_node('twin', namespace='/porotwin', context=self._context)
+        self.node = rclpy.create_node('twin', namespace=namespace, context=self._context)
         self._control = self.node.create_client(Control, 'asset/control')
         self.ping = self.node.create_client(Ping, 'asset/ping')
         listen = self.node.create_subscription
@@ -80,6 +80,8 @@ class Twin:
             try:
                 self._executor.spin_once(timeout_sec=0.1)
             except Exception:
+                if self._context.ok():
+                    raise
                 return
 
     def close(self) -> None:
@@ -122,9 +124,11 @@ class Twin:
         return [(stamp, message) for heard, stamp, message in self.heard if heard == kind]
 
 
-def start(module: str, **parameters: object) -> subprocess.Popen[bytes]:
+def start(
+    module: str, namespace: str = '/porotwin', **parameters: object
+) -> subprocess.Popen[bytes]:
     command = [sys.executable, '-m', f'porotwin_rig.{module}', '--ros-args']
-    command += ['-r', '__ns:=/porotwin']
+    command += ['-r', f'__ns:={namespace}']
     for name, value in parameters.items():
         command += ['-p', f'{name}:={value}']
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -260,9 +264,11 @@ def test_mock_camera_publishes_a_folder_with_its_faults(tmp_path: Path) -> None:
         seed=2,
         photo_width=320,
     )
-    twin = Twin({})
+    # a name of its own: the camera must not take the other test's twin for its listener
+    twin = Twin({}, namespace='/mock')
     process = start(
         'mock_camera_node',
+        namespace='/mock',
         photos=tmp_path / 'run',
         period_s=0.2,
         faults='1:truncated,2:duplicate,3:missing',
