@@ -21,7 +21,7 @@ from porotwin_solver.flow import (
 from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Physics
 
-TOLERANCE = 1e-11
+TOLERANCE = 1e-8
 """Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
 
 MOST_ITERATIONS = 1000
