@@ -34,6 +34,20 @@ def test_a_point_appears_where_the_registration_says() -> None:
     assert (shown * GRID.z[:, None]).sum() / shown.sum() == pytest.approx(expected_z, abs=2e-3)
 
 
+def test_a_picture_that_is_moved_twice_is_moved_by_both() -> None:
+    """As a rig description has it in which one diagnosis after the other found a registration."""
+    first = {'dx': 0.02, 'dz': -0.01, 'rotation': 0.3, 'scale': 1.1}
+    second = {'dx': -0.005, 'dz': 0.015, 'rotation': -0.1, 'scale': 0.95}
+    move = EFFECTS['registration'].on_view
+    assert move is not None
+    shown = spot(0.6, 0.3)
+    for values in (first, second):
+        shown = move(View(), values).shown(shown, GRID, 0.0)
+    both = move(move(View(), first), second).shown(spot(0.6, 0.3), GRID, 0.0)
+    np.testing.assert_allclose(both, shown, atol=0.02)
+    assert abs(both - spot(0.6, 0.3)).max() > 0.3
+
+
 def test_beyond_the_rig_lies_what_lies_at_its_edge() -> None:
     shown = View(dx=0.05).shown(np.ones(GRID.shape), GRID, 0.0)
     np.testing.assert_allclose(shown, 1.0)
