@@ -45,7 +45,7 @@ from porotwin_msgs.srv import (  # noqa: E402
 
 pytestmark = pytest.mark.graph
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """Longest wait for anything [s]; starting a process with torch takes several on a busy machine."""
 
 
@@ -313,6 +313,7 @@ def test_trainer_collects_pairs_and_has_costa_trained(
         while not all(one.get_subscription_count() for one in publishers):
             assert time.monotonic() < until, 'the trainer does not listen'
             time.sleep(0.05)
+        time.sleep(1.0)  # seen by us, it need not have seen us yet: what it misses is lost
         sequence = 0
         for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
             clean.publish(
