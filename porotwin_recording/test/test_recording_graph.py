@@ -236,6 +236,7 @@ node.create_publisher(String, '_hidden', 1).publish(String())
 print('ready', flush=True)
 while not (quick.get_subscription_count() and loose.get_subscription_count()):
     time.sleep(0.02)
+time.sleep(1.0)  # seen by us, the recorder need not have seen us yet
 for number in range(5000):
     quick.publish(String(data=str(number)))
     if number % 5 == 0:
