@@ -133,3 +133,11 @@ def test_states_wait_aloud_for_the_baseline_of_the_protocol(tmp_path: Path, doma
         protocol.write_text(protocol.read_text() + '0,00.jpg,baseline\n')
         put(photos, '00.jpg', camera.baseline())
         graph.wait_for_messages('asset/new_state', 1, timeout=60)
+        # a camera that was started again sees tracer where it should see none
+        protocol.write_text(protocol.read_text() + '40,02.jpg,baseline\n60,03.jpg,state\n')
+        put(photos, '02.jpg', camera.photograph(plume(0.09), time=40.0))
+        graph.wait_for_log('imaging', 'as a new baseline it shows tracer on', timeout=20)
+        put(photos, '03.jpg', camera.photograph(plume(0.09), time=60.0))
+        first, second = graph.wait_for_messages('asset/new_state', 2, timeout=60)
+        assert second.sequence == 1
+        assert np.nansum(second.tracer.concentration) > np.nansum(first.tracer.concentration)

@@ -10,6 +10,7 @@ import queue
 import threading
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
@@ -27,6 +28,10 @@ from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
 WAITING = 64
 """State photographs kept until a baseline arrives."""
+
+TRACER, MOST_TRACER = 0.3, 0.02
+"""Concentration of what counts as tracer in a new baseline, and the share of the rig it may have:
+dye that stays behind in the grains is paler."""
 BASELINES = 8
 
 
@@ -82,6 +87,8 @@ class ImagingNode(Node):
 
     def _take_baseline(self, time: float, data: bytes) -> None:
         new_experiment = self._count > 0
+        if new_experiment:
+            self._refuse_tracer(data)
         baselines = [data] if new_experiment else [*self._baselines, data][-BASELINES:]
         for remark in self._imaging.set_baselines(baselines):
             self.get_logger().info(f'baseline: {remark}')
@@ -94,6 +101,22 @@ class ImagingNode(Node):
         )
         for photo in self._waiting.release():
             self._queue.put(('state', *photo))
+
+    def _refuse_tracer(self, data: bytes) -> None:
+        """Raise InputError where a new baseline shows tracer against the one in use.
+
+        A camera that was started again in the middle of a run takes what it sees first for one.
+        """
+        try:
+            values = self._imaging.concentration(data).values
+        except InputError:  # another view or sand: compared with the old one it says nothing
+            return
+        share = float(np.mean(values[np.isfinite(values)] > TRACER))
+        if share > MOST_TRACER:
+            raise InputError(
+                f'as a new baseline it shows tracer on {100 * share:.0f} % of the rig; take one '
+                'without tracer, or start the twin again. The baseline in use stays'
+            )
 
     def _read(self, time: float, data: bytes) -> None:
         digest = hashlib.blake2b(data, digest_size=16).hexdigest()
