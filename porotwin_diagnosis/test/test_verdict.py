@@ -111,7 +111,7 @@ def test_pairs_that_show_the_camera_the_same_are_declared():
 
 
 def test_a_pair_whose_stronger_effect_has_a_double_is_sure_of_both():
-    pairs = [(('retardation', 'decay'), 0.5), (('porosity', 'decay'), 0.5)]
+    pairs = [(('retardation', 'decay'), 0.3), (('porosity', 'decay'), 0.3)]
     parts = (('retardation', 0.1), ('decay', 0.3))
     found = findings(9.0, ('leak', 2.0), pairs=pairs, pair_distances=[0.0, 0.01], parts=parts)
     verdict = decide(found, LIMITS)
@@ -174,6 +174,16 @@ def test_a_pair_is_less_sure_where_one_of_its_effects_nearly_suffices():
     far = decide(findings(5.0, ('well_position', 2.0), pairs=[pair]), LIMITS)
     assert near.members == far.members == ('well_position', 'depth')
     assert near.confidence < 0.85 < far.confidence
+
+
+def test_an_effect_that_leaves_nearly_too_much_is_named_without_being_sure():
+    """It may stand for one that the library lacks."""
+    little, much = (
+        decide(findings(5.0, ('porosity', misfit), ('leak', 4.0)), LIMITS)
+        for misfit in (0.45, 0.65)
+    )
+    assert little.name == much.name == 'porosity'
+    assert much.confidence < 0.8 < little.confidence
 
 
 def test_a_viscosity_may_leave_more_than_other_effects():
