@@ -40,9 +40,9 @@ EXTRAPOLATION = 1.6
 """How many times the change from judging to finest cells is taken off (Richardson): with errors
 that fall with the cells' size to the power of 1 to 1.4, as seen, it would be 2.3 to 3.3 in full."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS, SCREENED_AGAIN = 7, 4, 3, 4, 6
+REFINED, JUDGED, PAIR_BASES, PARTNERS, SCREENED_AGAIN, EXCHANGED = 7, 4, 3, 4, 6, 6
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners; screened
-fits that are fitted again before pairs are made of them."""
+fits that are fitted again before pairs are made of them; pairs with a member exchanged."""
 
 LIKELY_SECONDS = ('saturation', 'illumination')
 """Partners that are always tried: they cost no simulation, and their response is not linear."""
@@ -196,6 +196,9 @@ class Search:
                 self._lean(best.effects)
                 more = self._judged_pairs(findings, self._screened_again(best, screened))
                 findings.pairs = self._ranked([*findings.pairs, *more])
+            if findings.pairs and excess(findings.pairs[0]) < NEARLY_CLOSED:
+                exchanged = self._exchanged(findings, screened)
+                findings.pairs = self._ranked([*findings.pairs, *exchanged])
         findings.parts = [
             self.judging.judged((member,), turns)
             for pair in findings.pairs[:1]
@@ -325,7 +328,7 @@ class Search:
         for index, base in enumerate(bases):
             self.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
             for partner in self._partners(base, screened, thorough=index < thorough):
-                key = frozenset((base.members[0].label, partner.label))
+                key = _labels((base.members[0], partner))
                 if key in fits:
                     continue
                 start = np.concatenate([base.turns, partner.first])
@@ -341,6 +344,28 @@ class Search:
         """Return the best pairs of `screened` effects, judged."""
         pairs = self._judged(self._refined_pairs(findings, screened), 0.78)
         return self._sharpened(findings, pairs, 0.86)
+
+    def _exchanged(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
+        """Return what the best pair becomes, judged, where either member makes way for another.
+
+        What imitates an effect best alone, as a moved picture does sorption, need not be it.
+        """
+        known = {_labels(fit.members) for fit in findings.pairs}
+        found: dict[frozenset[str], Fit] = {}
+        for member, turns, _ in findings.pairs[0].parts():
+            self.progress(f'another beside {member.label}', 0.92)
+            base = self.screening.judged((member,), turns)
+            for partner in self._partners(base, screened, thorough=False):
+                members = (member, partner)
+                if _labels(members) in known | found.keys():
+                    continue
+                start = np.concatenate([turns, partner.first])
+                found[_labels(members)] = self.screening.fit(
+                    members, start=start, coarse_steps=1, fine_steps=4
+                )
+        fits = sorted((fit for fit in found.values() if not self._at_a_well(fit)), key=score)
+        refined = self._refined(fits[:EXCHANGED], 0.93)
+        return self._sharpened(findings, self._judged(refined, 0.94), 0.95)
 
     def _refined_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
         """Return the best pairs of `screened` effects, refitted on the recording's cells.
@@ -449,6 +474,10 @@ def _near(fits: Sequence[Fit]) -> list[Fit]:
         fit for index, fit in enumerate(fits) if index < 2 or score(fit) < NEAR * score(fits[0])
     ]
     return [fit for fit in fits if score(fit) <= ALIKE * score(kept[-1])]
+
+
+def _labels(members: Sequence[Candidate]) -> frozenset[str]:
+    return frozenset(member.label for member in members)
 
 
 def _kind(fit: Fit) -> tuple[str, object]:
