@@ -199,6 +199,7 @@ class Search:
             if findings.pairs and excess(findings.pairs[0]) < NEARLY_CLOSED:
                 exchanged = self._exchanged(findings, screened)
                 findings.pairs = self._ranked([*findings.pairs, *exchanged])
+                self._attune(findings.pairs[0])
         findings.parts = [
             self.judging.judged((member,), turns)
             for pair in findings.pairs[:1]

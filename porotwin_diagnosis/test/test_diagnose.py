@@ -17,7 +17,7 @@ from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import _phases, map_gap
 from porotwin_diagnosis.scan import _leaks
-from porotwin_diagnosis.search import Findings, Search
+from porotwin_diagnosis.search import Findings, Search, score
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
 
@@ -197,3 +197,29 @@ def test_a_rig_at_rest_offers_no_size_for_a_leak(quiet):
     sample = read_sample(open_recording(quiet))
     with pytest.raises(InputError, match='no pump ever runs'):
         _leaks(replace(sample, schedule=Schedule(())))
+
+
+@pytest.mark.slow
+def test_the_best_pair_gives_up_a_member_for_what_explains_more_beside_the_other(
+    tmp_path, monkeypatch
+):
+    """On coarse cells a moved picture imitates what sorption delays."""
+    dispersion = {'longitudinal_dispersivity': 1.5e-3, 'transverse_dispersivity': 1e-4}
+    recording = recorded(
+        tmp_path / 'recording',
+        EffectDescription(name='dispersion', parameters={**dispersion, 'diffusion': 1e-9}),
+        EffectDescription(name='retardation', parameters={'retardation_factor': 1.06}),
+        duration=1500,
+    )
+    search = Search([read_sample(open_recording(recording))], workers=1)
+    known = {candidate.label: candidate for candidate in library(search.samples)}
+    names = ('dispersion', 'retardation', 'registration')
+    screened = [search.screening.judged((known[n],), np.array(known[n].first)) for n in names]
+    members = (known['registration'], known['dispersion'])
+    pair = search.screening.fit(members, coarse_steps=1)
+    # judging on finer cells is the same as for any pair, and takes long
+    monkeypatch.setattr(search, '_judged', lambda refined, _begin: refined)
+    monkeypatch.setattr(search, '_sharpened', lambda _findings, fits, _begin: fits)
+    best = search._exchanged(Findings(pair, pair, screened, pairs=[pair]), screened)[0]
+    assert {member.effect for member in best.members} == {'dispersion', 'retardation'}
+    assert score(best) < score(search.refining.judged(pair.members, pair.turns))
