@@ -208,10 +208,15 @@ def read_sample(recording: Recording) -> Sample:
 
 def _initial(recording: Recording) -> FloatArray | None:
     """Return the first map if it holds tracer before anything was pumped, which is then where the
-    model begins; None for a rig that begins with water, or whose pumps ran before the first map."""
+    model begins; None for a rig that begins with water, or whose pumps ran before the first map.
+
+    Also where tracer is injected from that moment on: a late clock shows the same, and competes.
+    """
     start, first = recording.times[0], recording.concentration[0]
-    pumped = any(row.rate.rate and row.time < start for row in recording.schedule.rows)
-    if pumped or share_with_tracer(first) < FILLED_SHARE:
+    rows = recording.schedule.rows
+    pumped = any(row.rate.rate and row.time < start for row in rows)
+    injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
+    if pumped or injects or share_with_tracer(first) < FILLED_SHARE:
         return None
     return filled_map(first, recording.grid)
 
