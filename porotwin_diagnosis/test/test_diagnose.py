@@ -168,6 +168,14 @@ def test_a_model_begins_with_the_tracer_of_the_first_map(quiet):
     assert read_sample(recording).initial is None
 
 
+def test_a_late_clock_is_not_taken_for_tracer_of_an_earlier_run(quiet):
+    recording = open_recording(quiet)
+    maps = np.array(recording.concentration)
+    late = with_frames(recording, np.array(recording.times[:-8]), maps[8:])
+    assert late.times[0] == 0.0
+    assert read_sample(late).initial is None
+
+
 def test_setpoints_that_change_with_every_photograph_are_one_stretch_of_one_state():
     rows = [ScheduleRow(30.0 * n, 'injector', WellRate((1 + n) * 1e-8, 1.0)) for n in range(20)]
     rows.append(ScheduleRow(600.0, 'injector', WellRate()))
