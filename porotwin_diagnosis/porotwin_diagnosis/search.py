@@ -7,7 +7,7 @@
    copy, screened, refined and judged in the same way.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -328,18 +328,25 @@ class Search:
         fits: dict[frozenset[str], Fit] = {}
         for index, base in enumerate(bases):
             self.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
-            for partner in self._partners(base, screened, thorough=index < thorough):
-                key = _labels((base.members[0], partner))
-                if key in fits:
-                    continue
-                start = np.concatenate([base.turns, partner.first])
-                fits[key] = self.screening.fit(
-                    (base.members[0], partner), start=start, coarse_steps=1, fine_steps=4
-                )
+            partners = self._partners(base, screened, thorough=index < thorough)
+            fits |= self._beside(base, partners, fits.keys())
         return sorted(
             (fit for fit in fits.values() if not self._at_a_well(fit)),
             key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns),
         )
+
+    def _beside(
+        self, base: Fit, partners: Sequence[Candidate], known: Collection[frozenset[str]]
+    ) -> dict[frozenset[str], Fit]:
+        """Return the fits of `base` with each of `partners` but the `known` pairs, by labels."""
+        fits: dict[frozenset[str], Fit] = {}
+        for partner in partners:
+            members = (*base.members, partner)
+            key = _labels(members)
+            if key not in known and key not in fits:
+                start = np.concatenate([base.turns, partner.first])
+                fits[key] = self.screening.fit(members, start=start, coarse_steps=1, fine_steps=4)
+        return fits
 
     def _judged_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
         """Return the best pairs of `screened` effects, judged."""
@@ -356,14 +363,8 @@ class Search:
         for member, turns, _ in findings.pairs[0].parts():
             self.progress(f'another beside {member.label}', 0.92)
             base = self.screening.judged((member,), turns)
-            for partner in self._partners(base, screened, thorough=False):
-                members = (member, partner)
-                if _labels(members) in known | found.keys():
-                    continue
-                start = np.concatenate([turns, partner.first])
-                found[_labels(members)] = self.screening.fit(
-                    members, start=start, coarse_steps=1, fine_steps=4
-                )
+            partners = self._partners(base, screened, thorough=False)
+            found |= self._beside(base, partners, known | found.keys())
         fits = sorted((fit for fit in found.values() if not self._at_a_well(fit)), key=score)
         refined = self._refined(fits[:EXCHANGED], 0.93)
         return self._sharpened(findings, self._judged(refined, 0.94), 0.95)
