@@ -41,7 +41,9 @@ FIGURES = 'figures.json'
 
 @dataclass(frozen=True)
 class Score:
-    """One case, opened: what it was, what was said, whether that is right."""
+    """One case, opened: what it was, what was said, whether that is right.
+
+    `imitated`: it is right only because it shows the camera the same as the truth (`Truth`)."""
 
     name: str
     kind: str
@@ -49,6 +51,7 @@ class Score:
     verdict: str
     confidence: float
     right: bool
+    imitated: bool
     both_found: bool | None
     gap_closed: float | None
     parameter_errors: tuple[float, ...]
@@ -191,9 +194,10 @@ def _open(case: BlindCase, place: Path) -> None:
 def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
     """Return how the diagnosis in `result` compares with the truth of `case`.
 
-    Of a pair the stronger effect is right, or either where they are equal (see `Truth`). The share
-    of the gap that is closed is not what the diagnosis says, but recomputed against the virtual
-    rig's maps without noise.
+    Of a pair the stronger effect is right, or either where they are equal (see `Truth`). Right is
+    also another name, where it stands for what shows the camera the same on the virtual rig. The
+    share of the gap that is closed is not what the diagnosis says, but recomputed against the
+    virtual rig's maps without noise.
     """
     said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
     verdict = str(said['verdict'])
@@ -203,13 +207,16 @@ def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
             not set(equal_names(effect)).isdisjoint(said['combination']) for effect in case.effects
         )
     parameters = _parameters(case, said)
+    known = verdict in truth.strongest
+    imitated = truth.imitated and case.kind != 'none' and verdict not in case.right and not known
     return Score(
         name=case.name,
         kind=case.kind,
         truth=tuple(effect.name for effect in case.effects) or ('none',),
         verdict=verdict,
         confidence=float(said['confidence']),
-        right=verdict in truth.strongest,
+        right=known or imitated,
+        imitated=imitated,
         both_found=both,
         gap_closed=truth.gap_closed,
         parameter_errors=tuple(error for error, _ in parameters),
@@ -228,6 +235,7 @@ def failed_score(case: BlindCase) -> Score:
         verdict='failed',
         confidence=0.0,
         right=False,
+        imitated=False,
         both_found=False if case.kind == 'pair' else None,
         gap_closed=None,
         parameter_errors=(),
@@ -310,6 +318,7 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
     return {
         'cases': len(scores),
         'right': share(scores, lambda score: score.right),
+        'imitated': share(scores, lambda score: score.imitated),
         'none_called_a_gap': share(of('none'), lambda score: score.verdict != 'none'),
         'sure_and_wrong_name': share(
             scores,
@@ -353,7 +362,7 @@ def table(scores: Sequence[Score], figures: dict[str, Any]) -> str:
     ]
     lines += [
         f'| {s.name} | {s.kind} | {" + ".join(s.truth)} | {s.verdict} | {s.confidence:.2f} '
-        f'| {"yes" if s.right else "no"} |'
+        f'| {"imitated" if s.imitated else "yes" if s.right else "no"} |'
         for s in scores
     ]
     counts = Counter((' + '.join(s.truth), s.verdict) for s in scores)

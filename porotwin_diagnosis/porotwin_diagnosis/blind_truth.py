@@ -9,6 +9,7 @@ from typing import Self
 import netCDF4
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.blind_cases import BlindCase
@@ -30,11 +31,15 @@ AS_STRONG = 1.1
 class Truth:
     """`before`, `after`: relative L2 error of the predictions against the maps without noise, over
     the held-out part; `strongest`: the effects that close most when added alone, or make the
-    largest gap alone, which need not be the same: two effects can hide each other."""
+    largest gap alone, which need not be the same: two effects can hide each other.
+
+    `imitation`: the same error of the virtual rig with the effects that were said in place of the
+    true ones; None where none were said."""
 
     before: float
     after: float
     strongest: tuple[str, ...]
+    imitation: float | None = None
 
     @property
     def gap_closed(self) -> float | None:
@@ -42,6 +47,12 @@ class Truth:
         if self.before < CLEAR_GAP * SOLVER_FLOOR:
             return None
         return (self.before - self.after) / (self.before - SOLVER_FLOOR)
+
+    @property
+    def imitated(self) -> bool:
+        """Whether what was said comes as near to the truth as a good solver comes to either: no
+        model could tell them apart by this recording."""
+        return self.imitation is not None and self.imitation <= SOLVER_FLOOR
 
     def write(self, path: Path) -> None:
         """Write the figures as JSON, whole or not at all."""
@@ -53,7 +64,7 @@ class Truth:
     def read(cls, path: Path) -> Self:
         """Return what was written."""
         content = json.loads(path.read_text(encoding='utf-8'))
-        return cls(content['before'], content['after'], tuple(content['strongest']))
+        return cls(**{**content, 'strongest': tuple(content['strongest'])})
 
 
 def truth_of(case: BlindCase, result: Path) -> Truth:
@@ -64,8 +75,36 @@ def truth_of(case: BlindCase, result: Path) -> Truth:
             np.asarray(fields[f'predicted_{name}'][:], dtype=float) for name in ('before', 'after')
         )
     clean = _maps(case, case.effects, times)
+    said = _said_effects(result)
     return Truth(
-        relative_error(before, clean), relative_error(after, clean), _strongest(case, clean, times)
+        before=relative_error(before, clean),
+        after=relative_error(after, clean),
+        strongest=_strongest(case, clean, times),
+        imitation=_imitation(case, said, clean, times) if said else None,
+    )
+
+
+def _imitation(
+    case: BlindCase, said: Sequence[EffectDescription], clean: FloatArray, times: FloatArray
+) -> float | None:
+    """Return how far the virtual rig with what was `said` is from the truth; None where it cannot
+    do that."""
+    try:
+        return relative_error(_maps(case, said, times), clean)
+    except InputError:
+        return None
+
+
+def _said_effects(result: Path) -> tuple[EffectDescription, ...]:
+    """Return the effects that the diagnosis in `result` kept, with the parameters it gives them."""
+    said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
+    rows = {row['name']: row['parameters'] for row in said['effects']}
+    return tuple(
+        EffectDescription(
+            name=name,
+            parameters={key: parameter['value'] for key, parameter in rows[name].items()},
+        )
+        for name in said['combination']
     )
 
 

@@ -39,9 +39,10 @@ def test_cases_are_drawn_reproducibly_and_of_every_kind():
             assert case.right[0] == 'unexplained'
 
 
-def said(tmp_path, verdict, confidence, combination=()):
+def said(tmp_path, verdict, confidence, combination=(), parameters=()):
     tmp_path.mkdir(exist_ok=True)
-    effects = [{'name': name, 'parameters': {}} for name in combination]
+    values = {key: {'value': value} for key, value in parameters}
+    effects = [{'name': name, 'parameters': values} for name in combination]
     content = {
         'verdict': verdict,
         'confidence': confidence,
@@ -78,6 +79,7 @@ def test_calibration_error_is_zero_only_when_statements_come_true():
                 verdict='rate',
                 confidence=confidence,
                 right=n < hits,
+                imitated=False,
                 both_found=None,
                 gap_closed=None,
                 parameter_errors=(),
@@ -119,15 +121,56 @@ def test_of_a_pair_only_the_stronger_effect_is_right(tmp_path):
         everything[0],
         HeldOut(times, everything, nothing, everything, 0.1, 0.0, 0.0),
     )
+    said(tmp_path, 'decay', 0.9, ['decay'], [('rate', 2e-5)])
     truth_of(case, tmp_path).write(tmp_path / 'truth.json')
     truth = Truth.read(tmp_path / 'truth.json')
     assert truth.strongest == ('depth',)
     assert truth.before > 0.03 > truth.after
+    assert truth.imitation is not None and not truth.imitated
     assert truth.gap_closed == pytest.approx(truth.before / (truth.before - 0.02), rel=1e-3)
     said(tmp_path, 'decay', 0.9, ['decay', 'depth'])
     score = score_case(case, tmp_path, truth)
     assert not score.right
     assert score.both_found
+
+
+def test_what_shows_the_same_as_an_effect_left_out_is_no_wrong_name(tmp_path):
+    """A bulge of a few per cent is a lower porosity to the camera; a late clock is not."""
+    bulge = EffectDescription(name='depth', parameters={'factor_centre': 0.95})
+    case = replace(
+        draw_case(4, 1),
+        kind='left out',
+        effects=(bulge,),
+        right=('unexplained',),
+        withheld=('depth',),
+        duration=900.0,
+        cell_m=0.01,
+    )
+    grid = case.rig.default_grid(case.cell_m)
+    times = np.array([600.0, 900.0])
+    rig = VirtualRig(case.rig, effects=case.effects)
+    maps = np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
+    scores = {}
+    for name, parameter, value in (
+        ('porosity', 'factor', 0.967),
+        ('clock', 'offset', 200.0),
+        ('retardation', 'retardation_factor', -1.0),
+    ):
+        place = said(tmp_path / name, name, 0.9, [name], [(parameter, value)])
+        write_fields(
+            place / 'fields.nc', grid, maps[0], HeldOut(times, maps, maps, maps, 0.1, 0.0, 0.0)
+        )
+        truth_of(case, place).write(place / 'truth.json')
+        scores[name] = score_case(case, place, Truth.read(place / 'truth.json'))
+    assert scores['porosity'].right and scores['porosity'].imitated
+    assert not scores['clock'].right
+    assert not scores['retardation'].right, 'what the virtual rig refuses imitates nothing'
+
+
+def test_a_small_effect_named_where_none_is_stays_wrong(tmp_path):
+    none = next(c for c in (draw_case(n, 1) for n in range(20)) if c.kind == 'none')
+    place = said(tmp_path, 'rate', 0.9, ['rate'])
+    assert not score_case(none, place, Truth(0.001, 0.001, ('none',), imitation=0.001)).right
 
 
 @pytest.mark.slow
