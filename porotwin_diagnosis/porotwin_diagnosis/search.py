@@ -4,10 +4,11 @@
 2. Refinement: what is left is fitted again on the recording's cells, and judged on cells half as
    large, where the scheme smears least, with what the finest cells change in one run of each.
 3. Pairs, where no single effect closes the gap: those whose response the best single effects cannot
-   copy, screened, refined and judged in the same way.
+   copy; in the best of them either member makes way for what explains more beside the other, as
+   long as that helps. They are screened, refined and judged in the same way.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -40,9 +41,12 @@ EXTRAPOLATION = 1.6
 """How many times the change from judging to finest cells is taken off (Richardson): with errors
 that fall with the cells' size to the power of 1 to 1.4, as seen, it would be 2.3 to 3.3 in full."""
 
-REFINED, JUDGED, PAIR_BASES, PARTNERS, SCREENED_AGAIN, EXCHANGED = 7, 4, 3, 4, 6, 6
+REFINED, JUDGED, PAIR_BASES, PARTNERS, SCREENED_AGAIN = 7, 4, 3, 4, 6
 """How many fits go on at most: to refinement, to judgement; bases of pairs, partners; screened
-fits that are fitted again before pairs are made of them; pairs with a member exchanged."""
+fits that are fitted again before pairs are made of them."""
+
+EXCHANGES = 4
+"""How many times at most the best pair exchanges its members."""
 
 LIKELY_SECONDS = ('saturation', 'illumination')
 """Partners that are always tried: they cost no simulation, and their response is not linear."""
@@ -196,9 +200,7 @@ class Search:
                 self._lean(best.effects)
                 more = self._judged_pairs(findings, self._screened_again(best, screened))
                 findings.pairs = self._ranked([*findings.pairs, *more])
-            if findings.pairs and excess(findings.pairs[0]) < NEARLY_CLOSED:
-                exchanged = self._exchanged(findings, screened)
-                findings.pairs = self._ranked([*findings.pairs, *exchanged])
+            if findings.pairs:
                 self._attune(findings.pairs[0])
         findings.parts = [
             self.judging.judged((member,), turns)
@@ -330,15 +332,38 @@ class Search:
             self.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
             partners = self._partners(base, screened, thorough=index < thorough)
             fits |= self._beside(base, partners, fits.keys())
-        return sorted(
-            (fit for fit in fits.values() if not self._at_a_well(fit)),
-            key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns),
-        )
+        fits |= self._exchanged(fits, screened)
+        return sorted(fits.values(), key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns))
+
+    def _exchanged(
+        self, fits: Mapping[frozenset[str], Fit], screened: Sequence[Fit]
+    ) -> dict[frozenset[str], Fit]:
+        """Return what the best pair of `fits` becomes where either member makes way for another,
+        and the best of those again, until that explains no more.
+
+        What imitates an effect best alone, as a moved picture does sorption, need not be it.
+        """
+        found: dict[frozenset[str], Fit] = {}
+        if not fits:
+            return found
+        best = min(fits.values(), key=score)
+        for _ in range(EXCHANGES):
+            for member, turns, _ in best.parts():
+                self.progress(f'another beside {member.label}', 0.65)
+                base = self.screening.judged((member,), turns)
+                partners = self._partners(base, screened, thorough=False)
+                found |= self._beside(base, partners, fits.keys() | found.keys())
+            last = min(found.values(), key=score, default=best)
+            if score(last) >= score(best):
+                break
+            best = last
+        return found
 
     def _beside(
         self, base: Fit, partners: Sequence[Candidate], known: Collection[frozenset[str]]
     ) -> dict[frozenset[str], Fit]:
-        """Return the fits of `base` with each of `partners` but the `known` pairs, by labels."""
+        """Return the fits of `base` with each of `partners` but the `known` pairs, by labels, and
+        but leaks that moved to a well."""
         fits: dict[frozenset[str], Fit] = {}
         for partner in partners:
             members = (*base.members, partner)
@@ -346,28 +371,12 @@ class Search:
             if key not in known and key not in fits:
                 start = np.concatenate([base.turns, partner.first])
                 fits[key] = self.screening.fit(members, start=start, coarse_steps=1, fine_steps=4)
-        return fits
+        return {key: fit for key, fit in fits.items() if not self._at_a_well(fit)}
 
     def _judged_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
         """Return the best pairs of `screened` effects, judged."""
         pairs = self._judged(self._refined_pairs(findings, screened), 0.78)
         return self._sharpened(findings, pairs, 0.86)
-
-    def _exchanged(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
-        """Return what the best pair becomes, judged, where either member makes way for another.
-
-        What imitates an effect best alone, as a moved picture does sorption, need not be it.
-        """
-        known = {_labels(fit.members) for fit in findings.pairs}
-        found: dict[frozenset[str], Fit] = {}
-        for member, turns, _ in findings.pairs[0].parts():
-            self.progress(f'another beside {member.label}', 0.92)
-            base = self.screening.judged((member,), turns)
-            partners = self._partners(base, screened, thorough=False)
-            found |= self._beside(base, partners, known | found.keys())
-        fits = sorted((fit for fit in found.values() if not self._at_a_well(fit)), key=score)
-        refined = self._refined(fits[:EXCHANGED], 0.93)
-        return self._sharpened(findings, self._judged(refined, 0.94), 0.95)
 
     def _refined_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
         """Return the best pairs of `screened` effects, refitted on the recording's cells.

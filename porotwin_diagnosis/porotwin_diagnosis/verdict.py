@@ -30,7 +30,8 @@ class Thresholds:
     """What decides, as found on simulated gaps (`calibration.json` says which).
 
     `quiet`: excess of a model that explains a recording down to its noise. `open`: excess above
-    which the best model leaves too much, `open_pair` the same for a pair, which can imitate more;
+    which the best model leaves too much, `open_pair` the same for a pair, of which the schemes do
+    both effects wrong;
     `of_gap`: share of a large gap that even its true effect leaves, for no scheme follows a strong
     effect exactly.
     `pair_worth`: a second effect must bring the misfit below this share to be kept.
@@ -41,7 +42,7 @@ class Thresholds:
 
     quiet: float = 0.45
     open: float = 0.53
-    open_pair: float = 0.47
+    open_pair: float = 0.6
     of_gap: float = 0.01
     pair_worth: float = 0.8
     systematic: float = 0.2
