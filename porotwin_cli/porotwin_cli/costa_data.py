@@ -20,12 +20,11 @@ def source_name(recording: Recording) -> str:
 
 def frames_of(recording: Recording, grid: Grid) -> Frames:
     """Return the maps of a recording on `grid`, with the rates that were measured, else told."""
-    schedule = recording.measured if recording.measured is not None else recording.schedule
     maps = [conservative_resample(values, grid.shape) for values in recording.maps or ()]
     return Frames(
         times=np.asarray(recording.times),
         concentration=np.array(maps),
-        schedule=schedule,
+        schedule=recording.pumped,
         name=source_name(recording),
     )
 

@@ -314,6 +314,12 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
         known = [value for value in values if value is not None]
         return float(np.median(known)) if known else None
 
+    # what an effect of the library equals is not outside it
+    strange = [
+        score
+        for score in of('outside', 'left out')
+        if score.verdict == 'unexplained' or not score.right
+    ]
     errors = [error for score in scores for error in score.parameter_errors]
     return {
         'cases': len(scores),
@@ -324,7 +330,7 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
             scores,
             lambda s: not s.right and s.confidence >= 0.8 and s.verdict != 'unexplained',
         ),
-        'outside_called_unexplained': share(of('outside', 'left out'), lambda score: score.right),
+        'outside_called_unexplained': share(strange, lambda score: score.right),
         'both_of_a_pair': share(of('pair'), lambda score: bool(score.both_found)),
         'gap_closed_median': median([score.gap_closed for score in of('single', 'pair')]),
         'parameter_error_median': median(errors),

@@ -50,9 +50,10 @@ class Truth:
 
     @property
     def imitated(self) -> bool:
-        """Whether what was said comes as near to the truth as a good solver comes to either: no
-        model could tell them apart by this recording."""
-        return self.imitation is not None and self.imitation <= SOLVER_FLOOR
+        """Whether what was said comes as near to the truth as a good solver comes to either, so
+        that no model could tell them apart by this recording, and a gap was there."""
+        gap = self.before >= CLEAR_GAP * SOLVER_FLOOR
+        return gap and self.imitation is not None and self.imitation <= SOLVER_FLOOR
 
     def write(self, path: Path) -> None:
         """Write the figures as JSON, whole or not at all."""

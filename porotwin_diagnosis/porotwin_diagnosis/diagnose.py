@@ -1,6 +1,7 @@
 """The diagnosis as a whole: recordings in; a verdict, its evidence and pictures out."""
 
 import json
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +16,13 @@ from porotwin_diagnosis.evidence import Sample, read_sample
 from porotwin_diagnosis.findings_file import write_findings
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.gap_map import GapMap, map_gap
-from porotwin_diagnosis.held_out import HeldOut as HeldOut
-from porotwin_diagnosis.held_out import falls
+from porotwin_diagnosis.held_out import HeldOut, falls
 from porotwin_diagnosis.noise import measure_blur, noise_floor
 from porotwin_diagnosis.numerics import Numerics, before_and_after, judge_numerics
 from porotwin_diagnosis.output import diagnosis_json, write_fields
 from porotwin_diagnosis.proposals import Proposal, propose
 from porotwin_diagnosis.report import write_report
-from porotwin_diagnosis.search import EDGE_BLUR, Findings, Progress, Search
+from porotwin_diagnosis.search import EDGE_BLUR, Findings, Progress, Search, forward_only
 from porotwin_diagnosis.strength import smallest_strengths
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED, Verdict, decide, refuted
 from porotwin_recording.recording import Recording, open_recording
@@ -70,13 +70,15 @@ def diagnose(
     holds the rig description with the effects found, ready to be run by the twin.
 
     Raises:
-        InputError: a recording cannot be read, or is too short to judge.
+        InputError: a recording cannot be read, or is too short to judge; or `output` cannot be
+            written.
     """
     paths = [recording] if isinstance(recording, Path | str) else list(recording)
     began = time.perf_counter()
     setting_of(setting)  # complain before the long search
     opened = tuple(open_recording(path, rig=rig) for path in paths)
     _refuse_other_rigs(opened)
+    folder = _report_folder(Path(output), paths)
     progress('reading the recording', 0.0)
     result = examine(opened, setting=setting, excluded=excluded, workers=workers, progress=progress)
     result.summary['made_with'] = {
@@ -85,8 +87,6 @@ def diagnose(
         'simulations': result.findings.runs,
         'seconds': round(time.perf_counter() - began, 1),
     }
-    folder = Path(output)
-    folder.mkdir(parents=True, exist_ok=True)
     progress('writing the report', 0.98)
     (folder / 'diagnosis.json').write_text(
         json.dumps(result.summary, indent=2, allow_nan=False) + '\n', encoding='utf-8'
@@ -101,6 +101,25 @@ def diagnose(
         write_rig(with_effects(opened[0].rig, result.verdict), folder / 'rig.yaml')
     progress('done', 1.0)
     return result
+
+
+def _report_folder(output: Path, recordings: Sequence[Path | str]) -> Path:
+    """Return the folder `output`, made if need be, before anybody waits for what goes there.
+
+    Raises:
+        InputError: it cannot be made, or is one of the `recordings`, whose files it would replace.
+    """
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f'{output}: {error.strerror}; name another folder for the report'
+        ) from error
+    if not os.access(output, os.W_OK):
+        raise InputError(f'{output}: cannot be written; name another folder for the report')
+    if output.resolve() in {Path(recording).resolve() for recording in recordings}:
+        raise InputError(f'{output}: is the recording; name another folder for the report')
+    return output
 
 
 def _refuse_other_rigs(recordings: Sequence[Recording]) -> None:
@@ -129,8 +148,9 @@ def examine(
     progress: Progress = lambda _stage, _share: None,
 ) -> Diagnosis:
     """Return the diagnosis of `recordings` without writing anything; see `diagnose`."""
+    progress = forward_only(progress)
     samples = tuple(read_sample(recording) for recording in recordings)
-    gap = map_gap(*recordings)
+    gap = map_gap(*recordings, setting='fast' if setting == 'accurate' else setting)
     search = Search(samples, excluded=excluded, workers=workers, progress=progress)
     findings = search.run()
     verdict = _no_surer_than_seen(decide(findings), samples)

@@ -139,16 +139,22 @@ class DiagnosisNode(Node):
         return result
 
     def _diagnose(self, goal: ServerGoalHandle, output: Path) -> Diagnosis:
-        """Diagnose the recording asked for, or the run so far, which is kept beside its report."""
+        """Diagnose the recording asked for, or the run so far, which is kept beside its report.
+
+        Raises:
+            InputError: it cannot be judged, or there is something where the run would be kept.
+        """
         if goal.request.recording:
             return self._judge(goal, Path(goal.request.recording), output)
         recording = output / 'run'
-        with self._lock:
-            self._run.write(recording)
+        if recording.exists():
+            raise InputError(f'{recording}: exists already; name another folder for the report')
         try:
+            with self._lock:
+                self._run.write(recording)
             return self._judge(goal, recording, output)
         except BaseException as error:
-            shutil.rmtree(recording)
+            shutil.rmtree(recording, ignore_errors=True)
             if isinstance(error, InputError):
                 text = str(error).replace(str(recording), 'the run so far')
                 raise InputError(text) from None

@@ -5,6 +5,7 @@ Optimization, sec. 10.3), coarse residuals first: fronts that lie cells apart ha
 the resolution of the maps.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -60,6 +61,11 @@ class Fit:
     error: float
     covariance: FloatArray
     noise: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def possible(self) -> bool:
+        """Whether the model could run with it."""
+        return math.isfinite(self.fitted)
 
     @property
     def label(self) -> str:
@@ -126,7 +132,8 @@ class Fitter:
         coarse_steps: int = 3,
         fine_steps: int = 3,
     ) -> Fit:
-        """Return the best fit of `members` together, from `start` or their own first turns.
+        """Return the best fit of `members` together, from `start` or their own first turns; that is
+        not `possible` where the model cannot run with them.
 
         Effects of the camera alone need no simulation and may take many more steps.
         """
@@ -149,15 +156,22 @@ class Fitter:
         if _cheap(fit.members):
             return self.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=1)
         knobs = [knob for member in fit.members for knob in member.knobs]
-        base = coarser._fitted_residuals(fit.members, fit.turns, WIDTH)
+        try:
+            base = coarser._fitted_residuals(fit.members, fit.turns, WIDTH)
+        except InputError:
+            return self.judged(fit.members, fit.turns)
         slopes = coarser._jacobian(fit.members, knobs, fit.turns, base, WIDTH)
         turns = self._descend(fit.members, knobs, fit.turns, WIDTH, POLISHING_STEPS, slopes)
-        return self.judged(fit.members, turns)
+        polished = self.judged(fit.members, turns)
+        return polished if polished.possible else self.judged(fit.members, fit.turns)
 
     def judged(self, members: Sequence[Candidate], turns: FloatArray) -> Fit:
         """Return what `members` at `turns` leave, fitted and held out; no covariance yet."""
         effects = described(members, turns)
-        maps = [forward.maps(effects) for forward in self.forwards]
+        try:
+            maps = [forward.maps(effects) for forward in self.forwards]
+        except InputError:  # so strong an effect that the model cannot run with it
+            return _impossible(members, turns)
         residuals = [
             sample.whitened(shown, soft=self.soft)
             for sample, shown in zip(self.samples, maps, strict=True)
@@ -250,17 +264,13 @@ class Fitter:
             return self.residuals(described(members, moved), width, fitted_only=fitted_only)
 
         def column(index: int) -> list[FloatArray]:
-            low, high = knobs[index].range
-            turn = turns[index]
-            if _cheap(members):
-                begin, end = max(turn - CHEAP_CHANGE, low), min(turn + CHEAP_CHANGE, high)
-            else:
-                begin = turn
-                end = turn + 1.0 if turn + 1.0 <= high else max(turn - 1.0, low)
-            if end == begin:
-                return [np.zeros_like(residual) for residual in base]
-            pairs = zip(at(index, begin), at(index, end), strict=True)
-            return [(before - after) / (end - begin) for before, after in pairs]
+            for begin, end in _spans(knobs[index], turns[index], cheap=_cheap(members)):
+                try:
+                    pairs = zip(at(index, begin), at(index, end), strict=True)
+                except InputError:  # the model cannot run there
+                    continue
+                return [(before - after) / (end - begin) for before, after in pairs]
+            return [np.zeros_like(residual) for residual in base]
 
         run: Callable[..., Iterable[list[FloatArray]]] = (
             map if self._pool is None else self._pool.map
@@ -281,7 +291,10 @@ class Fitter:
         low = np.array([knob.range[0] for knob in knobs])
         high = np.array([knob.range[1] for knob in knobs])
         turns = np.clip(turns, low, high)
-        residuals = self._fitted_residuals(members, turns, width)
+        try:
+            residuals = self._fitted_residuals(members, turns, width)
+        except InputError:
+            return turns
         cost = _sum_of_squares(residuals)
         damping = 1e-3
         for _ in range(steps):
@@ -296,7 +309,7 @@ class Fitter:
                 try:
                     trial_residuals = self._fitted_residuals(members, trial, width)
                     trial_cost = _sum_of_squares(trial_residuals)
-                except InputError:  # so strong an effect that the model cannot run with it
+                except InputError:
                     trial_cost = np.inf
                 if trial_cost < cost:
                     accepted = True
@@ -310,6 +323,25 @@ class Fitter:
             if gain < LEAST_GAIN:
                 return turns
         return turns
+
+
+def _spans(knob: Knob, turn: float, *, cheap: bool) -> list[tuple[float, float]]:
+    """Return the differences in turns that a derivative at `turn` may be taken from, the best
+    first, within the range of `knob`."""
+    low, high = knob.range
+    if cheap:
+        spans = [(max(turn - CHEAP_CHANGE, low), min(turn + CHEAP_CHANGE, high))]
+    else:
+        down = (turn, max(turn - 1.0, low))
+        spans = [(turn, turn + 1.0), down] if turn + 1.0 <= high else [down]
+    return [(begin, end) for begin, end in spans if begin != end]
+
+
+def _impossible(members: Sequence[Candidate], turns: FloatArray) -> Fit:
+    """Return `members` at `turns` with which the model cannot run."""
+    size = len(turns)
+    unknown = (math.inf,) * 4
+    return Fit(tuple(members), np.array(turns, dtype=float), *unknown, np.zeros((size, size)))
 
 
 def _cheap(members: Sequence[Candidate]) -> bool:

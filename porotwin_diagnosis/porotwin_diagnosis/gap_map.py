@@ -76,13 +76,14 @@ class GapMap:
         return replace(self, spots=(), phases=())
 
 
-def map_gap(*recordings: Recording) -> GapMap:
-    """Return where and when the model of the rig departs from `recordings`, which are of one rig.
+def map_gap(*recordings: Recording, setting: str = 'fast') -> GapMap:
+    """Return where and when the model of the rig at `setting` departs from `recordings`, which are
+    of one rig.
 
     Raises:
         InputError: a recording holds no maps, or fewer than two of which enough is seen.
     """
-    steps = [_one_steps(recording) for recording in recordings]
+    steps = [_one_steps(recording, setting) for recording in recordings]
     grid = steps[0][0]
     squares = [conservative_resample(strength, grid.shape) ** 2 for _, strength, _ in steps]
     together = np.sqrt(np.mean(squares, axis=0))
@@ -93,15 +94,17 @@ def map_gap(*recordings: Recording) -> GapMap:
             for recording, (_, strength, _) in zip(recordings, steps, strict=True)
         ),
         _spots(together, grid),
-        _phases([moments for *_, moments in steps], [r.schedule for r in recordings]),
+        _phases([moments for *_, moments in steps], [r.pumped for r in recordings]),
     )
 
 
-def _one_steps(recording: Recording) -> tuple[Grid, FloatArray, list[tuple[float, float, float]]]:
+def _one_steps(
+    recording: Recording, setting: str
+) -> tuple[Grid, FloatArray, list[tuple[float, float, float]]]:
     """Return a coarse grid, the gap strength on it, and (start, end, energy) of every step."""
     grid = recording.grid
     coarse = recording.rig.grid(max(4, grid.nx // COARSENING), max(4, grid.nz // COARSENING))
-    model = Model(recording.rig, coarse, setting='fast')
+    model = Model(recording.rig, coarse, setting=setting)
     times, maps, seen = observed_maps(recording, coarse, STEPS + 1)
     energy = np.zeros(coarse.shape)
     moments: list[tuple[float, float, float]] = []
@@ -109,7 +112,7 @@ def _one_steps(recording: Recording) -> tuple[Grid, FloatArray, list[tuple[float
     steps = zip(pairwise(maps), pairwise(seen), pairwise(times), strict=True)
     for (before, after), (known, still_known), (start, end) in steps:
         predicted = before
-        for low, high, rates in recording.schedule.intervals(start, end):
+        for low, high, rates in recording.pumped.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
         residual = (after - predicted) * known * still_known
         weak = gaussian_filter(residual, TEST_WIDTH) / (end - start)

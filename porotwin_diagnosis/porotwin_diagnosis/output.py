@@ -163,6 +163,9 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
         if name == NUMERICAL:
             rows[name] = _numerical_row(result, errors)
             continue
+        for part in result.findings.parts:  # another well may be the better one alone
+            if part.members[0].effect == name and part.label != best[name].label:
+                rows[name] |= _alone(part, errors, result.findings)
         rows[name]['parameters'] = _parameters(verdict.model, name)
         if len(verdict.model.members) == 1:
             rows[name] |= {'error_after': errors['after'], 'gap_closed': errors['gap_closed']}

@@ -52,10 +52,13 @@ def propose(fitter: Fitter, findings: Findings, verdict: Verdict) -> tuple[Propo
         return ()
     one, other = rivals
     names = (one.label, other.label)
-    present, sample = max(
-        ((_apart([sample], one, other), sample) for sample in fitter.samples),
-        key=lambda item: item[0],
-    )
+    try:
+        present, sample = max(
+            ((_apart([sample], one, other), sample) for sample in fitter.samples),
+            key=lambda item: item[0],
+        )
+    except InputError:  # the model cannot run with the other one in all of them
+        return tuple(_laboratory(names, one, other))
     tried = []
     again = np.sqrt(2.0) * max(present, thresholds().same * np.sqrt(sample.active))
     for name, what, change in SCHEDULES:
@@ -105,7 +108,7 @@ def _as_shown(sample: Sample, one: Fit) -> Sample:
 
 
 def _laboratory(names: tuple[str, str], one: Fit, other: Fit) -> list[Proposal]:
-    effects = {one.members[0].effect, other.members[0].effect}
+    effects = {member.effect for member in (*one.members, *other.members)}
     found = []
     if effects & set(CAMERA):
         found.append(
@@ -198,7 +201,7 @@ def _one_at_a_time(sample: Sample) -> Sample | None:
     turns = [(well, rate) for well, rate in most.items() if rate.rate > 0 or not closed]
     if len(turns) == 1 and not closed and len(sample.rig.wells) > 1:
         turns.append((_next_well(sample, turns[0][0]), WellRate(abs(turns[0][1].rate))))
-    if len(turns) < 2:
+    if len(turns) < 2 or (closed and not producing):
         return None
     turns.sort(key=lambda item: (-item[1].concentration, -item[1].rate))
     rows = []

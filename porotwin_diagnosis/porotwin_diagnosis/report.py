@@ -150,10 +150,13 @@ def _beyond_noise(result: 'Diagnosis', fit: Fit) -> str:
 
 
 def _kept(result: 'Diagnosis') -> Iterator[str]:
-    """Yield the table of the kept effects' parameters with their intervals."""
+    """Yield the table of the kept effects' parameters with their intervals, and of those that show
+    the same; not beside a partner, for those were fitted alone."""
     rows = []
+    members = result.verdict.members
+    kept = members if len(members) > 1 else _members_and_alike(result)
     for row in result.summary['effects']:
-        if row['name'] not in _members_and_alike(result):
+        if row['name'] not in kept:
             continue
         for name, parameter in row['parameters'].items():
             fixed = name in FIXED_UNITS and parameter['low'] is None
@@ -198,7 +201,7 @@ def _pictures(result: 'Diagnosis') -> Iterator[str]:
             pictures.course(result, index),
             f'Error over time{which}: the model runs from the start to the end, fed with nothing '
             'but rates; effects are fitted left of the shaded part and judged in it. Below: what '
-            'the pumps were told, thick where tracer is injected.',
+            'the pumps did, thick where tracer is injected.',
         )
 
 

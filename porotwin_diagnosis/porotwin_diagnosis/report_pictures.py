@@ -137,9 +137,9 @@ def remainder(result: 'Diagnosis') -> Figure:
 
 
 def course(result: 'Diagnosis', number: int = 0) -> Figure:
-    """Return error over time of recording `number` above what the pumps were told."""
+    """Return error over time of recording `number` above what the pumps did."""
     data = error_course(result, number)
-    recording, sample = result.recordings[number], result.samples[number]
+    sample = result.samples[number]
     figure = Figure(figsize=(12, 5.0), layout='constrained')
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     minutes = data.times / 60
@@ -150,9 +150,9 @@ def course(result: 'Diagnosis', number: int = 0) -> Figure:
     upper.fill_between(minutes, 100 * data.floor, color='0.85', label='noise alone')
     upper.set(ylabel='error of the map [%]', ylim=(0, 112 * float(data.before.max())))
     upper.legend(frameon=False, ncols=3, loc='lower left', bbox_to_anchor=(0, 1), fontsize=9)
-    for well in recording.schedule.wells:
-        _rate_steps(lower, recording.schedule.intervals(sample.start, sample.end), well)
-    lower.set(xlabel='time [min]', ylabel='told [ml/h]')
+    for well in sample.schedule.wells:
+        _rate_steps(lower, sample.schedule.intervals(sample.start, sample.end), well)
+    lower.set(xlabel='time [min]', ylabel='rate [ml/h]')
     lower.axhline(0, color='0.7', lw=0.8)
     lower.legend(frameon=False, ncols=6, fontsize=8, loc='lower left', bbox_to_anchor=(0, 1))
     for axis in (upper, lower):
@@ -314,7 +314,7 @@ def _places(axis: Axes, result: 'Diagnosis') -> None:
 
 
 def _rate_steps(axis: Axes, intervals: Any, well: str) -> None:
-    """Draw the told rate of `well`: thick where it injects tracer."""
+    """Draw the rate of `well`: thick where it injects tracer."""
     parts = [(start, end, rates.get(well)) for start, end, rates in intervals]
     edges = [parts[0][0], *(end for _, end, _ in parts)]
     rates = [0.0 if rate is None else to_ml_h(rate.rate) for _, _, rate in parts]

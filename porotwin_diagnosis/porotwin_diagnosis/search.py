@@ -167,7 +167,7 @@ class Search:
         known = {candidate.effect for candidate in library(samples)} | set(LOCAL)
         if not known - set(LOCAL) - self.excluded:
             raise InputError('all effects without a place are excluded; leave at least one in')
-        self.progress = _forward_only(progress)
+        self.progress = progress
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
@@ -287,6 +287,7 @@ class Search:
         for index, candidate in enumerate(candidates):
             self.progress(f'trying {candidate.label}', 0.02 + 0.15 * index / len(candidates))
             fits.append(self._best_start(candidate))
+        fits = _possible(fits)
         limit = HOPELESS * min(map(score, fits))
         for index, fit in enumerate(fits):
             if score(fit) < limit:
@@ -295,7 +296,7 @@ class Search:
         for effect in sorted(set(LOCAL) - self.excluded):
             self.progress(f'looking for a place of {effect}', 0.29)
             fits.extend(self._local(effect))
-        return sorted(fits, key=score)
+        return sorted(_possible(fits), key=score)
 
     def _best_start(self, candidate: Candidate) -> Fit:
         tried = [
@@ -311,7 +312,7 @@ class Search:
         except InputError:
             return []
         fits = [self.screening.fit((place,), coarse_steps=4) for place in places]
-        return sorted((fit for fit in fits if not self._at_a_well(fit)), key=score)[:1]
+        return sorted((fit for fit in _possible(fits) if not self._at_a_well(fit)), key=score)[:1]
 
     def _at_a_well(self, fit: Fit) -> bool:
         """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
@@ -371,7 +372,7 @@ class Search:
             if key not in known and key not in fits:
                 start = np.concatenate([base.turns, partner.first])
                 fits[key] = self.screening.fit(members, start=start, coarse_steps=1, fine_steps=4)
-        return {key: fit for key, fit in fits.items() if not self._at_a_well(fit)}
+        return {key: fit for key, fit in fits.items() if fit.possible and not self._at_a_well(fit)}
 
     def _judged_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
         """Return the best pairs of `screened` effects, judged."""
@@ -393,10 +394,12 @@ class Search:
     def _screened_again(self, best: Fit, screened: Sequence[Fit]) -> list[Fit]:
         """Return `screened` with the first of them, and the `best` as judged, fitted again on cells
         whose correction has changed."""
-        again = [
-            self.screening.fit(fit.members, start=fit.turns, coarse_steps=0)
-            for fit in _led_by(best, _distinct(screened))[:SCREENED_AGAIN]
-        ]
+        again = _possible(
+            [
+                self.screening.fit(fit.members, start=fit.turns, coarse_steps=0)
+                for fit in _led_by(best, _distinct(screened))[:SCREENED_AGAIN]
+            ]
+        )
         kept = {fit.label for fit in again}
         return sorted([*again, *(fit for fit in screened if fit.label not in kept)], key=score)
 
@@ -444,7 +447,7 @@ class Search:
             refined.append(
                 self.refining.fit(fit.members, start=fit.turns, coarse_steps=0, fine_steps=3)
             )
-        return sorted(refined, key=score)
+        return sorted(_possible(refined), key=score)
 
     def _judged(self, refined: Sequence[Fit], begin: float) -> list[Fit]:
         """Return the best of `refined`, refitted on the finest cells; progress is at `begin`."""
@@ -452,7 +455,7 @@ class Search:
         for index, fit in enumerate(_near(refined)[:JUDGED]):
             self.progress(f'judging {fit.label}', begin + 0.08 * index / JUDGED)
             judged.append(self.judging.polished(fit, self.refining))
-        return self._ranked(judged)
+        return self._ranked(_possible(judged))
 
     def _ranked(self, fits: Sequence[Fit]) -> list[Fit]:
         """Return the judged `fits`, the most plausible first, without leaks that moved to a well
@@ -461,7 +464,11 @@ class Search:
         return sorted(kept, key=lambda fit: worse(fit) * OCCAM ** len(fit.turns))
 
 
-def _forward_only(progress: Progress) -> Progress:
+def _possible(fits: Sequence[Fit]) -> list[Fit]:
+    return [fit for fit in fits if fit.possible]
+
+
+def forward_only(progress: Progress) -> Progress:
     """Return `progress` with shares that never go back where a stage is gone through again."""
     reached = 0.0
 

@@ -158,7 +158,7 @@ def test_what_shows_the_same_as_an_effect_left_out_is_no_wrong_name(tmp_path):
     ):
         place = said(tmp_path / name, name, 0.9, [name], [(parameter, value)])
         write_fields(
-            place / 'fields.nc', grid, maps[0], HeldOut(times, maps, maps, maps, 0.1, 0.0, 0.0)
+            place / 'fields.nc', grid, maps[0], HeldOut(times, maps, 0.9 * maps, maps, 0.1, 0, 0)
         )
         truth_of(case, place).write(place / 'truth.json')
         scores[name] = score_case(case, place, Truth.read(place / 'truth.json'))
@@ -171,6 +171,22 @@ def test_a_small_effect_named_where_none_is_stays_wrong(tmp_path):
     none = next(c for c in (draw_case(n, 1) for n in range(20)) if c.kind == 'none')
     place = said(tmp_path, 'rate', 0.9, ['rate'])
     assert not score_case(none, place, Truth(0.001, 0.001, ('none',), imitation=0.001)).right
+
+
+def test_what_a_library_effect_equals_is_not_outside_the_library(tmp_path):
+    case = next(c for c in (draw_case(n, 1) for n in range(60)) if c.kind == 'left out')
+    truth = Truth(0.2, 0.02, ('unexplained',))
+    scores = [
+        score_case(case, said(tmp_path / 'a', 'unexplained', 0.9), truth),
+        score_case(case, said(tmp_path / 'b', 'rate', 0.9), replace(truth, imitation=0.01)),
+        score_case(case, said(tmp_path / 'c', 'rate', 0.9), replace(truth, imitation=0.03)),
+    ]
+    assert [score.right for score in scores] == [True, True, False]
+    figures = summary(scores)
+    assert figures['outside_called_unexplained'] == 0.5
+    assert figures['imitated'] == pytest.approx(1 / 3)
+    small = replace(truth, before=0.01, imitation=0.01)
+    assert not score_case(case, tmp_path / 'b', small).right, 'there was no gap to explain'
 
 
 @pytest.mark.slow

@@ -201,6 +201,29 @@ def test_a_setting_that_does_not_exist_is_refused_before_the_search(quiet, tmp_p
     assert stages == []
 
 
+def test_a_report_that_cannot_be_written_is_refused_before_the_search(quiet, tmp_path):
+    taken = tmp_path / 'taken'
+    taken.write_text('a file')
+    stages = []
+    for output, complaint in ((taken, 'exists; name another'), (quiet, 'is the recording; name')):
+        with pytest.raises(InputError, match=complaint):
+            diagnose(quiet, output, progress=lambda stage, _: stages.append(stage))
+    assert stages == []
+
+
+def test_measured_rates_count_where_there_are_any(quiet):
+    recording = open_recording(quiet)
+    slower = [
+        replace(row, rate=replace(row.rate, rate=0.9 * row.rate.rate))
+        for row in recording.schedule.rows
+    ]
+    measured = Schedule(tuple(row for row in slower if row.time > 0))
+    sample = read_sample(replace(recording, measured=measured))
+    assert sample.schedule.at(0.0) == recording.schedule.at(0.0)
+    last = sample.schedule.at(2000.0)['injector'].rate
+    assert last == pytest.approx(0.9 * recording.schedule.at(2000.0)['injector'].rate)
+
+
 def test_a_rig_at_rest_offers_no_size_for_a_leak(quiet):
     sample = read_sample(open_recording(quiet))
     with pytest.raises(InputError, match='no pump ever runs'):

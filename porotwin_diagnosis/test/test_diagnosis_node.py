@@ -92,8 +92,10 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
     publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
     setpoints = graph.node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
     for topic in ('asset/new_state', 'wells/setpoint'):
-        while graph.server.count_publishers(topic) == 0:
-            pass
+        for _ in range(int(10 * PATIENCE)):
+            if graph.server.count_publishers(topic):
+                break
+            threading.Event().wait(0.1)
     setpoints.publish(Setpoint(wells=conversions.rates_to_msg({'injector': WellRate()})))
     for number in range(3):
         tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, 30.0 * number)
@@ -108,6 +110,20 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
     outcome = graph.wait(handle.get_result_async()).result.outcome
     assert outcome.code != Outcome.OK
     assert 'too few' in outcome.message
+
+
+def test_what_lies_where_the_run_would_be_kept_is_left_alone(graph, tmp_path):
+    precious = tmp_path / 'run' / 'photos' / 'first.jpg'
+    precious.parent.mkdir(parents=True)
+    precious.write_bytes(b'')
+    handle, _ = graph.goal(output=str(tmp_path))
+    outcome = graph.wait(handle.get_result_async()).result.outcome
+    assert 'run: exists already; name another folder' in outcome.message
+    assert precious.exists()
+    handle, _ = graph.goal(output=str(tmp_path / 'new'))
+    outcome = graph.wait(handle.get_result_async()).result.outcome
+    assert outcome.code != Outcome.OK
+    assert not (tmp_path / 'new' / 'run').exists(), 'a run that was not judged is not left behind'
 
 
 def test_a_running_diagnosis_tells_its_progress_refuses_another_and_can_be_called_off(

@@ -13,7 +13,7 @@ from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_well
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import Findings, Search, excess, score
+from porotwin_diagnosis.search import Findings, Search, _possible, excess, score
 from porotwin_recording.recording import open_recording
 from porotwin_rig.observation import MapNoise
 
@@ -218,3 +218,26 @@ def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(fitt
     found = findings.singles[0].effects[0].parameters['factor']
     assert found == pytest.approx(0.88, abs=0.004)
     assert excess(findings.singles[0]) < 0.3 * excess(stuck)
+
+
+def test_an_effect_with_which_the_model_cannot_run_is_set_aside(fitter, monkeypatch):
+    """A solver that gives up beyond some strength ends neither a fit nor its derivatives."""
+    forward, limit = fitter.forwards[0], -2.0
+    run = forward.maps
+
+    def refusing(effects, **options):
+        for effect in effects:
+            if effect.name == 'porosity' and effect.parameters['factor'] < np.exp(0.015 * limit):
+                raise InputError('porosity: too dense to run')
+        return run(effects, **options)
+
+    monkeypatch.setattr(forward, 'maps', refusing)
+    dense = candidate(fitter, 'porosity')
+    stopped = fitter.fit((dense,))
+    assert stopped.possible
+    assert limit <= stopped.turns[0] < 0.0, 'as far as the model goes'
+    assert not fitter.fit((dense,), start=np.array([limit - 1.0])).possible
+    at_the_limit = fitter.judged((dense,), np.array([limit]))
+    assert fitter.polished(at_the_limit, fitter).possible
+    screened = [at_the_limit, fitter.judged((dense,), np.array([limit - 1.0]))]
+    assert _possible(screened) == [at_the_limit]

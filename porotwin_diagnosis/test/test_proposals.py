@@ -93,6 +93,10 @@ def test_one_well_at_a_time_lets_one_pump_and_keeps_a_closed_rig_in_balance(samp
     shut = SMALL.model_copy(
         update={'boundaries': SMALL.boundaries.model_copy(update={'top': 'closed'})}
     )
+    forth = [ScheduleRow(t, 'injector', WellRate(rate)) for t, rate in ((0, 2e-7), (60, -1e-7))]
+    back = [ScheduleRow(t, 'producer', WellRate(rate)) for t, rate in ((0, -1e-7), (60, 2e-7))]
+    to_and_fro = Schedule((*forth, *back))
+    assert change(replace(sample, rig=shut, schedule=to_and_fro)) is None, 'nobody produces'
     closed = change(replace(sample, rig=shut, schedule=schedule())).schedule
     for _, _, rates in closed.intervals(sample.start, sample.end):
         assert sum(rate.rate for rate in rates.values()) == pytest.approx(0.0, abs=1e-15)

@@ -102,7 +102,9 @@ def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():
 
 def test_pairs_that_show_the_camera_the_same_are_declared():
     pairs = [(('decay', name), 0.5) for name in ('porosity', 'retardation', 'rate')]
-    distances = [0.0, 0.01, 0.4]
+    # the same pairs again, of another well or variant, are no further alternatives
+    pairs += [(('retardation', 'decay'), 0.5), (('porosity', 'decay'), 0.5)]
+    distances = [0.0, 0.01, 0.4, 0.01, 0.01]
     parts = (('decay', 2.0), ('porosity', 8.0))
     found = findings(9.0, ('decay', 1.7), pairs=pairs, pair_distances=distances, parts=parts)
     verdict = decide(found, LIMITS)

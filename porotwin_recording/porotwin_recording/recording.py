@@ -25,8 +25,8 @@ class Recording:
     `told` is what the pumps were told, `measured` what they delivered, where somebody measured it;
     `maps` the tracer maps, read from disk as they are asked for; `photos` in the order of their
     times. Times in [s] since the start of the experiment. None or empty where the recording holds
-    nothing of the kind; `schedule`, `times`, `grid` and `concentration` insist. `remarks` says in
-    a line each what is wrong with a recording that could be read all the same.
+    nothing of the kind; `schedule`, `pumped`, `times`, `grid` and `concentration` insist. `remarks`
+    says in a line each what is wrong with a recording that could be read all the same.
     """
 
     source: Path
@@ -47,6 +47,19 @@ class Recording:
         if self.told is None:
             raise InputError(f'{self.source}: does not say what the pumps were told; add rates.csv')
         return self.told
+
+    @property
+    def pumped(self) -> Schedule:
+        """What the pumps did: as measured, and before anybody measured as told.
+
+        Raises:
+            InputError: the recording does not say.
+        """
+        if self.measured is None or not self.measured.rows:
+            return self.schedule
+        begin = min(row.time for row in self.measured.rows)
+        told = self.told.rows if self.told is not None else ()
+        return Schedule((*(row for row in told if row.time < begin), *self.measured.rows))
 
     @property
     def times(self) -> NDArray[np.float64]:
