@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,9 @@ CAMERA = (*IMAGE, 'clock')
 
 WELL_STEP = 1.2
 """Step of a well's place in cells of the recording: within a screening cell nothing changes."""
+
+REPLACING = ('dispersion', 'buoyancy', 'viscosity', 'dual_porosity')
+"""Effects that take the place of what the rig description says of them; all others add to it."""
 
 LOCAL = ('heterogeneity', 'leak')
 """Effects whose place must be found."""
@@ -87,13 +90,34 @@ def library(samples: Sequence[Sample]) -> list[Candidate]:
     """Return all candidates for recordings of one rig; those with a place start anywhere yet."""
     rig = samples[0].rig
     return [
-        *_spreading(samples),
-        *_everywhere(samples),
+        *(_as_believed(candidate, rig) for candidate in _spreading(samples)),
+        *(_as_believed(candidate, rig) for candidate in _everywhere(samples)),
         *_wells(samples),
         *_camera(samples),
         heterogeneity(rig, (rig.width_m / 2, rig.height_m / 2), 0.06, 1.0),
         *([] if rig.closed else [leak(rig, (rig.width_m / 2, rig.height_m / 2), 0.0)]),
     ]
+
+
+def believed_parameters(rig: Rig, effect: str) -> dict[str, float | str] | None:
+    """Return the parameters with which the description of `rig` holds a replacing `effect`."""
+    if effect not in REPLACING:
+        return None
+    own = (described for described in reversed(rig.effects) if described.name == effect)
+    return next((described.parameters for described in own), None)
+
+
+def _as_believed(candidate: Candidate, rig: Rig) -> Candidate:
+    """Return `candidate` starting from what the description of `rig` says of it already."""
+    own = believed_parameters(rig, candidate.effect)
+    if own is None:
+        return candidate
+    turns = tuple(
+        knob.turn(float(np.clip(own.get(knob.name, knob.neutral), knob.low, knob.high)))
+        for knob in candidate.knobs
+    )
+    fixed = {name: own.get(name, value) for name, value in candidate.fixed.items()}
+    return replace(candidate, fixed=fixed, starts=(turns,))
 
 
 def _speed(sample: Sample) -> float:

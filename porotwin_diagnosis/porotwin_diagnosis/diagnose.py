@@ -160,7 +160,7 @@ def examine(
         _with_interval(search, fit) if fit.members[0].effect in verdict.inseparable else fit
         for fit in findings.singles
     ]
-    numerics = judge_numerics(samples, findings, setting=setting)
+    numerics = judge_numerics(samples, findings, verdict, setting=setting)
     verdict = numerics.amended(verdict)
     held_out = _held_out(recordings, samples, verdict, numerics)
     if verdict.members and not falls(held_out):
@@ -170,7 +170,7 @@ def examine(
     if verdict.name == NONE:
         gap = gap.without_places()
     strengths = smallest_strengths(search.screening)
-    proposals = propose(search.screening, findings, verdict)
+    proposals = propose(search.screening, findings, verdict, progress=progress)
     parts: dict[str, Any] = {
         'recordings': tuple(recordings),
         'samples': samples,

@@ -189,7 +189,7 @@ class _Feedback:
         self._begin = time.monotonic()
 
     def __call__(self, stage: str, share: float) -> None:
-        if self._goal.is_cancel_requested:
+        if self._goal.is_cancel_requested and share < 1.0:  # what is done is not called off
             raise CalledOffError
         elapsed = time.monotonic() - self._begin
         remaining = elapsed * (1.0 - share) / share if share > 0.02 else float('nan')

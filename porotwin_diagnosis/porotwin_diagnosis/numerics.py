@@ -26,7 +26,8 @@ class Numerics:
     """What the configured scheme costs: misfit with it and with the sharp one, both without effect.
 
     `model_diffusion` [m2/s] is the diffusion that makes the sharp scheme like the configured one,
-    zero where it was not needed; `found` whether the verdict names it.
+    zero where it was not needed; `found` whether the verdict names it, `leads` whether the sharp
+    scheme alone closes more than the verdict's effects alone.
     """
 
     setting: str
@@ -34,6 +35,7 @@ class Numerics:
     sharp: float
     model_diffusion: float = 0.0
     found: bool = False
+    leads: bool = False
 
     def amended(self, verdict: Verdict) -> Verdict:
         """Return `verdict` with the model's smearing in it, where that is what closes the gap."""
@@ -41,21 +43,41 @@ class Numerics:
             return verdict
         if verdict.name == NONE:
             return replace(verdict, name=NUMERICAL, members=(NUMERICAL,))
-        return replace(verdict, members=(*verdict.members, NUMERICAL))
+        if not self.leads:
+            return replace(verdict, members=(*verdict.members, NUMERICAL))
+        alike = [(name, *verdict.members[1:]) for name in verdict.inseparable]
+        return replace(
+            verdict,
+            name=NUMERICAL,
+            members=(NUMERICAL, *verdict.members),
+            inseparable=(),
+            alternatives=tuple((NUMERICAL, *names) for names in verdict.alternatives or alike),
+        )
 
 
-def judge_numerics(samples: Sequence[Sample], findings: Findings, *, setting: str) -> Numerics:
-    """Return how much of the gap of the model at `setting` is its own smearing."""
+def judge_numerics(
+    samples: Sequence[Sample], findings: Findings, verdict: Verdict, *, setting: str
+) -> Numerics:
+    """Return how much of the gap of the model at `setting` is its own smearing, beside the effects
+    that `verdict` names."""
     sharp = score(findings.null)
     if setting == 'accurate':
         return Numerics(setting, sharp, sharp)
-    residuals = [
-        sample.whitened(Forward(sample, setting=setting).maps(()), soft=0.0) for sample in samples
-    ]
-    configured = overall(*misfit(samples, residuals))
+    configured = _misfit(samples, (), setting)
     if configured < LEAST_MISFIT or sharp > WORTH * configured:
         return Numerics(setting, configured, sharp)
-    return Numerics(setting, configured, sharp, _equivalent_diffusion(samples[0], setting), True)
+    diffusion = _equivalent_diffusion(samples[0], setting)
+    leads = sharp < _misfit(samples, verdict.model.effects, setting)
+    return Numerics(setting, configured, sharp, diffusion, found=True, leads=leads)
+
+
+def _misfit(samples: Sequence[Sample], effects: Sequence[EffectDescription], setting: str) -> float:
+    """Return the misfit of the model at `setting` with `effects`."""
+    residuals = [
+        sample.whitened(Forward(sample, setting=setting).maps(effects), soft=0.0)
+        for sample in samples
+    ]
+    return overall(*misfit(samples, residuals))
 
 
 def before_and_after(

@@ -16,7 +16,7 @@ from porotwin_diagnosis.candidates import CAMERA
 from porotwin_diagnosis.evidence import WIDTH, Sample
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import Findings
+from porotwin_diagnosis.search import Findings, Progress
 from porotwin_diagnosis.verdict import Verdict, thresholds
 
 STEPS = 2
@@ -41,7 +41,13 @@ class Proposal:
     gain: float | None = None
 
 
-def propose(fitter: Fitter, findings: Findings, verdict: Verdict) -> tuple[Proposal, ...]:
+def propose(
+    fitter: Fitter,
+    findings: Findings,
+    verdict: Verdict,
+    *,
+    progress: Progress = lambda _stage, _share: None,
+) -> tuple[Proposal, ...]:
     """Return experiments that would separate the two best explanations, the most telling first.
 
     Of several recordings that is varied which sets the two furthest apart. What would tell no more
@@ -61,7 +67,8 @@ def propose(fitter: Fitter, findings: Findings, verdict: Verdict) -> tuple[Propo
         return tuple(_laboratory(names, one, other))
     tried = []
     again = np.sqrt(2.0) * max(present, thresholds().same * np.sqrt(sample.active))
-    for name, what, change in SCHEDULES:
+    for number, (name, what, change) in enumerate(SCHEDULES):
+        progress(f'trying an experiment: {name}', 0.96 + 0.02 * number / len(SCHEDULES))
         changed = change(sample)
         if changed is None:
             continue

@@ -10,7 +10,7 @@ from porotwin_diagnosis.findings_file import read_findings, write_findings
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.numerics import Numerics
 from porotwin_diagnosis.search import Findings
-from porotwin_diagnosis.verdict import Thresholds, decide, refuted
+from porotwin_diagnosis.verdict import Thresholds, Verdict, decide, refuted
 
 LIMITS = Thresholds()
 NOISE = 0.4
@@ -143,6 +143,19 @@ def test_smearing_does_not_turn_a_rejected_effect_into_a_finding():
     amended = Numerics('upwind', 9.0, 6.0, 1e-8, found=True).amended(verdict)
     assert amended.name == 'unexplained'
     assert amended.members == ()
+
+
+def test_of_smearing_and_an_effect_the_one_that_closes_more_comes_first():
+    single = Verdict('porosity', 0.9, fit('porosity', misfit=0.5), ('porosity',), ('depth',), {})
+    second = Numerics('upwind', 9.0, 6.0, 1e-8, found=True).amended(single)
+    assert (second.name, second.members) == ('porosity', ('porosity', 'numerical_diffusion'))
+    first = Numerics('upwind', 9.0, 3.0, 1e-8, found=True, leads=True).amended(single)
+    assert (first.name, first.members) == (
+        'numerical_diffusion',
+        ('numerical_diffusion', 'porosity'),
+    )
+    assert first.inseparable == ()
+    assert first.alternatives == (('numerical_diffusion', 'depth'),)
 
 
 @pytest.mark.parametrize('misfit', [0.3, 0.6, 2.0, 5.0])

@@ -1,0 +1,47 @@
+"""The smallest strengths that a recording could have shown."""
+
+from dataclasses import replace
+
+import pytest
+
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.candidates import library
+from porotwin_diagnosis.evidence import coarsened, read_sample
+from porotwin_diagnosis.fit import Fitter
+from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.strength import smallest_strengths
+from porotwin_recording.recording import open_recording
+
+
+@pytest.fixture(scope='module')
+def sample(quiet):
+    return coarsened(read_sample(open_recording(quiet)), 2)
+
+
+def test_a_weaker_effect_shows_where_less_noise_is(sample):
+    def least(noisier):
+        noise = replace(sample.noise, grain=noisier * sample.noise.grain)
+        noisy = replace(sample, noise=noise, weights={})
+        return smallest_strengths(Fitter([Forward(noisy)]))
+
+    assert least(1.0)['porosity']['value'] < least(8.0)['porosity']['value']
+
+
+def test_what_the_rig_description_holds_already_is_where_an_effect_begins(sample):
+    """A twin that was mended once is diagnosed again: less or more of that effect would show."""
+    known = (
+        EffectDescription(name='buoyancy', parameters={'density_difference': 0.8}),
+        EffectDescription(
+            name='dispersion',
+            parameters={'longitudinal_dispersivity': 2e-3, 'transverse_dispersivity': 2e-4},
+        ),
+    )
+    mended = replace(sample, rig=sample.rig.model_copy(update={'effects': known}))
+    for candidate in library([mended]):
+        if candidate.label in ('buoyancy', 'dispersion'):
+            described = candidate.described(candidate.first).parameters
+            for name, value in known[candidate.effect != 'buoyancy'].parameters.items():
+                assert described[name] == pytest.approx(value)
+    plain, again = (smallest_strengths(Fitter([Forward(s)])) for s in (sample, mended))
+    assert again['buoyancy']['value'] == pytest.approx(plain['buoyancy']['value'], rel=0.5)
+    assert again['dispersion']['parameter'] == 'longitudinal_dispersivity'
