@@ -459,9 +459,12 @@ class Search:
 
     def _ranked(self, fits: Sequence[Fit]) -> list[Fit]:
         """Return the judged `fits`, the most plausible first, without leaks that moved to a well
-        unless all did."""
+        unless all did; of what was fitted twice the better one."""
         kept = [fit for fit in fits if not self._at_a_well(fit)] or fits
-        return sorted(kept, key=lambda fit: worse(fit) * OCCAM ** len(fit.turns))
+        best: dict[frozenset[str], Fit] = {}
+        for fit in sorted(kept, key=lambda fit: worse(fit) * OCCAM ** len(fit.turns)):
+            best.setdefault(_labels(fit.members), fit)
+        return list(best.values())
 
 
 def _possible(fits: Sequence[Fit]) -> list[Fit]:

@@ -241,3 +241,15 @@ def test_an_effect_with_which_the_model_cannot_run_is_set_aside(fitter, monkeypa
     assert fitter.polished(at_the_limit, fitter).possible
     screened = [at_the_limit, fitter.judged((dense,), np.array([limit - 1.0]))]
     assert _possible(screened) == [at_the_limit]
+
+
+def test_what_was_fitted_twice_is_listed_once_with_the_better_fit(denser_sand):
+    search = Search([read_sample(open_recording(denser_sand))], workers=1)
+    known = {c.label: c for c in library(search.samples)}
+    members = (known['porosity'], known['decay'])
+    worse, better = (
+        search.screening.judged(members, np.array([turn, 0.1])) for turn in (-2.0, -8.0)
+    )
+    other = search.screening.judged(members[:1], np.array([-8.0]))
+    turned = search.screening.judged(members[::-1], np.array([0.1, -2.0]))
+    assert search._ranked([worse, better, turned, other]) in ([other, better], [better, other])
