@@ -200,9 +200,12 @@ def test_the_slopes_of_later_knobs_are_those_of_all(fitter):
 
 def test_fits_are_ranked_by_the_part_where_more_is_left(quiet):
     search = Search([read_sample(open_recording(quiet))], workers=1)
-    null = search.judging.judged((), np.zeros(0))
-    even = replace(null, fitted=0.6, held_out=0.6)
-    adapted = replace(null, fitted=0.2, held_out=0.7)
+    porosity, decay = (
+        search.screening.judged((candidate(search.screening, name),), np.zeros(1))
+        for name in ('porosity', 'decay')
+    )
+    even = replace(porosity, fitted=0.6, held_out=0.6)
+    adapted = replace(decay, fitted=0.2, held_out=0.7)
     assert search._ranked([adapted, even]) == [even, adapted]
 
 
