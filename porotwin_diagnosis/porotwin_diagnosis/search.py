@@ -200,6 +200,10 @@ class Search:
                 self._lean(best.effects)
                 more = self._judged_pairs(findings, self._screened_again(best, screened))
                 findings.pairs = self._ranked([*findings.pairs, *more])
+            if findings.pairs and EXPLAINED < excess(findings.pairs[0]) < NEARLY_CLOSED:
+                findings.pairs = self._ranked(
+                    [*findings.pairs, *self._beside_the_best(findings, screened)]
+                )
             if findings.pairs:
                 self._attune(findings.pairs[0])
         findings.parts = [
@@ -378,6 +382,14 @@ class Search:
         """Return the best pairs of `screened` effects, judged."""
         pairs = self._judged(self._refined_pairs(findings, screened), 0.78)
         return self._sharpened(findings, pairs, 0.86)
+
+    def _beside_the_best(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
+        """Return what the best judged pair becomes, judged, where either member makes way for
+        another: coarse cells may have hidden that."""
+        best = findings.pairs[0]
+        found = self._exchanged({_labels(best.members): best}, screened)
+        refined = self._refined(sorted(found.values(), key=score)[:REFINED], 0.87)
+        return self._sharpened(findings, self._judged(refined, 0.88), 0.9)
 
     def _refined_pairs(self, findings: Findings, screened: Sequence[Fit]) -> list[Fit]:
         """Return the best pairs of `screened` effects, refitted on the recording's cells.
