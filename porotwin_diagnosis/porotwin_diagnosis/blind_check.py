@@ -208,7 +208,7 @@ def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
         )
     parameters = _parameters(case, said)
     known = verdict in truth.strongest
-    imitated = truth.imitated and case.kind != 'none' and verdict not in case.right and not known
+    imitated = truth.imitated and case.kind != 'none' and verdict not in case.right
     return Score(
         name=case.name,
         kind=case.kind,

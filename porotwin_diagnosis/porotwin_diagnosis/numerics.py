@@ -67,7 +67,8 @@ def judge_numerics(
     if configured < LEAST_MISFIT or sharp > WORTH * configured:
         return Numerics(setting, configured, sharp)
     diffusion = _equivalent_diffusion(samples[0], setting)
-    leads = sharp < _misfit(samples, verdict.model.effects, setting)
+    effects = verdict.model.effects
+    leads = bool(verdict.members) and sharp < _misfit(samples, effects, setting)
     return Numerics(setting, configured, sharp, diffusion, found=True, leads=leads)
 
 

@@ -228,18 +228,13 @@ def _same_as_best(
 def _alternatives(findings: Findings, limits: Thresholds) -> tuple[tuple[str, ...], ...]:
     """Return the judged pairs whose best fits show the camera the same as the best pair, each but
     once, whichever of its wells it is about."""
-    alike = [
-        tuple(member.effect for member in fit.members)
-        for fit, distance in zip(findings.pairs, findings.pair_distances, strict=True)
-        if distance < limits.same
-    ]
-    known = {frozenset(names): names for names in reversed(alike)}
-    best = frozenset(member.effect for member in findings.pairs[0].members)
-    return tuple(
-        names
-        for names in alike
-        if known.get(frozenset(names)) is names and frozenset(names) != best
-    )
+    alike: dict[frozenset[str], tuple[str, ...]] = {}
+    for fit, distance in zip(findings.pairs, findings.pair_distances, strict=True):
+        names = tuple(member.effect for member in fit.members)
+        if distance < limits.same:
+            alike.setdefault(frozenset(names), names)
+    _best, *others = alike.values()
+    return tuple(others)
 
 
 def _in_place_of(

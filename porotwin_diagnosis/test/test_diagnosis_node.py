@@ -2,6 +2,7 @@
 
 import os
 import threading
+from functools import partial
 
 import numpy as np
 import pytest
@@ -25,6 +26,14 @@ pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
 """Longest wait for anything [s]."""
+
+
+def until(condition):
+    for _ in range(int(10 * PATIENCE)):
+        if condition():
+            return
+        threading.Event().wait(0.1)
+    raise AssertionError(f'nothing came in {PATIENCE} s')
 
 
 class Graph:
@@ -92,20 +101,14 @@ def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
     publisher = graph.node.create_publisher(NewState, 'asset/new_state', qos.FIELD)
     setpoints = graph.node.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
     for topic in ('asset/new_state', 'wells/setpoint'):
-        for _ in range(int(10 * PATIENCE)):
-            if graph.server.count_publishers(topic):
-                break
-            threading.Event().wait(0.1)
+        until(partial(graph.server.count_publishers, topic))
     setpoints.publish(Setpoint(wells=conversions.rates_to_msg({'injector': WellRate()})))
     for number in range(3):
         tracer = conversions.tracer_to_msg(np.zeros(graph.grid.shape), graph.grid, 30.0 * number)
         message = NewState(sequence=number, tracer=tracer)
         message.header.stamp = tracer.header.stamp
         publisher.publish(message)
-    for _ in range(200):
-        if len(graph.server._run) == 3 and graph.server._run._rates:
-            break
-        threading.Event().wait(0.1)
+    until(lambda: len(graph.server._run) == 3 and graph.server._run._rates)
     handle, _ = graph.goal()
     outcome = graph.wait(handle.get_result_async()).result.outcome
     assert outcome.code != Outcome.OK
@@ -130,11 +133,7 @@ def test_a_running_diagnosis_tells_its_progress_refuses_another_and_can_be_calle
     graph, quiet, tmp_path
 ):
     handle, feedback = graph.goal(recording=str(quiet), output=str(tmp_path / 'out'))
-    for _ in range(600):
-        if len(feedback) > 1:
-            break
-        threading.Event().wait(0.1)
-    assert feedback
+    until(lambda: len(feedback) > 1)
     assert 0.0 <= feedback[-1].fraction < 1.0
     second, _ = graph.goal(recording=str(quiet), output=str(tmp_path / 'second'))
     refused = graph.wait(second.get_result_async()).result.outcome

@@ -114,7 +114,7 @@ def test_a_front_a_tenth_of_a_cell_off_is_no_gap_but_two_percent_of_retardation_
         change = sample.whitened(forward.maps((effect,))) - sample.whitened(forward.maps(()))
         changes.append(np.sqrt(np.sum(change**2) / sample.active))
     assert changes[0] < 0.5
-    assert changes[1] > 1.5 * changes[0]
+    assert changes[1] > max(0.7, 1.5 * changes[0])
     own, finer = (
         Fitter([shown], soft=0.55).judged((), np.zeros(0)) for shown in (Forward(sample), forward)
     )

@@ -48,7 +48,7 @@ class Recording:
             raise InputError(f'{self.source}: does not say what the pumps were told; add rates.csv')
         return self.told
 
-    @property
+    @cached_property
     def pumped(self) -> Schedule:
         """What the pumps did: as measured, and before anybody measured as told.
 
