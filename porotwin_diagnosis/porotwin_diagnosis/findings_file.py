@@ -26,6 +26,7 @@ def write_findings(path: Path, findings: Findings) -> None:
         'singles': [_fit_json(fit) for fit in findings.singles],
         'pairs': [_fit_json(fit) for fit in findings.pairs],
         'parts': [_fit_json(fit) for fit in findings.parts],
+        'part_distances': findings.part_distances,
         'distances': findings.distances,
         'pair_distances': findings.pair_distances,
     }
@@ -46,6 +47,7 @@ def read_findings(path: Path) -> Findings:
         singles=fits('singles'),
         pairs=fits('pairs'),
         parts=fits('parts'),
+        part_distances=content['part_distances'],
         distances=content['distances'],
         pair_distances=content['pair_distances'],
         runs=content['runs'],
@@ -64,7 +66,12 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             for member, described in zip(fit.members, fit.effects, strict=True)
         ],
         'turns': [float(turn) for turn in fit.turns],
-        'misfit': {'fitted': fit.fitted, 'held_out': fit.held_out, 'noise': list(fit.noise)},
+        'misfit': {
+            'fitted': fit.fitted,
+            'held_out': fit.held_out,
+            'noise': list(fit.noise),
+            'magnified': list(fit.magnified),
+        },
         'error': {'fitted': fit.fitted_error, 'held_out': fit.error},
     }
 
@@ -83,4 +90,5 @@ def _read_fit(content: dict[str, Any]) -> Fit:
         error=content['error']['held_out'],
         covariance=np.zeros((len(turns), len(turns))),
         noise=tuple(content['misfit']['noise']),
+        magnified=tuple(content['misfit']['magnified']),
     )

@@ -18,7 +18,6 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import IMAGE, Candidate, Knob
 from porotwin_diagnosis.evidence import COARSE_WIDTH, WIDTH, misfit, noise_misfit
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.noise import blur
 
 TILE = 5
 """Compared cells per side of a tile whose residuals count as one observation."""
@@ -50,7 +49,8 @@ class Fit:
 
     `fitted` and `held_out` are whitened misfits (see `evidence.misfit`), `noise` those that the
     noise alone leads one to expect of both; `error` and `fitted_error` the relative L2 errors of
-    maps as soft as recorded ones; `covariance` that of the turns, from tiles.
+    the maps; `covariance` that of the turns, from tiles. `magnified` is how many times more than
+    the model without any effect it makes, in either part, of what nobody knows of the sand.
     """
 
     members: tuple[Candidate, ...]
@@ -61,6 +61,7 @@ class Fit:
     error: float
     covariance: FloatArray
     noise: tuple[float, float] = (0.0, 0.0)
+    magnified: tuple[float, float] = (1.0, 1.0)
 
     @property
     def possible(self) -> bool:
@@ -105,12 +106,15 @@ class Fitter:
         forwards: Sequence[Forward],
         *,
         soft: float = 0.0,
+        rough: Sequence[Sequence[Forward]] = (),
         pool: ThreadPoolExecutor | None = None,
     ) -> None:
-        """Compare through `forwards`; `soft` is the blur [cells] that their maps lack."""
+        """Compare through `forwards`; `soft` is the blur [cells] that their maps lack. `rough` are
+        others of the same recordings, each on sand that is a little different."""
         self.forwards = forwards
         self.samples = [forward.sample for forward in forwards]
         self.soft = soft
+        self.rough = rough
         self._pool = pool
 
     def residuals(
@@ -187,11 +191,37 @@ class Fitter:
             self._error(maps, held_out=True),
             np.zeros((size, size)),
             noise_misfit(self.samples, residuals),
+            self._magnified(effects),
         )
+
+    def _magnified(self, effects: Sequence[EffectDescription]) -> tuple[float, float]:
+        """Return how many times more than without them a little rough sand changes the maps with
+        `effects`, at least once, fitted and held out; not asked where the front is stable.
+
+        A thinner tracer fingers, and where it does is chance (Saffman and Taylor, Proc. R. Soc. A
+        245 (1958) 312).
+        """
+        if not any(_is_unstable(effect) for effect in effects):
+            return 1.0, 1.0
+        with_them, without = self._roughened(effects), self._roughened(())
+        fitted, held_out = np.maximum(with_them / np.maximum(without, 1e-9), 1.0)
+        return float(fitted), float(held_out)
+
+    def _roughened(self, effects: Sequence[EffectDescription]) -> FloatArray:
+        """Return what rough sand changes in the maps, a misfit, fitted and held out."""
+        smooth = self.residuals(effects, WIDTH)
+        squares = np.zeros(2)
+        for forwards in self.rough:
+            for forward, smooth_one in zip(forwards, self.forwards, strict=True):
+                forward.offset = smooth_one.offset
+            changed = Fitter(forwards, soft=self.soft).residuals(effects, WIDTH)
+            changes = [after - before for before, after in zip(smooth, changed, strict=True)]
+            squares += np.square(misfit(self.samples, changes))
+        return np.sqrt(squares / max(len(self.rough), 1))
 
     def _error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:
         errors = [
-            sample.relative_error(blur(shown, self.soft), held_out=held_out)
+            sample.relative_error(shown, held_out=held_out)
             for sample, shown in zip(self.samples, maps, strict=True)
         ]
         return float(np.sqrt(np.mean(np.square(errors))))
@@ -342,6 +372,11 @@ def _impossible(members: Sequence[Candidate], turns: FloatArray) -> Fit:
     size = len(turns)
     unknown = (math.inf,) * 4
     return Fit(tuple(members), np.array(turns, dtype=float), *unknown, np.zeros((size, size)))
+
+
+def _is_unstable(effect: EffectDescription) -> bool:
+    """Return whether `effect` lets a front finger: a tracer thinner than water."""
+    return float(effect.parameters.get('viscosity_ratio', 1.0)) < 1.0
 
 
 def _cheap(members: Sequence[Candidate]) -> bool:

@@ -2,12 +2,13 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
 
 from porotwin_core.grid import FloatArray, conservative_resample
-from porotwin_core.rig import EffectDescription
+from porotwin_core.rig import EffectDescription, rig_from_maps
 from porotwin_diagnosis.candidates import IMAGE
 from porotwin_diagnosis.evidence import Sample
 from porotwin_solver.effects import apply_effects
@@ -18,12 +19,20 @@ from porotwin_solver.view import View
 REMEMBERED = 40
 """Simulations kept; effects of the camera and repeated questions then cost nothing."""
 
+ROUGHNESS = 0.05
+"""By how much, as a standard deviation of its logarithm, the permeability of a recorded cell may
+differ from what is believed without anybody knowing: what 1 % of the porosity makes of it by
+Kozeny and Carman (Bear, Dynamics of Fluids in Porous Media, sec. 5.10)."""
+
 
 class Forward:
     """Free-running predictions of one recording at its chosen frames, as the camera shows them."""
 
-    def __init__(self, sample: Sample, *, setting: str = 'fast', refinement: int = 1) -> None:
-        """Predict `sample` with the solver's `setting` on cells `refinement` times finer."""
+    def __init__(
+        self, sample: Sample, *, setting: str = 'fast', refinement: int | None = None
+    ) -> None:
+        """Predict `sample` with the solver's `setting`, on cells `refinement` times finer, as the
+        setting has it where that is not given."""
         self.sample = sample
         self.setting = setting
         self.refinement = refinement
@@ -83,23 +92,33 @@ class Forward:
                 self._known.move_to_end(key)
                 return self._known[key][:wanted]
             self.runs += 1
-        grid = sample.grid.refined(self.refinement)
         frames = simulated_maps(
             sample.rig,
             sample.schedule,
             sample.times[:wanted],
-            grid=grid,
+            grid=sample.grid,
             setting=self.setting,
             effects=physics,
-            initial=sample.initial_on(grid),
+            initial=sample.initial,
             start=sample.model_start,
+            divisions=self.refinement,
         )
-        shape = sample.grid.shape
-        maps = np.stack(
-            [conservative_resample(frame, shape).astype(np.float32) for frame in frames]
-        )
+        maps = np.stack([frame.astype(np.float32) for frame in frames])
         with self._lock:
             self._known[key] = maps
             while len(self._known) > REMEMBERED:
                 self._known.popitem(last=False)
         return maps
+
+
+def on_rough_sand(sample: Sample, seed: int) -> Sample:
+    """Return `sample` on sand whose permeability varies from cell to cell as nobody can know."""
+    rig, grid = sample.rig, sample.grid.refined(2)
+    texture = np.random.default_rng(seed).normal(0.0, ROUGHNESS, sample.grid.shape)
+    rough = rig.field('permeability_m2', grid) * np.exp(np.kron(texture, np.ones((2, 2))))
+    quantities = {
+        'depth_m': rig.believed_map('depth_m'),
+        'porosity': rig.believed_map('porosity'),
+        'permeability_m2': rough,
+    }
+    return replace(sample, rig=rig_from_maps(rig.model_dump(), quantities))

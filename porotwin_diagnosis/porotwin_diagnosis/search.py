@@ -8,6 +8,7 @@
    long as that helps. They are screened, refined and judged in the same way.
 """
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library, pumping_wells
 from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened
 from porotwin_diagnosis.fit import Fit, Fitter
-from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.forward import Forward, on_rough_sand
 from porotwin_diagnosis.scan import starts
 
 Progress = Callable[[str, float], None]
@@ -32,10 +33,10 @@ SCREENING, SCREENING_COLUMNS = 2, 40
 
 JUDGING, FINEST = 2, 3
 """Cells per cell of the recording in the final judgement, each way, and in the one run of every
-judged model that tells what its cells do wrong. Of coupled flow a finer one would take minutes."""
+judged model that tells what its cells do wrong."""
 
-SLOW, MOST_CELLS = ('buoyancy', 'viscosity', 'dispersion'), 250_000
-"""Effects of which a run on more than so many cells takes minutes, and is left out."""
+SLOW, MOST_CELLS = 'dispersion', 250_000
+"""An effect of which a run on more than so many cells takes minutes, and is left out."""
 
 EXTRAPOLATION = 1.6
 """How many times the change from judging to finest cells is taken off (Richardson): with errors
@@ -93,8 +94,12 @@ NOISE_DOUBT = 1.1
 """By how much the noise may be stronger than measured."""
 
 VISCOUS = 1.5
-"""How much more a viscosity may leave: the flow that it drives is solved on coarser cells, and the
-front of a thinner tracer is unstable (true ones left 0.26 to 0.69, other effects half of it)."""
+"""How much more a viscosity may leave, for the flow that it drives is solved on coarser cells (true
+ones left 0.26 to 0.69, other effects half of it); a thinner tracer as many times more as it
+magnifies what nobody knows of the sand."""
+
+ROUGH_SANDS = 2
+"""Sands with which that is measured."""
 
 SMALL_EXCESS = 0.8
 """Excess of the model as it is below which the model without any effect counts as the best."""
@@ -110,7 +115,7 @@ class Findings:
 
     `distances` are those of the predictions of all `singles` from the best one's, `pair_distances`
     those of `pairs`. `parts` are the members of the best pair, each alone with the parameters that
-    it has there.
+    it has there, `part_distances` those of their predictions from the model without any effect.
     """
 
     null: Fit
@@ -121,6 +126,7 @@ class Findings:
     distances: list[float] = field(default_factory=list)
     pair_distances: list[float] = field(default_factory=list)
     parts: list[Fit] = field(default_factory=list)
+    part_distances: list[float] = field(default_factory=list)
     runs: int = 0
 
 
@@ -128,10 +134,13 @@ def excess(fit: Fit) -> float:
     """Return what a judged `fit` leaves beyond the noise of the part, fitted or held out, where it
     leaves more, in units of the share of a cell by which no front is known; of a viscosity in
     larger ones."""
-    parts = zip((fit.fitted, fit.held_out), fit.noise, strict=True)
-    left = max(np.sqrt(max(all_of_it**2 - (NOISE_DOUBT * n) ** 2, 0.0)) for all_of_it, n in parts)
     viscous = any(member.effect == 'viscosity' for member in fit.members)
-    return float(left / VISCOUS if viscous else left)
+    parts = zip((fit.fitted, fit.held_out), fit.noise, fit.magnified, strict=True)
+    left = (
+        math.sqrt(max(all_of_it**2 - (NOISE_DOUBT * noise) ** 2, 0.0)) / magnified
+        for all_of_it, noise, magnified in parts
+    )
+    return max(left) / (VISCOUS if viscous else 1.0)
 
 
 def score(fit: Fit) -> float:
@@ -173,6 +182,10 @@ class Search:
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
         self.refining = self._fitter(samples, 1, EDGE_BLUR)
         self.judging = self._fitter(samples, JUDGING, EDGE_BLUR)
+        self.judging.rough = [
+            [Forward(on_rough_sand(sample, seed), refinement=JUDGING) for sample in samples]
+            for seed in range(ROUGH_SANDS)
+        ]
         self.finest = [Forward(sample, refinement=FINEST) for sample in samples]
 
     def _fitter(self, samples: Sequence[Sample], refinement: int, soft: float) -> Fitter:
@@ -212,6 +225,9 @@ class Search:
             for member, turns, _ in pair.parts()
         ]
         self._tried_again_alone(findings)
+        findings.part_distances = [
+            self.judging.distance(findings.null, part) for part in findings.parts
+        ]
         findings.distances = self._distances(findings.singles)
         findings.pair_distances = self._distances(findings.pairs)
         fitters = (self.screening, self.refining, self.judging)
@@ -260,7 +276,7 @@ class Search:
         """Judge from now on with blur and finest cells of `fit`, if that nearly closes the gap."""
         if excess(fit) > NEARLY_CLOSED:
             return
-        slow = any(effect.name in SLOW for effect in fit.effects)
+        slow = any(effect.name == SLOW for effect in fit.effects)
         for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
             forward.offset = None
             cells = forward.sample.grid.nx * forward.sample.grid.nz * FINEST**2

@@ -12,7 +12,7 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
-from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.forward import ROUGHNESS, Forward, on_rough_sand
 from porotwin_diagnosis.search import Findings, Search, _possible, excess, score
 from porotwin_recording.recording import open_recording
 from porotwin_rig.observation import MapNoise
@@ -256,3 +256,30 @@ def test_what_was_fitted_twice_is_listed_once_with_the_better_fit(denser_sand):
     other = search.screening.judged(members[:1], np.array([-8.0]))
     turned = search.screening.judged(members[::-1], np.array([0.1, -2.0]))
     assert search._ranked([worse, better, turned, other]) in ([other, better], [better, other])
+
+
+def test_a_thinner_tracer_magnifies_what_nobody_knows_of_the_sand(fitter):
+    sample = fitter.samples[0]
+    rough = [[Forward(on_rough_sand(sample, seed))] for seed in (0, 1)]
+    judge = Fitter([Forward(sample)], soft=0.3, rough=rough)
+    viscosity = candidate(fitter, 'viscosity')
+
+    def magnified(ratio):
+        turns = np.array([viscosity.knobs[0].turn(ratio)])
+        return judge.judged((viscosity,), turns).magnified
+
+    assert magnified(1.5) == (1.0, 1.0)
+    thin, thinner = magnified(0.8), magnified(0.5)
+    assert 1.0 <= thin[1] < thinner[1]
+
+
+def test_rough_sand_is_the_same_for_the_same_seed_and_as_permeable_on_the_whole(fitter):
+    sample = fitter.samples[0]
+    one, same, other = (
+        on_rough_sand(sample, seed).rig.believed_map('permeability_m2') for seed in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+    ratio = np.log(one / sample.rig.field('permeability_m2', sample.grid.refined(2)))
+    assert ratio.std() == pytest.approx(ROUGHNESS, rel=0.05)
+    assert abs(ratio.mean()) < 0.003

@@ -85,8 +85,13 @@ class Model:
         *,
         setting: str = 'accurate',
         effects: Iterable[EffectDescription] = (),
+        divisions: int | None = None,
     ) -> None:
         """Prepare the flow of `rig` with its own and further `effects` on `grid`.
+
+        Water and tracer move on cells that are divided into `divisions` parts along each side, as
+        the setting has it where that is not given; what the tracer adds to the flow is solved on
+        those of `grid`.
 
         Raises:
             InputError: unknown setting, effect or parameter; fields no rig can have.
@@ -97,7 +102,7 @@ class Model:
         self.effects = described
         self.believed, self.view = apply_effects(believed_physics(rig, grid), View(), described)
         physics = self.believed
-        if (factor := chosen.refinement(grid)) > 1:
+        if (factor := divisions or chosen.refinement(grid)) > 1:
             fine = grid.refined(factor)
             physics, _ = apply_effects(believed_physics(rig, fine), View(), described)
         self.engine = Engine(physics, scheme=chosen.scheme, coupled=self.believed)

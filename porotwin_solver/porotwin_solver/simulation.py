@@ -51,12 +51,14 @@ def simulated_maps(
     effects: Iterable[EffectDescription] = (),
     initial: FloatArray | None = None,
     start: float = 0.0,
+    divisions: int | None = None,
 ) -> Iterator[FloatArray]:
     """Return an iterator of the maps (nz, nx) at `times` [s] as the camera would show them.
 
     The model runs from `initial` (nz, nx; no tracer where not given) at `start` [s] through the
     `schedule`, keeping its finer inner state all along. Effects of the rig and further `effects`
-    act on physics and picture; a time before `start` shows the initial state.
+    act on physics and picture; a time before `start` shows the initial state. `divisions` are those
+    of `Model`.
 
     Raises:
         InputError: times that decrease, NaN in `initial`, and all that `Model` refuses.
@@ -64,7 +66,7 @@ def simulated_maps(
     moments = np.asarray(times, dtype=float)
     if moments.ndim != 1 or not np.isfinite(moments).all() or (np.diff(moments) < 0).any():
         raise InputError('times: give finite seconds that do not decrease')
-    model = Model(rig, grid, setting=setting, effects=effects)
+    model = Model(rig, grid, setting=setting, effects=effects, divisions=divisions)
     begin = model.initial_condition() if initial is None else model.checked(initial, 'initial')
     state = State.at_rest(refine(begin, model.engine.grid.shape))
     return _run(model, state, schedule, moments, start)

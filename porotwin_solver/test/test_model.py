@@ -18,7 +18,7 @@ from porotwin_solver.model import SETTINGS, Model
 from porotwin_solver.physics import believed_physics
 from porotwin_solver.quantities import QUANTITIES
 from porotwin_solver.refinement import coarsen, refine
-from porotwin_solver.simulation import simulate
+from porotwin_solver.simulation import simulate, simulated_maps
 from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND
 
 SIDES = {
@@ -361,3 +361,12 @@ def test_all_quantities_have_a_unit_and_a_value(rig) -> None:
     for name, (unit, _) in QUANTITIES.items():
         assert unit
         assert math.isfinite(model.quantity_of_interest(name, np.full((11, 17), 0.5)))
+
+
+def test_cells_can_be_divided_further_than_the_setting_does(make_rig) -> None:
+    rig = make_rig()
+    coarse, fine = rig.grid(24, 14), rig.grid(72, 42)
+    told = Schedule.constant({'injector': WellRate(from_ml_h(600.0), 1.0)})
+    divided = simulated_maps(rig, told, [900.0], grid=coarse, setting='fast', divisions=3)
+    finer = simulated_maps(rig, told, [900.0], grid=fine, setting='fast')
+    np.testing.assert_allclose(next(divided), coarsen(next(finer), coarse.shape), atol=1e-12)
