@@ -107,6 +107,7 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
         lead = _lead_of_pair(model, {members[0], *inseparable}, findings, limits)
         # where one effect nearly suffices, the second may mend what the library lacks
         lead = min(lead, _odds_of_more(_openness(best, findings, limits)))
+        lead = min(lead, _odds_of_order(members, findings))
     confidence = _calibrated(min(lead, _odds_of_enough(openness)), limits)
     return Verdict(members[0], confidence, model, members, inseparable, probabilities, alternatives)
 
@@ -142,6 +143,23 @@ def _odds_of_enough(openness: float) -> float:
 def _odds_of_more(openness: float) -> float:
     """Return the log-odds that there is more than the model with this `openness`, above 1."""
     return 4.0 * math.log(openness)
+
+
+def _odds_of_order(members: Sequence[str], findings: Findings) -> float:
+    """Return the log-odds that the first of two `members` is the stronger one.
+
+    By how much more of the gap it closes alone, and by how much more it changes alone: what spreads
+    fronts closes more than it would open. Little is certain where the two are alike or disagree.
+    """
+    if len(findings.parts) != len(findings.part_distances) or len(findings.parts) != 2:
+        return math.inf
+    before = findings.null.error
+    closed = [max(before - part.error, 1e-9) for part in findings.parts]
+    by_size = [max(distance, 1e-9) for distance in findings.part_distances]
+    if findings.parts[0].members[0].effect != members[0]:
+        closed, by_size = closed[::-1], by_size[::-1]
+    ratio = min(closed[0] / closed[1], by_size[0] / by_size[1])
+    return 0.4 + 8.0 * max(0.0, math.log(ratio))
 
 
 def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:

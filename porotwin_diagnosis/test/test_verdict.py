@@ -1,6 +1,7 @@
 """Verdicts as a function of misfits, and their confidence."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -205,3 +206,25 @@ def test_a_viscosity_may_leave_more_than_other_effects():
     assert decide(findings(13.0, ('viscosity', 0.85), ('leak', 4.0)), LIMITS).name == 'viscosity'
     assert decide(findings(13.0, ('decay', 0.85), ('leak', 4.0)), LIMITS).name == 'unexplained'
     assert decide(findings(13.0, ('viscosity', 1.2), ('leak', 4.0)), LIMITS).name == 'unexplained'
+
+
+def test_what_fingers_may_leave_as_many_times_more_as_it_magnifies():
+    found = findings(13.0, ('viscosity', 1.8), ('leak', 6.0))
+    assert decide(found, LIMITS).name == 'unexplained'
+    found.singles[0] = replace(found.singles[0], magnified=(1.2, 1.2))
+    assert decide(found, LIMITS).name == 'unexplained'
+    found.singles[0] = replace(found.singles[0], magnified=(3.0, 3.0))
+    assert decide(found, LIMITS).name == 'viscosity'
+
+
+def test_of_a_pair_that_disagrees_on_which_is_stronger_nobody_is_sure():
+    parts = (('dispersion', 0.05), ('registration', 0.08))
+    pair = (('dispersion', 'registration'), 0.45)
+    found = findings(5.0, ('dispersion', 2.5), pairs=[pair], parts=parts)
+    found.null = replace(found.null, error=0.2)
+    found.part_distances = [4.0, 2.0]
+    agreed = decide(found, LIMITS)
+    found.part_distances = [2.0, 4.0]
+    disputed = decide(found, LIMITS)
+    assert agreed.members == disputed.members == ('dispersion', 'registration')
+    assert disputed.confidence < 0.65 < agreed.confidence
