@@ -71,6 +71,8 @@ def command(
     print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
     say(f'read {output / "report.html"}')
     camera = ' and '.join(name for name in result.verdict.members if name in CAMERA)
+    if apply and not (result.verdict.members and result.verdict.model.effects):
+        say('rig.yaml is as it was: the verdict names no effect that it could hold')
     if apply and camera:
         say(
             f'{camera}: an effect of the camera. rig.yaml has it, so that a diagnosis expects it; '

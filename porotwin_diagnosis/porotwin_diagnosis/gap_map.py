@@ -17,6 +17,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.evidence import filled_map
+from porotwin_diagnosis.noise import measure_noise
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import Model
 
@@ -106,6 +107,7 @@ def _one_steps(
     coarse = recording.rig.grid(max(4, grid.nx // COARSENING), max(4, grid.nz // COARSENING))
     model = Model(recording.rig, coarse, setting=setting)
     times, maps, seen = observed_maps(recording, coarse, STEPS + 1)
+    noise = measure_noise(np.stack(maps))
     energy = np.zeros(coarse.shape)
     moments: list[tuple[float, float, float]] = []
     cell = coarse.dx * coarse.dz
@@ -116,9 +118,12 @@ def _one_steps(
             predicted = model.predict(predicted, rates, high - low)
         residual = (after - predicted) * known * still_known
         weak = gaussian_filter(residual, TEST_WIDTH) / (end - start)
-        energy += weak**2
-        moments.append((start, end, float(np.sum(weak**2) * cell * (end - start))))
-    strength = np.sqrt(energy / max(len(moments), 1))
+        # new in both frames, and damped by a Gaussian as white noise is
+        unsure = 2.0 * noise.frame_deviation(predicted) ** 2 / (4.0 * np.pi * TEST_WIDTH**2)
+        left = weak**2 - unsure / (end - start) ** 2
+        energy += left
+        moments.append((start, end, max(0.0, float(np.sum(left) * cell * (end - start)))))
+    strength = np.sqrt(np.maximum(energy, 0.0) / max(len(moments), 1))
     floor = float(np.median(strength))
     return coarse, np.maximum(strength - floor, 0.0), moments
 

@@ -69,9 +69,13 @@ class HeldOut:
 
 
 def gap_closed(before: float, after: float, floor: float) -> float:
-    """Return the share of a gap above the noise floor that closes, 0 to 1; 0 without a gap."""
+    """Return the share of a gap above the noise floor that closes, by the diagnosis contract; 0
+    without a gap.
+
+    Above 1 where less is left than noise was expected to leave, negative where the error grows.
+    """
     room = before - floor
-    return float(np.clip((before - after) / room, 0.0, 1.0)) if room > LEAST_ROOM else 0.0
+    return (before - after) / room if room > LEAST_ROOM else 0.0
 
 
 def falls(parts: Sequence[HeldOut]) -> bool:

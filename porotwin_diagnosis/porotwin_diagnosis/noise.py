@@ -59,8 +59,12 @@ class Noise:
     def deviation(self, concentration: FloatArray) -> FloatArray:
         """Return the standard deviation of the noise at each value of `concentration`."""
         c = np.clip(concentration, 0.0, 1.0)
-        frame = self.background + (self.frame - self.background) * c
-        return np.sqrt((self.grain * c) ** 2 + frame**2)
+        return np.hypot(self.grain * c, self.frame_deviation(c))
+
+    def frame_deviation(self, concentration: FloatArray) -> FloatArray:
+        """Return the same of the part that is new in every frame."""
+        c = np.clip(concentration, 0.0, 1.0)
+        return self.background + (self.frame - self.background) * c
 
     def expected(self, concentration: FloatArray) -> FloatArray:
         """Return the mean that clipping to 0..1 leaves of a noisy map of `concentration`, 0..1."""

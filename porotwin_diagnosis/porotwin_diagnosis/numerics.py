@@ -88,7 +88,7 @@ def before_and_after(
 
     The mended one is sharp; where nothing was mended, both are the configured one.
     """
-    sharp = Forward(sample, refinement=JUDGING)
+    sharp = Forward(sample, setting='accurate')
     after = np.clip(sharp.maps(model.effects), 0.0, 1.0)
     if numerics.setting == 'accurate':
         return sharp.maps(()), after

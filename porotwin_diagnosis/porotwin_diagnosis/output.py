@@ -1,7 +1,7 @@
 """A diagnosis as files for programs: diagnosis.json and fields.nc (diagnosis contract)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +61,7 @@ def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
             'frame': round(sample.noise.frame, 4),
             'background': round(sample.noise.background, 4),
             'correlation_cells': round(sample.noise.correlation, 2),
+            'blur_cells': round(held_out[0].blur, 2),
         },
         'smallest_visible': result.strengths,
         'next_experiment': [
@@ -182,8 +183,9 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
 def _probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, float]:
     """Return the probability of every effect, which agree with the verdict's confidence.
 
-    The verdict and what shows the same share it; a partner is half as sure. What the confidence
-    leaves is for all others together, also where none of them is the verdict.
+    The verdict and what shows the same share it; a partner is as sure as the pair. What the
+    confidence leaves is for all others together, also where none of them is the verdict, and for
+    what the library lacks.
     """
     raw = {name: verdict.probabilities.get(name, 0.0) for name in names}
     alike = [name for name in (verdict.name, *verdict.inseparable) if name in raw]
@@ -193,9 +195,7 @@ def _probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, float]:
         for name in alike
     }
     found |= {
-        name: 0.5 * verdict.confidence
-        for name in verdict.members
-        if name in raw and name not in found
+        name: verdict.confidence for name in verdict.members if name in raw and name not in found
     }
     others = [name for name in names if name not in found]
     left = (1.0 - verdict.confidence) / max(sum(raw[name] for name in others), 1e-12)
@@ -221,14 +221,20 @@ def _numerical_row(result: 'Diagnosis', errors: dict[str, float]) -> dict[str, A
     }
 
 
+def error_left(fit: Fit, errors: Mapping[str, float], findings: Findings) -> float:
+    """Return the held-out error that `fit` leaves, at the level it has reached relative to the
+    model without any effect, whose error is `errors['before']`."""
+    screened = any(fit is other for other in findings.screened)
+    null = findings.screened_null if screened else findings.null
+    after = errors['before'] * fit.error / max(null.error, 1e-9)
+    # coarse cells have less noise; no fit on the recording's comes below its floor
+    return max(after, errors['noise_floor']) if screened else after
+
+
 def _alone(fit: Fit, errors: dict[str, float], findings: Findings) -> dict[str, float]:
-    """Return the errors of one effect alone, as far as it went relative to the model without."""
+    """Return the errors of one effect alone."""
     before, floor = errors['before'], errors['noise_floor']
-    judged = fit in findings.singles or fit in findings.parts
-    null = findings.null if judged else findings.screened_null
-    after = before * fit.error / max(null.error, 1e-9)
-    if not judged:  # coarse cells have less noise; no fit on the recording's comes below its floor
-        after = min(before, max(after, floor))
+    after = error_left(fit, errors, findings)
     return {
         'error_before': before,
         'error_after': round(after, 5),

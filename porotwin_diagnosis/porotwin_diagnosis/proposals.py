@@ -12,10 +12,10 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.candidates import CAMERA
 from porotwin_diagnosis.evidence import WIDTH, Sample
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.report_words import CHECKS, spoken
 from porotwin_diagnosis.search import Findings, Progress
 from porotwin_diagnosis.verdict import Verdict, thresholds
 
@@ -115,36 +115,13 @@ def _as_shown(sample: Sample, one: Fit) -> Sample:
 
 
 def _laboratory(names: tuple[str, str], one: Fit, other: Fit) -> list[Proposal]:
-    effects = {member.effect for member in (*one.members, *other.members)}
-    found = []
-    if effects & set(CAMERA):
-        found.append(
-            Proposal(
-                'grey card',
-                'photograph a grey card and a scale in the tracer-free rig: it shows what the '
-                'camera does by itself',
-                names,
-            )
-        )
-    if effects & {'rate', 'porosity', 'retardation', 'depth', 'leak'}:
-        found.append(
-            Proposal(
-                'weighed outflow',
-                'weigh what every pump delivers and what leaves the rig for ten minutes: it '
-                'fixes the rates, and with them porosity and depth',
-                names,
-            )
-        )
-    if effects & {'retardation', 'porosity', 'dual_porosity', 'decay'}:
-        found.append(
-            Proposal(
-                'water chase',
-                'chase the tracer with water and sample the producer: sorbed or immobile tracer '
-                'leaves a tail, a wrong porosity does not',
-                names,
-            )
-        )
-    return found
+    """Return what measures by itself an effect that only one of the two holds."""
+    sides = [{member.label: member.effect for member in fit.members} for fit in (one, other)]
+    apart = sides[0].keys() ^ sides[1].keys()
+    effects = dict.fromkeys(
+        effect for side in sides for label, effect in side.items() if label in apart
+    )
+    return [Proposal(f'check {spoken(effect)}', CHECKS[effect], names) for effect in effects]
 
 
 def _with(sample: Sample, rows: list[ScheduleRow]) -> Sample:

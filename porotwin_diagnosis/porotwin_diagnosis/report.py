@@ -13,7 +13,7 @@ from porotwin_diagnosis import report_pictures as pictures
 from porotwin_diagnosis.candidates import CAMERA, LOCAL
 from porotwin_diagnosis.evidence import FRONT_TOLERANCE
 from porotwin_diagnosis.fit import Fit
-from porotwin_diagnosis.output import FIXED_UNITS
+from porotwin_diagnosis.output import FIXED_UNITS, error_left
 from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
 from porotwin_diagnosis.search import excess, overall, score
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED
@@ -87,7 +87,7 @@ def sentence(result: 'Diagnosis') -> str:
     verdict, errors = result.verdict, result.summary['error']
     sure = f'confidence {100 * verdict.confidence:.0f} %'
     before, after = (_percent(errors[key]) for key in ('before', 'after'))
-    floor = f'the noise of the maps alone leaves {_percent(errors["noise_floor"])}'
+    floor = f'noise and softness of the maps alone leave {_percent(errors["noise_floor"])}'
     if verdict.name == NONE:
         return (
             '<b>No gap.</b> The model as it is explains this recording down to its noise: it '
@@ -100,8 +100,7 @@ def sentence(result: 'Diagnosis') -> str:
         return (
             f'<b>Unexplained.</b> There is a gap: the model misses the held-out part by {before}, '
             f'while {floor}. None of the {tried} effects of the library{pairs} accounts for it: '
-            f'the best, {_label(verdict.model)}, still misses it by {after}, with '
-            f'{_beyond_noise(result, verdict.model)} ({sure}).'
+            f'{_the_best(result)}, with {_beyond_noise(result, verdict.model)} ({sure}).'
         )
     alike = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.inseparable]
     names = ' or '.join(map(_together, [verdict.members, *alike]))
@@ -117,13 +116,23 @@ def sentence(result: 'Diagnosis') -> str:
     )
 
 
+def _the_best(result: 'Diagnosis') -> str:
+    """Say what the best model misses that is not good enough."""
+    errors, name = result.summary['error'], _label(result.verdict.model)
+    after = _percent(errors['after'])
+    if errors['after'] < errors['before']:
+        return f'the best, {name}, still misses it by {after}'
+    return f'with {name}, which suits the part before best, it misses it by {after}'
+
+
 def _together(names: Iterable[str]) -> str:
     return ' and '.join(f'<b>{spoken(name)}</b>' for name in names)
 
 
 def _closed(errors: Mapping[str, float]) -> str:
-    low, high = (100 * errors[f'gap_closed_{end}'] for end in ('low', 'high'))
-    return f'{100 * errors["gap_closed"]:.0f} % ({low:.0f} … {high:.0f} %)'
+    ends = ('gap_closed', 'gap_closed_low', 'gap_closed_high')
+    closed, low, high = (100 * min(max(errors[end], 0.0), 1.0) for end in ends)
+    return f'{closed:.0f} % ({low:.0f} … {high:.0f} %)'
 
 
 def _members_and_alike(result: 'Diagnosis') -> tuple[str, ...]:
@@ -195,7 +204,8 @@ def _pictures(result: 'Diagnosis') -> Iterator[str]:
                 'The remainder, which no effect of the library accounts for. Red: more tracer in '
                 f'the rig than in the best model ({spoken(result.verdict.model.label)}); blue: '
                 'less. Right: divided by what noise and a front 0.12 cells off would leave, over '
-                'the whole recording; about 1 is nothing.',
+                'the whole recording; noise alone leaves about '
+                f'{overall(*result.verdict.model.noise):.1f}.',
             )
         yield _figure(
             pictures.course(result, index),
@@ -286,10 +296,11 @@ def _ranking(result: 'Diagnosis') -> str:
         rows.append([*cells, _probability(row['probability'])])
     head = ['effect', 'of', 'would mean', 'leaves, alone', '', 'probability']
     note = (
-        f'<p>Every effect of the library was fitted to the first 70 % of the recording. Without any'
+        f'<p>Every effect in the table was fitted to the first 70 % of the recording. Without any'
         f' effect the error of the held-out part is {_percent(before)}'
         f'{_jointly(result)}. Probabilities come from the misfit at the fronts of the '
-        'whole recording.</p>'
+        'whole recording; the members of a pair have that of the pair, and what is missing to '
+        '100 % is left to what the library lacks.</p>'
     )
     return note + _table(head, rows, {4, 5})
 
@@ -303,7 +314,7 @@ def _jointly(result: 'Diagnosis') -> str:
 
 
 def _probability(share: float) -> str:
-    return '< 0.1 %' if share < 1e-3 else _percent(share)
+    return '&lt; 0.1 %' if share < 1e-3 else _percent(share)
 
 
 def _pairs(result: 'Diagnosis') -> str:
@@ -312,7 +323,12 @@ def _pairs(result: 'Diagnosis') -> str:
         return '<p>No pair was tried: nothing is left for a second effect.</p>'
     best = findings.singles[0]
     rows = [
-        [_label(fit), _percent(fit.error), f'{excess(fit):.2f}'] for fit in (best, *findings.pairs)
+        [
+            _label(fit),
+            _percent(error_left(fit, result.summary['error'], findings)),
+            f'{excess(fit):.2f}',
+        ]
+        for fit in (best, *findings.pairs)
     ]
     note = '<p>Pairs that went as far as the final judgement, below the best single effect:</p>'
     return note + _table(['effects', 'leave', 'misfit beyond noise'], rows, {1, 2})
@@ -327,7 +343,7 @@ def _phases(result: 'Diagnosis') -> str:
             phase.state,
             f'{100 * phase.share:.0f} %',
         ]
-        for phase in result.gap.phases[:6]
+        for phase in result.gap.phases
     ]
     return _table(['time', 'pumps', 'share of the gap'], rows, {2})
 
@@ -374,7 +390,7 @@ def _strengths(result: 'Diagnosis') -> str:
         where = ', in the middle of the rig' if name in LOCAL else ''
         rows.append([spoken(name), f'{spoken(parameter)}{where}', least])
     note = (
-        '<p>Not seen is not absent: alone and weaker than this, an effect would have left no trace '
+        '<p>Not seen is not absent: alone and weaker than this, an effect might not have stood out '
         'in this recording.</p>'
     )
     return note + _table(['effect', 'parameter', 'least deviation that shows'], rows, {2})
@@ -393,9 +409,10 @@ def _method(result: 'Diagnosis') -> str:
         'rates. Parameters were fitted to the first 70 % of the recording and judged on the last '
         f'30 %. Measured noise: grain {_percent(noise.grain)}, frame {_percent(noise.frame)}, empty'
         f' sand {_percent(noise.background)} of the stock, correlated over '
-        f'{noise.correlation:.1f} cells. Misfit at fronts, in deviations of noise and of a front '
-        f'0.12 cells off: {score(findings.null):.2f} before, {score(result.verdict.model):.2f} '
-        f'after; noise alone {overall(*result.verdict.model.noise):.2f}. Before, there is '
+        f'{noise.correlation:.1f} cells; fronts as soft as blurred over '
+        f'{result.held_out[0].blur:.1f} cells. Misfit at fronts, in deviations of noise and of a '
+        f'front 0.12 cells off: {score(findings.null):.2f} before, '
+        f'{score(result.verdict.model):.2f} after; noise alone {overall(*result.verdict.model.noise):.2f}. Before, there is '
         f'{_beyond_noise(result, findings.null)}; after, '
         f'{_beyond_noise(result, result.verdict.model)}. {smear}</p>'
     )

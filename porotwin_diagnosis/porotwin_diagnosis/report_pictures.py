@@ -148,7 +148,10 @@ def course(result: 'Diagnosis', number: int = 0) -> Figure:
         label = _after_title(result)
         upper.plot(minutes, 100 * data.after, color=AFTER, marker='.', label=label)
     upper.fill_between(minutes, 100 * data.floor, color='0.85', label='noise alone')
-    upper.set(ylabel='error of the map [%]', ylim=(0, 112 * float(data.before.max())))
+    upper.set(
+        ylabel='error of the map [%]',
+        ylim=(0, 112 * float(max(data.before.max(), data.after.max()))),
+    )
     upper.legend(frameon=False, ncols=3, loc='lower left', bbox_to_anchor=(0, 1), fontsize=9)
     for well in sample.schedule.wells:
         _rate_steps(lower, sample.schedule.intervals(sample.start, sample.end), well)

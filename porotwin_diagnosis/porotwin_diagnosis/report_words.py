@@ -116,6 +116,12 @@ def _span(seconds: float) -> str:
     return f'{number(seconds / 60, 2)} min'
 
 
+def _half_life(rate: float) -> str:
+    if rate <= 0:
+        return 'at no rate'
+    return f'at {number(3600 * rate, 2)} per hour, half of it in {_span(math.log(2) / rate)}'
+
+
 def _place(p: Values) -> str:
     return f'x = {p["x"]:.3f} m, z = {p["z"]:.3f} m'
 
@@ -193,10 +199,10 @@ PHRASES: dict[str, Callable[[Values], str]] = {
         f'the tracer is {_factor(p["viscosity_ratio"], "more", "less")} viscous than water'
     ),
     'retardation': lambda p: (
-        'the tracer sorbs to the sand, so that the water is '
-        f'{number(p["retardation_factor"], 4)} times as fast'
+        'the tracer sorbs to the sand and travels '
+        f'{number(p["retardation_factor"], 4)} times slower than the water'
     ),
-    'decay': lambda p: f'the tracer fades or is lost by {number(3.6e5 * p["rate"], 2)} %/h',
+    'decay': lambda p: f'the tracer fades or is lost {_half_life(p["rate"])}',
     'dual_porosity': lambda p: (
         f'{number(100 * p["immobile_fraction"], 2)} % of the pore water stand still and exchange '
         f'tracer with the rest within {_span(1 / p["exchange_rate"])}'

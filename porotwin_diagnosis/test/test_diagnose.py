@@ -10,6 +10,7 @@ from diagnosis_examples import COSTLY, recorded
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, load_rig
+from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.diagnose import diagnose
@@ -248,3 +249,16 @@ def test_a_pair_exchanges_its_members_one_after_the_other(tmp_path):
     best = min(found.values(), key=score)
     assert {member.effect for member in best.members} == {'decay', 'porosity'}
     assert score(best) < 0.6 * score(pair)
+
+
+def test_nothing_arises_while_all_pumps_rest(tmp_path):
+    """A wrong porosity acts with the flow; what two maps at rest differ by is noise."""
+    rows = [
+        ScheduleRow(0.0, 'injector', WellRate(from_ml_h(600.0), 1.0)),
+        ScheduleRow(1200.0, 'injector', WellRate()),
+    ]
+    porosity = EffectDescription(name='porosity', parameters={'factor': 0.85})
+    folder = recorded(tmp_path / 'recording', porosity, told=Schedule(tuple(rows)))
+    phases = map_gap(open_recording(folder)).phases
+    resting = [phase for phase in phases if phase.state == 'resting']
+    assert sum(phase.share for phase in resting) < 0.05

@@ -37,7 +37,7 @@ def test_what_shows_the_same_shares_the_confidence():
     assert found['depth'] > found['leak'] > 0.0
 
 
-def test_a_partner_is_half_as_sure():
+def test_a_partner_is_as_sure_as_the_pair():
     found = shares('porosity', 0.8, members=('porosity', 'clock'))
-    assert found['clock'] == pytest.approx(0.4)
+    assert found['clock'] == pytest.approx(0.8)
     assert found['rate'] < 0.2
