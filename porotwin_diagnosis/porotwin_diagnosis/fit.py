@@ -115,6 +115,7 @@ class Fitter:
         self.samples = [forward.sample for forward in forwards]
         self.soft = soft
         self.rough = rough
+        self._roughened: dict[str, FloatArray] = {}
         self._pool = pool
 
     def residuals(
@@ -203,12 +204,18 @@ class Fitter:
         """
         if not any(_is_unstable(effect) for effect in effects):
             return 1.0, 1.0
-        with_them, without = self._roughened(effects), self._roughened(())
+        with_them, without = self._on_rough_sand(effects), self._on_rough_sand(())
         fitted, held_out = np.maximum(with_them / np.maximum(without, 1e-9), 1.0)
         return float(fitted), float(held_out)
 
-    def _roughened(self, effects: Sequence[EffectDescription]) -> FloatArray:
-        """Return what rough sand changes in the maps, a misfit, fitted and held out."""
+    def _on_rough_sand(self, effects: Sequence[EffectDescription]) -> FloatArray:
+        """Return what rough sand changes in the maps, a misfit, fitted and held out; asked once."""
+        key = repr(effects)
+        if key not in self._roughened:
+            self._roughened[key] = self._change_on_rough_sand(effects)
+        return self._roughened[key]
+
+    def _change_on_rough_sand(self, effects: Sequence[EffectDescription]) -> FloatArray:
         smooth = self.residuals(effects, WIDTH)
         squares = np.zeros(2)
         for forwards in self.rough:

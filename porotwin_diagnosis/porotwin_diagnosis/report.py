@@ -412,7 +412,8 @@ def _method(result: 'Diagnosis') -> str:
         f'{noise.correlation:.1f} cells; fronts as soft as blurred over '
         f'{result.held_out[0].blur:.1f} cells. Misfit at fronts, in deviations of noise and of a '
         f'front 0.12 cells off: {score(findings.null):.2f} before, '
-        f'{score(result.verdict.model):.2f} after; noise alone {overall(*result.verdict.model.noise):.2f}. Before, there is '
+        f'{score(result.verdict.model):.2f} after; noise alone '
+        f'{overall(*result.verdict.model.noise):.2f}. Before, there is '
         f'{_beyond_noise(result, findings.null)}; after, '
         f'{_beyond_noise(result, result.verdict.model)}. {smear}</p>'
     )
