@@ -164,8 +164,8 @@ def _effects(result: 'Diagnosis') -> list[dict[str, Any]]:
         if name == NUMERICAL:
             rows[name] = _numerical_row(result, errors)
             continue
-        for part in result.findings.parts:  # another well may be the better one alone
-            if part.members[0].effect == name and part.label != best[name].label:
+        for part in result.findings.parts:  # by these the members are put in order
+            if part.members[0].effect == name and len(verdict.model.members) > 1:
                 rows[name] |= _alone(part, errors, result.findings)
         rows[name]['parameters'] = _parameters(verdict.model, name)
         if len(verdict.model.members) == 1:
