@@ -321,14 +321,15 @@ def _pairs(result: 'Diagnosis') -> str:
     findings = result.findings
     if not findings.pairs:
         return '<p>No pair was tried: nothing is left for a second effect.</p>'
-    best = findings.singles[0]
+    errors, kept = result.summary['error'], result.verdict.model.label
+
+    def left(fit: Fit) -> float:
+        known = fit.label == kept
+        return float(errors['after']) if known else error_left(fit, errors, findings)
+
     rows = [
-        [
-            _label(fit),
-            _percent(error_left(fit, result.summary['error'], findings)),
-            f'{excess(fit):.2f}',
-        ]
-        for fit in (best, *findings.pairs)
+        [_label(fit), _percent(left(fit)), f'{excess(fit):.2f}']
+        for fit in (findings.singles[0], *findings.pairs)
     ]
     note = '<p>Pairs that went as far as the final judgement, below the best single effect:</p>'
     return note + _table(['effects', 'leave', 'misfit beyond noise'], rows, {1, 2})
