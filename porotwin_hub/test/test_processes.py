@@ -58,6 +58,12 @@ def alive(pid: int) -> bool:
         return False
 
 
+def hear_signals() -> None:
+    """Undo what a test run in the background or under nohup hands down."""
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize(
     ('number', 'bound'),
     [
@@ -75,6 +81,7 @@ def test_no_node_outlives_its_graph(number: signal.Signals, bound: bool, tmp_pat
         stderr=subprocess.DEVNULL,
         text=True,
         env={**os.environ, **with_path(tmp_path)},
+        preexec_fn=hear_signals,
     )
     assert graph.stdout is not None
     node = int(graph.stdout.readline())
