@@ -148,18 +148,24 @@ def _odds_of_more(openness: float) -> float:
 def _odds_of_order(members: Sequence[str], findings: Findings) -> float:
     """Return the log-odds that the first of two `members` is the stronger one.
 
-    By how much more of the gap it closes alone, and by how much more it changes alone: what spreads
-    fronts closes more than it would open. Little is certain where the two are alike or disagree.
+    Little is certain where the two are alike, or where what they leave and what they change
+    disagree.
     """
-    if len(findings.parts) != len(findings.part_distances) or len(findings.parts) != 2:
+    alone = {fit.members[0].effect: strength for fit, strength in _strengths(findings)}
+    if set(alone) != set(members):
         return math.inf
-    before = findings.null.error
-    closed = [max(before - part.error, 1e-9) for part in findings.parts]
-    by_size = [max(distance, 1e-9) for distance in findings.part_distances]
-    if findings.parts[0].members[0].effect != members[0]:
-        closed, by_size = closed[::-1], by_size[::-1]
-    ratio = min(closed[0] / closed[1], by_size[0] / by_size[1])
+    first, second = (alone[name] for name in members)
+    ratio = min(first[0] / second[0], first[1] / second[1])
     return 0.4 + 8.0 * max(0.0, math.log(ratio))
+
+
+def _strengths(findings: Findings) -> list[tuple[Fit, tuple[float, float]]]:
+    """Return the members of the best pair with one over the error that each leaves alone of the
+    held-out maps, and how far it alone takes the maps from those without any effect."""
+    return [
+        (part, (1.0 / max(part.error, 1e-9), max(distance, 1e-9)))
+        for part, distance in zip(findings.parts, findings.part_distances, strict=True)
+    ]
 
 
 def _lead_of_single(names: tuple[str, ...], probabilities: dict[str, float]) -> float:
@@ -220,12 +226,13 @@ def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
 
 
 def _by_strength(model: Fit, findings: Findings) -> tuple[str, ...]:
-    """Return the names of the members of `model`, that which closes most alone first.
+    """Return the names of the members of `model`, the strongest first.
 
-    As the diagnosis contract has it, by the relative error of the held-out part.
+    That is which closes most when added alone (diagnosis contract). But what spreads fronts also
+    closes what the camera's softness opens; how much each changes the maps counts as much.
     """
-    alone = {fit.label: fit.error for fit in findings.parts}
-    members = sorted(model.members, key=lambda member: alone.get(member.label, math.inf))
+    strength = {part.label: math.prod(both) for part, both in _strengths(findings)}
+    members = sorted(model.members, key=lambda member: -strength.get(member.label, 0.0))
     return tuple(member.effect for member in members)
 
 

@@ -46,6 +46,7 @@ def findings(null, *singles, pairs=(), distances=None, pair_distances=None, part
         distances,
         pair_distances or [0.0] + [3.0] * (len(pairs) - 1),
         [fit(name, misfit=5.0, error=value) for name, value in parts],
+        [1.0 for _ in parts],
     )
 
 
@@ -117,6 +118,7 @@ def test_a_pair_whose_stronger_effect_has_a_double_is_sure_of_both():
     pairs = [(('retardation', 'decay'), 0.3), (('porosity', 'decay'), 0.3)]
     parts = (('retardation', 0.1), ('decay', 0.3))
     found = findings(9.0, ('leak', 2.0), pairs=pairs, pair_distances=[0.0, 0.01], parts=parts)
+    found.part_distances = [4.0, 2.0]
     verdict = decide(found, LIMITS)
     assert verdict.name == 'retardation'
     assert verdict.inseparable == ('porosity',)
@@ -224,7 +226,7 @@ def test_of_a_pair_that_disagrees_on_which_is_stronger_nobody_is_sure():
     found.null = replace(found.null, error=0.2)
     found.part_distances = [4.0, 2.0]
     agreed = decide(found, LIMITS)
-    found.part_distances = [2.0, 4.0]
+    found.part_distances = [2.0, 2.4]
     disputed = decide(found, LIMITS)
     assert agreed.members == disputed.members == ('dispersion', 'registration')
     assert disputed.confidence < 0.65 < agreed.confidence
