@@ -15,7 +15,7 @@ from porotwin_diagnosis.evidence import FRONT_TOLERANCE
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.output import FIXED_UNITS, error_left
 from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
-from porotwin_diagnosis.search import excess, overall, score
+from porotwin_diagnosis.search import beyond_noise, overall, score
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def _percent(share: float) -> str:
 
 def _beyond_noise(result: 'Diagnosis', fit: Fit) -> str:
     """Say what `fit` leaves beyond the noise, as what misplaced fronts would leave."""
-    shift = excess(fit) * FRONT_TOLERANCE * result.samples[0].grid.dx
+    shift = max(beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
     return f'as much beyond the noise as fronts {number(1e3 * shift, 2)} mm off would leave'
 
 
@@ -328,7 +328,7 @@ def _pairs(result: 'Diagnosis') -> str:
         return float(errors['after']) if known else error_left(fit, errors, findings)
 
     rows = [
-        [_label(fit), _percent(left(fit)), f'{excess(fit):.2f}']
+        [_label(fit), _percent(left(fit)), f'{max(beyond_noise(fit)):.2f}']
         for fit in (findings.singles[0], *findings.pairs)
     ]
     note = '<p>Pairs that went as far as the final judgement, below the best single effect:</p>'

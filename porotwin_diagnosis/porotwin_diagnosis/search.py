@@ -130,17 +130,22 @@ class Findings:
     runs: int = 0
 
 
-def excess(fit: Fit) -> float:
-    """Return what a judged `fit` leaves beyond the noise of the part, fitted or held out, where it
-    leaves more, in units of the share of a cell by which no front is known; of a viscosity in
-    larger ones."""
-    viscous = any(member.effect == 'viscosity' for member in fit.members)
-    parts = zip((fit.fitted, fit.held_out), fit.noise, fit.magnified, strict=True)
-    left = (
-        math.sqrt(max(all_of_it**2 - (NOISE_DOUBT * noise) ** 2, 0.0)) / magnified
-        for all_of_it, noise, magnified in parts
+def beyond_noise(fit: Fit) -> tuple[float, ...]:
+    """Return what a judged `fit` leaves beyond the noise, of the fitted and of the held-out part,
+    in units of the share of a cell by which no front is known."""
+    parts = zip((fit.fitted, fit.held_out), fit.noise, strict=True)
+    return tuple(
+        math.sqrt(max(all_of_it**2 - (NOISE_DOUBT * noise) ** 2, 0.0)) for all_of_it, noise in parts
     )
-    return max(left) / (VISCOUS if viscous else 1.0)
+
+
+def excess(fit: Fit) -> float:
+    """Return what `fit` leaves `beyond_noise` of the part where it leaves more, as a multiple of
+    what a model that is right may leave: of a viscosity, and of one that magnifies how rough the
+    sand is, that is more."""
+    viscous = any(member.effect == 'viscosity' for member in fit.members)
+    parts = zip(beyond_noise(fit), fit.magnified, strict=True)
+    return max(left / magnified for left, magnified in parts) / (VISCOUS if viscous else 1.0)
 
 
 def score(fit: Fit) -> float:
@@ -181,16 +186,22 @@ class Search:
         coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
         self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
         self.refining = self._fitter(samples, 1, EDGE_BLUR)
-        self.judging = self._fitter(samples, JUDGING, EDGE_BLUR)
-        self.judging.rough = [
+        rough = [
             [Forward(on_rough_sand(sample, seed), refinement=JUDGING) for sample in samples]
             for seed in range(ROUGH_SANDS)
         ]
+        self.judging = self._fitter(samples, JUDGING, EDGE_BLUR, rough)
         self.finest = [Forward(sample, refinement=FINEST) for sample in samples]
 
-    def _fitter(self, samples: Sequence[Sample], refinement: int, soft: float) -> Fitter:
+    def _fitter(
+        self,
+        samples: Sequence[Sample],
+        refinement: int,
+        soft: float,
+        rough: Sequence[Sequence[Forward]] = (),
+    ) -> Fitter:
         forwards = [Forward(sample, refinement=refinement) for sample in samples]
-        return Fitter(forwards, soft=soft, pool=self._pool)
+        return Fitter(forwards, soft=soft, rough=rough, pool=self._pool)
 
     def run(self) -> Findings:
         """Return what was found."""
