@@ -1,6 +1,43 @@
-"""How property tests run: the same examples every time, and none fails for being slow."""
+"""How all tests run: property tests alike every time, ROS 2 nodes apart from all others."""
 
+import fcntl
+import os
+import tempfile
+from pathlib import Path
+from typing import TextIO
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile('porotwin', deadline=None, derandomize=True)
 settings.load_profile('porotwin')
+
+DOMAINS = range(1, 102)
+"""DDS domains whose ports are free on Linux."""
+
+_claims: list[TextIO] = []
+
+
+def _claimed_domain() -> int:
+    """Return a DDS domain that no other tests on this machine use until this process ends."""
+    for number in DOMAINS:
+        try:
+            claim = (Path(tempfile.gettempdir()) / f'porotwin_test_domain_{number}').open('w')
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            continue
+        _claims.append(claim)
+        return number
+    raise RuntimeError(f'all DDS domains up to {DOMAINS[-1]} are in use by other tests')
+
+
+def pytest_configure() -> None:
+    """Keep nodes that tests start away from a rig's, and from those of other tests."""
+    os.environ['ROS_DOMAIN_ID'] = str(_claimed_domain())
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+@pytest.fixture
+def domain() -> int:
+    """A DDS domain that no other test uses, nor nodes that a test before left to end."""
+    return _claimed_domain()

@@ -1,6 +1,5 @@
 """What tests of the whole project share."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,16 +7,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / 'shared'
-
-os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-
-_DOMAINS = iter(range(1, 101))
-
-
-@pytest.fixture
-def domain() -> int:
-    """A DDS domain that no other test of this process uses, and hardly one of another."""
-    return 1 + (os.getpid() + 17 * next(_DOMAINS)) % 100
 
 
 @pytest.fixture(scope='session')

@@ -34,7 +34,7 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
     settings = GraphSettings(
         rig=folder / 'rig.yaml',
         calibration=calibration_run(rig, folder, seed=5, photo_width=PHOTO_WIDTH),
-        grid='94x56',
+        grid='62x37',
         evaluations=4,
         photo_interval_s=90.0,
         diagnoses=folder / 'diagnoses',

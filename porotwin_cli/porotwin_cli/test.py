@@ -15,11 +15,14 @@ CHECKS = (
     ('mypy', ['-m', 'mypy']),
 )
 
+ON_ALL_CORES = ['-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '--no-loadscope-reorder']
+
 TESTS = (
-    ('tests', ['-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '-m', 'not graph']),
-    ('tests with ROS 2 nodes', ['-m', 'graph']),
+    ('tests', [*ON_ALL_CORES, '-m', 'not graph']),
+    ('tests of ROS 2 nodes', [*ON_ALL_CORES, '-m', 'graph and not slow']),
+    ('tests of whole graphs', ['-m', 'graph and slow']),
 )
-"""Graphs of nodes run one after the other: beside other work their photographs would come late."""
+"""Whole graphs run one after the other: beside other work their photographs would come late."""
 
 
 def command(

@@ -1,7 +1,6 @@
 """COSTA and its trainer as real processes; this test plays asset, solver and hub over DDS."""
 
 import dataclasses
-import os
 import signal
 import subprocess
 import sys
@@ -49,16 +48,6 @@ PATIENCE = 60.0
 """Longest wait for anything [s]; starting a process with torch takes several on a busy machine."""
 
 
-@pytest.fixture(scope='module')
-def domain() -> Iterator[str]:
-    before = dict(os.environ)
-    os.environ['ROS_DOMAIN_ID'] = str(10 + os.getpid() % 90)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    yield os.environ['ROS_DOMAIN_ID']
-    os.environ.clear()
-    os.environ.update(before)
-
-
 class Client:
     """A node of the test, spun in a thread."""
 
@@ -98,7 +87,7 @@ class Client:
 
 
 @pytest.fixture(scope='module')
-def client(domain) -> Iterator[Client]:
+def client() -> Iterator[Client]:
     client = Client()
     yield client
     client.close()
@@ -133,7 +122,7 @@ def _stop(process: subprocess.Popen) -> str:
 
 
 @pytest.fixture
-def costa(domain, rig_file) -> Iterator[subprocess.Popen]:
+def costa(rig_file) -> Iterator[subprocess.Popen]:
     process = _start('costa_node', rig=rig_file, grid='30x20', architecture='local')
     yield process
     _stop(process)
@@ -292,7 +281,7 @@ def _solver(client: Client, model: Any) -> list[Any]:
 
 
 def test_trainer_collects_pairs_and_has_costa_trained(
-    client, costa, domain, rig_file, model, training_frames, tmp_path
+    client, costa, rig_file, model, training_frames, tmp_path
 ):
     folder, output = tmp_path / 'pairs', tmp_path / 'model.safetensors'
     trainer = _start(
@@ -423,7 +412,7 @@ def test_a_trainer_that_learns_nothing_says_why(client, rig_file, grid, monkeypa
     node.destroy_node()
 
 
-def test_wrong_parameters_end_the_node_with_one_line(domain, rig, rig_file, trained, tmp_path):
+def test_wrong_parameters_end_the_node_with_one_line(rig, rig_file, trained, tmp_path):
     broken = tmp_path / 'model.safetensors'
     broken.write_bytes(b'no model')
     other = tmp_path / 'other.safetensors'

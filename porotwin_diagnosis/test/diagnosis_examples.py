@@ -13,6 +13,9 @@ from porotwin_rig.observation import MapNoise
 COSTLY = ('buoyancy', 'viscosity', 'dual_porosity', 'background_flow', 'heterogeneity', 'leak')
 """Effects that take most of a search; a test whose point is another one leaves them out."""
 
+BESIDE_THE_POINT = (*COSTLY, 'well_position', 'registration', 'illumination', 'decay')
+"""And those that take most of the rest, for a test of more than one search."""
+
 
 def schedule():
     """Inject for 25 min beside a control well, rest for 5, inject again."""

@@ -1,6 +1,5 @@
 """The diagnosis as an action over DDS: what it refuses and tells, and that it can be stopped."""
 
-import os
 import threading
 from functools import partial
 
@@ -78,16 +77,11 @@ class Graph:
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
-    before = dict(os.environ)
-    os.environ['ROS_DOMAIN_ID'] = str(10 + os.getpid() % 90)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rig = tmp_path_factory.mktemp('rig') / 'rig.yaml'
     write_rig(SMALL, rig)
     graph = Graph(rig)
     yield graph
     graph.close()
-    os.environ.clear()
-    os.environ.update(before)
 
 
 def test_a_graph_that_has_shown_nothing_is_refused_with_a_reason(graph):

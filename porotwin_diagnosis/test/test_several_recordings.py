@@ -6,7 +6,7 @@ import shutil
 import netCDF4
 import numpy as np
 import pytest
-from diagnosis_examples import COSTLY, SMALL, recorded
+from diagnosis_examples import BESIDE_THE_POINT, SMALL, recorded
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, write_rig
@@ -53,11 +53,11 @@ def chasing(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_second_recording_separates_what_one_cannot(injecting, chasing, tmp_path):
-    alone = diagnose(injecting, tmp_path / 'alone', excluded=COSTLY).summary
+    alone = diagnose(injecting, tmp_path / 'alone', excluded=BESIDE_THE_POINT).summary
     assert {alone['verdict'], *alone['not_separable_from']} >= {'porosity', 'rate'}
     both = [str(injecting), str(chasing)]
 
-    said = diagnose(both, tmp_path / 'both', excluded=COSTLY).summary
+    said = diagnose(both, tmp_path / 'both', excluded=BESIDE_THE_POINT).summary
     assert said == json.loads((tmp_path / 'both' / 'diagnosis.json').read_text())
     assert said['verdict'] == 'porosity'
     assert 'rate' not in said['not_separable_from']

@@ -1,6 +1,5 @@
 """The hub's and the operator's nodes without a graph: what they let out, and when."""
 
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,9 +31,8 @@ OTHER = LIMITS.setpoint(from_ml_h(1.0) * np.array([100.0, 0.0, 0.0]))
 
 @pytest.fixture
 def context() -> Iterator[rclpy.Context]:
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=1 + os.getpid() % 100)
+    rclpy.init(context=context)
     yield context
     rclpy.shutdown(context=context)
 

@@ -37,13 +37,7 @@ from porotwin_page.address import listen
 
 pytestmark = pytest.mark.graph
 
-DOMAIN = 87
-ENVIRONMENT = {
-    **os.environ,
-    'ROS_DOMAIN_ID': str(DOMAIN),
-    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-    'PYTHONUNBUFFERED': '1',
-}
+ENVIRONMENT = {**os.environ, 'PYTHONUNBUFFERED': '1'}
 PATIENCE_S = 60.0
 
 
@@ -196,9 +190,8 @@ class Rest(Node):
 
 @pytest.fixture
 def rest() -> Iterator[Rest]:
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
+    rclpy.init(context=context)
     node = Rest(context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)

@@ -1,6 +1,5 @@
 """A replay that fails ends with an error, whatever the failure is."""
 
-import os
 import sys
 from pathlib import Path
 
@@ -16,8 +15,6 @@ pytestmark = pytest.mark.graph
 
 @pytest.fixture(autouse=True)
 def arguments(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     arguments = ['-p', f'bag:={BAG}', '-p', 'discovery_s:=0.1']
     monkeypatch.setattr(sys, 'argv', ['player', '--ros-args', *arguments])
 

@@ -1,6 +1,5 @@
 """Recorder and player over real DDS, every node in a process of its own."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -26,14 +25,6 @@ pytestmark = pytest.mark.graph
 FRAMES = 30
 
 
-def environment() -> dict[str, str]:
-    return {
-        **os.environ,
-        'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-    }
-
-
 def eventually(condition: Callable[[], bool], timeout: float = 60.0) -> bool:
     deadline = time.monotonic() + timeout
     while not condition() and time.monotonic() < deadline:
@@ -49,7 +40,6 @@ class Process:
         with log.open('w') as output:
             self.popen = subprocess.Popen(
                 [sys.executable, *arguments],
-                env=environment(),
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )

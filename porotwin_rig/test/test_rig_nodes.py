@@ -1,6 +1,5 @@
 """The virtual rig and the mock camera as real processes; this test plays the twin over DDS."""
 
-import os
 import subprocess
 import sys
 import threading
@@ -33,16 +32,6 @@ pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
 """Longest wait for anything [s], on a busy machine."""
-
-
-@pytest.fixture(scope='module', autouse=True)
-def domain() -> Iterator[None]:
-    before = dict(os.environ)
-    os.environ['ROS_DOMAIN_ID'] = str(10 + (os.getpid() + 37) % 90)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    yield
-    os.environ.clear()
-    os.environ.update(before)
 
 
 class Twin:

@@ -1,6 +1,5 @@
 """The solver node as a process of its own, asked over DDS."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -107,17 +106,7 @@ effects:
 
 
 @pytest.fixture(scope='module')
-def domain() -> Iterator[None]:
-    before = dict(os.environ)
-    os.environ['ROS_DOMAIN_ID'] = str(10 + (os.getpid() + 37) % 90)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    yield
-    os.environ.clear()
-    os.environ.update(before)
-
-
-@pytest.fixture(scope='module')
-def client(domain: None, rig_file: Path) -> Iterator[Client]:
+def client(rig_file: Path) -> Iterator[Client]:
     process = start(rig_file)
     client = Client()
     yield client
@@ -226,7 +215,7 @@ def test_a_bad_request_gets_its_reason_and_the_node_goes_on(
     ],
 )
 def test_a_wrong_parameter_ends_it_with_one_line(
-    domain: None, rig_file: Path, more: tuple[str, ...], text: str
+    rig_file: Path, more: tuple[str, ...], text: str
 ) -> None:
     process = start(rig_file, *more)
     output, _ = process.communicate(timeout=PATIENCE)
