@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription
+from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.candidates import Candidate, heterogeneity, leak
 from porotwin_diagnosis.evidence import Sample
 from porotwin_diagnosis.forward import Forward
@@ -30,8 +31,9 @@ COARSE_FRAMES = 8
 SPACING = 0.09
 """Distance of the places tried, as a share of the rig's longer side."""
 
-LEAK_SHARE = 0.05
-"""A leak tried, as a share of the strongest pump."""
+LEAK_SHARES = (0.05, -0.05)
+"""Leaks tried, as a share of the strongest pump: within the plume, water that enters makes a hole,
+and water that is lost does not."""
 
 ZONE_FACTORS = (0.25, 4.0)
 """Permeability of a zone tried, relative to that believed."""
@@ -120,7 +122,7 @@ def starts(
     kept: list[Candidate] = []
     for index in order:
         candidate, amplitude = tried[index], gains[index][1]
-        if gains[index][0] <= 0.0 or (effect != 'leak' and amplitude <= 0.0):
+        if gains[index][0] <= 0.0 or amplitude <= 0.0:
             continue
         if all(_distance(candidate, other) > 1.5 * _spacing(coarse[0].sample) for other in kept):
             kept.append(_scaled(candidate, effect, amplitude))
@@ -147,8 +149,8 @@ def _leaks(sample: Sample) -> list[Candidate]:
     strongest = max((abs(row.rate.rate) for row in sample.schedule.rows), default=0.0)
     if strongest == 0.0:
         raise InputError('leak: no pump ever runs, so that no rate says how large one may be')
-    rate = LEAK_SHARE * strongest * 3.6e9
-    return [leak(sample.rig, place, rate) for place in _places(sample)]
+    rates = [share * to_ml_h(strongest) for share in LEAK_SHARES]
+    return [leak(sample.rig, place, rate) for place in _places(sample) for rate in rates]
 
 
 def _zones(sample: Sample) -> list[Candidate]:
@@ -170,6 +172,6 @@ def _distance(one: Candidate, other: Candidate) -> float:
 def _scaled(candidate: Candidate, effect: str, amplitude: float) -> Candidate:
     """Return `candidate` whose strength starts at what the projection asks for, within reason."""
     start = list(candidate.first)
-    limit = (-3.0, 3.0) if effect == 'leak' else (0.3, 2.0)
+    limit = (0.0, 3.0) if effect == 'leak' else (0.3, 2.0)
     start[-1] *= float(np.clip(amplitude, *limit))
     return Candidate(candidate.effect, candidate.knobs, starts=(tuple(start),))

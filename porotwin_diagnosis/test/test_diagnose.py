@@ -17,7 +17,7 @@ from porotwin_diagnosis.diagnose import diagnose
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import _phases, map_gap
-from porotwin_diagnosis.scan import _leaks
+from porotwin_diagnosis.scan import _leaks, starts
 from porotwin_diagnosis.search import Findings, Search, score
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
@@ -71,6 +71,16 @@ def test_gap_arises_at_the_leak_and_not_where_the_flow_carries_it(tmp_path):
     assert min(np.hypot(spot.x - 0.33, spot.z - 0.3) for spot in spots) < 0.1
     assert sum(phase.share for phase in gap.phases) == pytest.approx(1.0, abs=0.01)
     assert {phase.state for phase in gap.phases} <= {'injecting', 'resting', 'chasing'}
+
+
+def test_a_leak_within_the_plume_is_looked_for_where_it_is(tmp_path):
+    """There, water that enters makes a hole, and water that is lost does not."""
+    leak = EffectDescription(name='leak', parameters={'x': 0.23, 'z': 0.3, 'rate': -22.0})
+    sample = read_sample(open_recording(recorded(tmp_path / 'recording', leak)))
+    first = starts([Forward(sample)], 'leak')[0]
+    start = first.described(first.first).parameters
+    assert np.hypot(float(start['x']) - 0.23, float(start['z']) - 0.3) < 0.06
+    assert -40.0 < float(start['rate']) < -10.0
 
 
 def test_gap_arises_at_a_streak_that_no_effect_of_the_library_describes(tmp_path):
