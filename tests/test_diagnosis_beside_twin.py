@@ -21,8 +21,8 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 ROOT = Path(__file__).resolve().parents[1]
 PHOTO_WIDTH = 640
 WITHHELD = 'rate:well=injector,factor=0.7'
-STATES = 20
-"""Photographs before the diagnosis is asked: half an hour of the experiment."""
+STATES = 14
+"""Photographs before the diagnosis is asked: twenty minutes of the experiment."""
 
 
 def rig_nodes(folder: Path) -> list[NodeDescription]:

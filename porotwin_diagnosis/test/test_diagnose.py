@@ -6,7 +6,7 @@ from dataclasses import replace
 import netCDF4
 import numpy as np
 import pytest
-from diagnosis_examples import COSTLY, recorded
+from diagnosis_examples import BESIDE_THE_POINT, recorded
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, load_rig
@@ -58,7 +58,7 @@ def test_wrong_porosity_is_named_and_the_rig_mended(denser_sand, tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet, tmp_path):
-    result = diagnose(quiet, tmp_path / 'out', setting='upwind', excluded=COSTLY)
+    result = diagnose(quiet, tmp_path / 'out', setting='upwind', excluded=BESIDE_THE_POINT)
     assert result.verdict.name == 'numerical_diffusion'
     assert result.numerics.model_diffusion > 1e-8
     assert result.summary['error']['gap_closed'] > 0.8
