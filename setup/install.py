@@ -86,7 +86,8 @@ def make_environment() -> None:
 def install_packages() -> None:
     run(
         [
-            *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off'),
+            # most modules are never imported: those that are get compiled then
+            *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off', '--no-compile'),
             *('-r', str(SETUP / 'requirements.txt'), '-c', str(SETUP / 'constraints.txt')),
         ],
         count='Collecting',
