@@ -86,8 +86,7 @@ def make_environment() -> None:
 def install_packages() -> None:
     run(
         [
-            # most modules are never imported: those that are get compiled then
-            *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off', '--no-compile'),
+            *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off'),
             *('-r', str(SETUP / 'requirements.txt'), '-c', str(SETUP / 'constraints.txt')),
         ],
         count='Collecting',
