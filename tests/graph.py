@@ -118,7 +118,7 @@ def running_graph(
 ) -> Iterator[RunningGraph]:
     """Start `nodes` in a DDS domain of their own; print their logs when the test fails."""
     told: list[str] = []
-    environment = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    environment = {'ROS_DOMAIN_ID': str(domain)}
     ear = Ear(domain)
     try:
         with GraphProcesses(nodes, folder, say=told.append, environment=environment) as processes:

@@ -122,7 +122,7 @@ def starts(
     kept: list[Candidate] = []
     for index in order:
         candidate, amplitude = tried[index], gains[index][1]
-        if gains[index][0] <= 0.0 or amplitude <= 0.0:
+        if amplitude <= 0.0:
             continue
         if all(_distance(candidate, other) > 1.5 * _spacing(coarse[0].sample) for other in kept):
             kept.append(_scaled(candidate, effect, amplitude))
