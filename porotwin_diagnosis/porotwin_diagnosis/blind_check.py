@@ -38,6 +38,9 @@ RESULT = Path('result') / 'report.html'
 FIGURES = 'figures.json'
 """Where the truth's own figures of a case lie; a case that has them is done."""
 
+CLEAN = 'clean.nc'
+"""The maps of a case without noise, beside its recording."""
+
 
 @dataclass(frozen=True)
 class Score:
@@ -122,13 +125,14 @@ def _work_through(
 
 def _make_and_diagnose(case: BlindCase, place: Path) -> None:
     if not (place / RESULT).exists():
-        make_recording(case, place / 'recording')
+        make_recording(case, place / 'recording', clean=place / CLEAN)
         _diagnose_apart(place / 'recording', place / 'result', case.withheld)
-    truth_of(case, place / 'result').write(place / FIGURES)
+    truth_of(case, place / 'result', place / CLEAN).write(place / FIGURES)
 
 
-def make_recording(case: BlindCase, folder: Path) -> None:
-    """Make the recording of `case` on the virtual rig; a half-made one is made again."""
+def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) -> None:
+    """Make the recording of `case` on the virtual rig, and its maps without noise in `clean`; a
+    half-made one is made again."""
     if folder.exists():
         shutil.rmtree(folder)
     make_experiment(
@@ -141,6 +145,7 @@ def make_recording(case: BlindCase, folder: Path) -> None:
         effects=case.effects,
         noise=MapNoise.drawn(case.seed),
         grid=case.rig.default_grid(case.cell_m),
+        truth=clean,
     )
 
 
@@ -207,16 +212,14 @@ def score_case(case: BlindCase, result: Path, truth: Truth) -> Score:
             not set(equal_names(effect)).isdisjoint(said['combination']) for effect in case.effects
         )
     parameters = _parameters(case, said)
-    known = verdict in truth.strongest
-    imitated = truth.imitated and case.kind != 'none' and verdict not in case.right
     return Score(
         name=case.name,
         kind=case.kind,
         truth=tuple(effect.name for effect in case.effects) or ('none',),
         verdict=verdict,
         confidence=float(said['confidence']),
-        right=known or imitated,
-        imitated=imitated,
+        right=verdict in truth.strongest or truth.imitated,
+        imitated=truth.imitated,
         both_found=both,
         gap_closed=truth.gap_closed,
         parameter_errors=tuple(error for error, _ in parameters),

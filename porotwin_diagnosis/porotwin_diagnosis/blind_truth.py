@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import netCDF4
 import numpy as np
@@ -14,6 +14,7 @@ from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.blind_cases import BlindCase
 from porotwin_diagnosis.blind_effects import equal_names
+from porotwin_recording.concentration import ConcentrationMaps, open_maps
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.experiment import signals
 
@@ -34,7 +35,7 @@ class Truth:
     largest gap alone, which need not be the same: two effects can hide each other.
 
     `imitation`: the same error of the virtual rig with the effects that were said in place of the
-    true ones; None where none were said."""
+    true ones; None where nothing was said that would have to imitate the truth to be right."""
 
     before: float
     after: float
@@ -68,37 +69,68 @@ class Truth:
         return cls(**{**content, 'strongest': tuple(content['strongest'])})
 
 
-def truth_of(case: BlindCase, result: Path) -> Truth:
-    """Return how the predictions in `result` compare with what the virtual rig truly did."""
+def truth_of(case: BlindCase, result: Path, clean: Path) -> Truth:
+    """Return how the predictions in `result` compare with what the virtual rig truly did, which
+    `clean` holds: the maps of the recording without noise."""
     with netCDF4.Dataset(result / 'fields.nc') as fields:
-        times = np.asarray(fields['time'][:], dtype=float)
+        held_out = np.asarray(fields['time'][:], dtype=float)
         before, after = (
             np.asarray(fields[f'predicted_{name}'][:], dtype=float) for name in ('before', 'after')
         )
-    clean = _maps(case, case.effects, times)
-    said = _said_effects(result)
+    runs = _Runs(case, open_maps(clean, case.rig), held_out)
     return Truth(
-        before=relative_error(before, clean),
-        after=relative_error(after, clean),
-        strongest=_strongest(case, clean, times),
-        imitation=_imitation(case, said, clean, times) if said else None,
+        before=runs.error(before),
+        after=runs.error(after),
+        strongest=_strongest(case, runs),
+        imitation=_imitation(case, result, runs),
     )
 
 
-def _imitation(
-    case: BlindCase, said: Sequence[EffectDescription], clean: FloatArray, times: FloatArray
-) -> float | None:
-    """Return how far the virtual rig with what was `said` is from the truth; None where it cannot
-    do that."""
+class _Runs:
+    """Runs of the virtual rig with other effects than the true ones of `case`, beside its true
+    one, `clean`, over the `held_out` times [s].
+
+    Every run stops at all times of the recording, as the true one did, so that its numerics are
+    the same.
+    """
+
+    def __init__(self, case: BlindCase, clean: ConcentrationMaps, held_out: FloatArray) -> None:
+        self._case = case
+        self._times = clean.times.tolist()
+        self._held_out = np.isin(clean.times, held_out)
+        if int(self._held_out.sum()) != len(held_out):
+            raise InputError(f'{case.name}: predictions at times that were not recorded')
+        self.clean = clean[:][self._held_out].astype(float)
+
+    def maps(self, effects: Sequence[EffectDescription]) -> FloatArray:
+        """Return what a camera without noise would show with `effects`, (nt, nz, nx)."""
+        rig = VirtualRig(self._case.rig, effects=effects)
+        grid = self._case.rig.default_grid(self._case.cell_m)
+        run = signals(rig, self._case.schedule, times=self._times, grid=grid)
+        return np.stack([m for (_, m), kept in zip(run, self._held_out, strict=True) if kept])
+
+    def error(self, maps: FloatArray) -> float:
+        """Return the relative L2 error of `maps` (nt, nz, nx) against the true ones."""
+        return relative_error(maps, self.clean)
+
+
+def _imitation(case: BlindCase, result: Path, runs: _Runs) -> float | None:
+    """Return how far the virtual rig with what was said is from the truth.
+
+    None where the name said is right by itself, where no gap was to be named, and where the rig
+    cannot do what was said.
+    """
+    said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
+    if case.kind == 'none' or said['verdict'] in case.right or not said['combination']:
+        return None
     try:
-        return relative_error(_maps(case, said, times), clean)
+        return runs.error(runs.maps(_said_effects(said)))
     except InputError:
         return None
 
 
-def _said_effects(result: Path) -> tuple[EffectDescription, ...]:
-    """Return the effects that the diagnosis in `result` kept, with the parameters it gives them."""
-    said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
+def _said_effects(said: dict[str, Any]) -> tuple[EffectDescription, ...]:
+    """Return the effects that a diagnosis kept, with the parameters it gives them."""
     rows = {row['name']: row['parameters'] for row in said['effects']}
     return tuple(
         EffectDescription(
@@ -109,19 +141,12 @@ def _said_effects(result: Path) -> tuple[EffectDescription, ...]:
     )
 
 
-def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArray) -> FloatArray:
-    """Return what a camera without noise would show at `times` [s], (nt, nz, nx)."""
-    rig = VirtualRig(case.rig, effects=effects)
-    grid = case.rig.default_grid(case.cell_m)
-    return np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
-
-
-def _strongest(case: BlindCase, clean: FloatArray, times: FloatArray) -> tuple[str, ...]:
+def _strongest(case: BlindCase, runs: _Runs) -> tuple[str, ...]:
     if len(case.effects) < 2:
         return case.right
-    nothing = _maps(case, (), times)
-    alone = [_maps(case, (effect,), times) for effect in case.effects]
-    left = [relative_error(maps, clean) for maps in alone]
+    nothing = runs.maps(())
+    alone = [runs.maps((effect,)) for effect in case.effects]
+    left = [runs.error(maps) for maps in alone]
     made = [relative_error(maps, nothing) for maps in alone]
     return tuple(
         name

@@ -24,6 +24,7 @@ from porotwin_diagnosis.blind_check import (
 from porotwin_diagnosis.blind_truth import Truth, truth_of
 from porotwin_diagnosis.held_out import HeldOut
 from porotwin_diagnosis.output import write_fields
+from porotwin_recording.concentration import ConcentrationWriter, open_maps
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.experiment import signals
 
@@ -37,6 +38,16 @@ def test_cases_are_drawn_reproducibly_and_of_every_kind():
             assert case.effects[0].name in case.withheld
         if case.kind == 'outside':
             assert case.right[0] == 'unexplained'
+
+
+def clean_maps(path, case, times):
+    """Write and return what the virtual rig truly shows at `times`, without noise."""
+    grid = case.rig.default_grid(case.cell_m)
+    rig = VirtualRig(case.rig, effects=case.effects)
+    with ConcentrationWriter(path, grid) as writer:
+        for time, signal in signals(rig, case.schedule, times=times, grid=grid):
+            writer.append(time, signal)
+    return np.asarray(open_maps(path, case.rig)[:], dtype=float)
 
 
 def said(tmp_path, verdict, confidence, combination=(), parameters=()):
@@ -110,23 +121,17 @@ def test_of_a_pair_only_the_stronger_effect_is_right(tmp_path):
         draw_case(4, 1), effects=effects, right=('decay', 'depth'), duration=900.0, cell_m=0.01
     )
     grid = case.rig.default_grid(case.cell_m)
-    times = np.array([600.0, 900.0])
-    nothing, everything = (
-        np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
-        for rig in (VirtualRig(case.rig), VirtualRig(case.rig, effects=effects))
-    )
-    write_fields(
-        tmp_path / 'fields.nc',
-        grid,
-        everything[0],
-        HeldOut(times, everything, nothing, everything, 0.1, 0.0, 0.0),
-    )
+    times = [300.0, 600.0, 900.0]
+    nothing = clean_maps(tmp_path / 'nothing.nc', replace(case, effects=()), times)[1:]
+    everything = clean_maps(tmp_path / 'clean.nc', case, times)[1:]
+    held_out = HeldOut(np.array(times[1:]), everything, nothing, everything, 0.1, 0.0, 0.0)
+    write_fields(tmp_path / 'fields.nc', grid, everything[0], held_out)
     said(tmp_path, 'decay', 0.9, ['decay'], [('rate', 2e-5)])
-    truth_of(case, tmp_path).write(tmp_path / 'truth.json')
+    truth_of(case, tmp_path, tmp_path / 'clean.nc').write(tmp_path / 'truth.json')
     truth = Truth.read(tmp_path / 'truth.json')
     assert truth.strongest == ('depth',)
-    assert truth.before > 0.03 > truth.after
-    assert truth.imitation is not None and not truth.imitated
+    assert truth.before > 0.03 > truth.after == 0.0
+    assert truth.imitation is None, 'a member of the pair has no need to imitate it'
     assert truth.gap_closed == pytest.approx(truth.before / (truth.before - 0.02), rel=1e-3)
     said(tmp_path, 'decay', 0.9, ['decay', 'depth'])
     score = score_case(case, tmp_path, truth)
@@ -148,8 +153,7 @@ def test_what_shows_the_same_as_an_effect_left_out_is_no_wrong_name(tmp_path):
     )
     grid = case.rig.default_grid(case.cell_m)
     times = np.array([600.0, 900.0])
-    rig = VirtualRig(case.rig, effects=case.effects)
-    maps = np.stack([m for _, m in signals(rig, case.schedule, times=times.tolist(), grid=grid)])
+    maps = clean_maps(tmp_path / 'clean.nc', case, times)
     scores = {}
     for name, parameter, value in (
         ('porosity', 'factor', 0.967),
@@ -160,7 +164,7 @@ def test_what_shows_the_same_as_an_effect_left_out_is_no_wrong_name(tmp_path):
         write_fields(
             place / 'fields.nc', grid, maps[0], HeldOut(times, maps, 0.9 * maps, maps, 0.1, 0, 0)
         )
-        truth_of(case, place).write(place / 'truth.json')
+        truth_of(case, place, tmp_path / 'clean.nc').write(place / 'truth.json')
         scores[name] = score_case(case, place, Truth.read(place / 'truth.json'))
     assert scores['porosity'].right and scores['porosity'].imitated
     assert not scores['clock'].right
@@ -169,8 +173,14 @@ def test_what_shows_the_same_as_an_effect_left_out_is_no_wrong_name(tmp_path):
 
 def test_a_small_effect_named_where_none_is_stays_wrong(tmp_path):
     none = next(c for c in (draw_case(n, 1) for n in range(20)) if c.kind == 'none')
-    place = said(tmp_path, 'rate', 0.9, ['rate'])
-    assert not score_case(none, place, Truth(0.001, 0.001, ('none',), imitation=0.001)).right
+    none = replace(none, duration=900.0, cell_m=0.01)
+    times = np.array([600.0, 900.0])
+    maps = clean_maps(tmp_path / 'clean.nc', none, times)
+    place = said(tmp_path / 'said', 'porosity', 0.9, ['porosity'], [('factor', 1.001)])
+    grid = none.rig.default_grid(none.cell_m)
+    held_out = HeldOut(times, maps, 0.9 * maps, maps, 0.1, 0.0, 0.0)
+    write_fields(place / 'fields.nc', grid, maps[0], held_out)
+    assert not score_case(none, place, truth_of(none, place, tmp_path / 'clean.nc')).right
 
 
 def test_what_a_library_effect_equals_is_not_outside_the_library(tmp_path):
