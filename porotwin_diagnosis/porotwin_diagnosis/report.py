@@ -55,7 +55,7 @@ def write_report(path: Path, result: 'Diagnosis') -> None:
 
 
 def _sections(result: 'Diagnosis') -> Iterator[str]:
-    unseen = ('What this recording could not have shown', _strengths(result))
+    unseen = (f'What {_these(result)} could not have shown', _strengths(result))
     sections = [
         ('What was tried', _ranking(result) + _pairs(result)),
         ('When the gap arises', _phases(result)),
@@ -82,6 +82,10 @@ def _recordings(result: 'Diagnosis') -> str:
     return '<br>'.join(lines)
 
 
+def _these(result: 'Diagnosis') -> str:
+    return 'this recording' if len(result.recordings) == 1 else 'these recordings'
+
+
 def sentence(result: 'Diagnosis') -> str:
     """Return the verdict on `result` in a sentence, as HTML."""
     verdict, errors = result.verdict, result.summary['error']
@@ -90,7 +94,7 @@ def sentence(result: 'Diagnosis') -> str:
     floor = f'noise and softness of the maps alone leave {_percent(errors["noise_floor"])}'
     if verdict.name == NONE:
         return (
-            '<b>No gap.</b> The model as it is explains this recording down to its noise: it '
+            f'<b>No gap.</b> The model as it is explains {_these(result)} down to the noise: it '
             f'misses the held-out part by {before}, and {floor} ({sure}).'
         )
     if verdict.name == UNEXPLAINED:
@@ -106,7 +110,7 @@ def sentence(result: 'Diagnosis') -> str:
     names = ' or '.join(map(_together, [verdict.members, *alike]))
     means = ', and '.join(_meaning(name, result) for name in verdict.members)
     if alike:
-        names += ', which this recording cannot tell apart'
+        names += f', which {_these(result)} cannot tell apart'
     if not verdict.alternatives:
         means = ', or '.join([means, *(_meaning(name, result) for name in verdict.inseparable)])
     return (
@@ -392,7 +396,7 @@ def _strengths(result: 'Diagnosis') -> str:
         rows.append([spoken(name), f'{spoken(parameter)}{where}', least])
     note = (
         '<p>Not seen is not absent: alone and weaker than this, an effect might not have stood out '
-        'in this recording.</p>'
+        f'in {_these(result)}.</p>'
     )
     return note + _table(['effect', 'parameter', 'least deviation that shows'], rows, {2})
 

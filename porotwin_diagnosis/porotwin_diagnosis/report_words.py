@@ -199,8 +199,8 @@ PHRASES: dict[str, Callable[[Values], str]] = {
         f'the tracer is {_factor(p["viscosity_ratio"], "more", "less")} viscous than water'
     ),
     'retardation': lambda p: (
-        'the tracer sorbs to the sand and travels '
-        f'{number(p["retardation_factor"], 4)} times slower than the water'
+        'the tracer sorbs to the sand and travels at '
+        f'{number(100 / p["retardation_factor"], 4)} % of the water’s speed'
     ),
     'decay': lambda p: f'the tracer fades or is lost {_half_life(p["rate"])}',
     'dual_porosity': lambda p: (

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import orth
 from scipy.ndimage import gaussian_filter
 
 from porotwin_core.errors import InputError
@@ -19,6 +20,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.candidates import Candidate, heterogeneity, leak
 from porotwin_diagnosis.evidence import Sample
+from porotwin_diagnosis.fit import Fit, described
 from porotwin_diagnosis.forward import Forward
 from porotwin_solver.simulation import simulate
 
@@ -54,11 +56,10 @@ class _Coarse:
     times: FloatArray
     residual: FloatArray
     base: FloatArray
-    given: tuple[EffectDescription, ...]
 
-    def response(self, effect: EffectDescription) -> FloatArray:
-        """Return what `effect` changes, (nt, nz, nx)."""
-        return self.smoothed(self._run((*self.given, effect))) - self.base
+    def change(self, effects: Sequence[EffectDescription]) -> FloatArray:
+        """Return what `effects` change, (nt, nz, nx), where they take the place of those given."""
+        return self.smoothed(self._run(effects)) - self.base
 
     def _run(self, effects: Sequence[EffectDescription]) -> FloatArray:
         return simulate(
@@ -85,14 +86,9 @@ def _coarse(forward: Forward, given: tuple[EffectDescription, ...]) -> _Coarse:
     expected = sample.noise.expected(predicted)
     residual = (sample.filled[frames] - expected) * sample.known[frames]
     coarse = np.stack([conservative_resample(frame, grid.shape) for frame in residual])
-    half = _Coarse(sample, grid, sample.times[frames], coarse, np.zeros(1), given)
+    half = _Coarse(sample, grid, sample.times[frames], coarse, np.zeros(1))
     return _Coarse(
-        sample,
-        grid,
-        sample.times[frames],
-        half.smoothed(coarse),
-        half.smoothed(half._run(given)),
-        given,
+        sample, grid, sample.times[frames], half.smoothed(coarse), half.smoothed(half._run(given))
     )
 
 
@@ -100,23 +96,33 @@ def starts(
     forwards: Sequence[Forward],
     effect: str,
     *,
-    given: tuple[EffectDescription, ...] = (),
+    beside: Fit | None = None,
     pool: ThreadPoolExecutor | None = None,
 ) -> list[Candidate]:
-    """Return the most promising starts of `effect`, a leak or a heterogeneity, beside `given`."""
+    """Return the most promising starts of `effect`, a leak or a heterogeneity.
+
+    Where there is another effect `beside` it, its parameters may adapt: only what they cannot
+    change, to first order, says where the place is.
+    """
+    given = beside.effects if beside else ()
     coarse = [_coarse(forward, given) for forward in forwards]
     tried = _leaks(coarse[0].sample) if effect == 'leak' else _zones(coarse[0].sample)
+    run = map if pool is None else pool.map
+
+    def change(effects: Sequence[EffectDescription]) -> FloatArray:
+        return np.concatenate([part.change(effects).ravel() for part in coarse])
+
+    residual = np.concatenate([part.residual.ravel() for part in coarse])
+    adapting = np.zeros((len(residual), 0))
+    if beside is not None:
+        adapting = orth(np.stack(list(run(change, _turned(beside))), axis=1))
 
     def gain(candidate: Candidate) -> tuple[float, float]:
-        described = candidate.described(candidate.first)
-        projected, norm = 0.0, 0.0
-        for part in coarse:
-            response = part.response(described)
-            projected += float(np.sum(response * part.residual))
-            norm += float(np.sum(response**2))
+        response = change((*given, candidate.described(candidate.first)))
+        response -= adapting @ (adapting.T @ response)
+        projected, norm = float(response @ residual), float(response @ response)
         return (projected**2 / norm, projected / norm) if norm > 0 else (0.0, 0.0)
 
-    run = map if pool is None else pool.map
     gains = list(run(gain, tried))
     order = np.argsort([-value for value, _ in gains])
     kept: list[Candidate] = []
@@ -129,6 +135,17 @@ def starts(
         if len(kept) == KEPT:
             break
     return kept
+
+
+def _turned(fit: Fit) -> list[tuple[EffectDescription, ...]]:
+    """Return the effects of `fit` with each of its knobs turned by one step, back at its end."""
+    knobs = [knob for member in fit.members for knob in member.knobs]
+    turned = []
+    for index, knob in enumerate(knobs):
+        turns = fit.turns.copy()
+        turns[index] += 1.0 if turns[index] + 1.0 <= knob.range[1] else -1.0
+        turned.append(described(fit.members, turns))
+    return turned
 
 
 def _spacing(sample: Sample) -> float:

@@ -338,12 +338,15 @@ class Search:
 
     def _local(self, effect: str) -> list[Fit]:
         """Return the best of the fits that start at the most promising places."""
+        fits = [self.screening.fit((place,), coarse_steps=4) for place in self._starts(effect)]
+        return sorted((fit for fit in _possible(fits) if not self._at_a_well(fit)), key=score)[:1]
+
+    def _starts(self, effect: str, *, beside: Fit | None = None) -> list[Candidate]:
+        """Return the most promising starts of a local `effect`; none where no run can tell."""
         try:
-            places = starts(self.screening.forwards, effect, pool=self._pool)
+            return starts(self.screening.forwards, effect, beside=beside, pool=self._pool)
         except InputError:
             return []
-        fits = [self.screening.fit((place,), coarse_steps=4) for place in places]
-        return sorted((fit for fit in _possible(fits) if not self._at_a_well(fit)), key=score)[:1]
 
     def _at_a_well(self, fit: Fit) -> bool:
         """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
@@ -364,6 +367,7 @@ class Search:
             self.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
             partners = self._partners(base, screened, thorough=index < thorough)
             fits |= self._beside(base, partners, fits.keys())
+        fits |= self._elsewhere(fits)
         fits |= self._exchanged(fits, screened)
         return sorted(fits.values(), key=lambda fit: score(fit) * SCREENING_OCCAM ** len(fit.turns))
 
@@ -389,6 +393,25 @@ class Search:
             if score(last) >= score(best):
                 break
             best = last
+        return found
+
+    def _elsewhere(self, fits: Mapping[frozenset[str], Fit]) -> dict[frozenset[str], Fit]:
+        """Return what is better of the best pairs in `fits` with a leak or a zone put where that
+        explains most beside the other member: where it was found alone, it imitated both."""
+        found: dict[frozenset[str], Fit] = {}
+        limit = NEAR * min(map(score, fits.values()), default=0.0)
+        for key, pair in fits.items():
+            parts = [(member, turns) for member, turns, _ in pair.parts()]
+            for (member, _), (other, turns) in (parts, parts[::-1]):
+                if score(pair) > limit or member.effect not in LOCAL:
+                    continue
+                self.progress(f'another place of {member.label}', 0.65)
+                base = self.screening.judged((other,), turns)
+                moved = (
+                    self._beside(base, [place], ()).get(key, pair)
+                    for place in self._starts(member.effect, beside=base)
+                )
+                found[key] = min([found.get(key, pair), *moved], key=score)
         return found
 
     def _beside(
@@ -471,11 +494,7 @@ class Search:
         ]
         local = set(LOCAL) - self.excluded - {base.members[0].effect}
         for effect in sorted(local) if thorough else ():
-            try:
-                found = starts(fitter.forwards, effect, given=base.effects, pool=self._pool)
-            except InputError:
-                continue
-            partners.extend(found[:1])
+            partners.extend(self._starts(effect, beside=base)[:1])
         return partners
 
     def _refined(self, fits: Sequence[Fit], begin: float) -> list[Fit]:

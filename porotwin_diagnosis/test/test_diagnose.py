@@ -15,6 +15,7 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.diagnose import diagnose
 from porotwin_diagnosis.evidence import read_sample
+from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import _phases, map_gap
 from porotwin_diagnosis.scan import _leaks, starts
@@ -81,6 +82,20 @@ def test_a_leak_within_the_plume_is_looked_for_where_it_is(tmp_path):
     start = first.described(first.first).parameters
     assert np.hypot(float(start['x']) - 0.23, float(start['z']) - 0.3) < 0.06
     assert -40.0 < float(start['rate']) < -10.0
+
+
+def test_a_leak_is_looked_for_beside_what_may_adapt(tmp_path):
+    """A picture that was moved hides where the leak is, and a fit that lacks it imitates both."""
+    leak = EffectDescription(name='leak', parameters={'x': 0.16, 'z': 0.3, 'rate': -40.0})
+    moved = EffectDescription(name='registration', parameters={'dx': 0.006, 'dz': -0.004})
+    sample = read_sample(open_recording(recorded(tmp_path / 'recording', leak, moved)))
+    registration = next(c for c in library([sample]) if c.effect == 'registration')
+    fitter = Fitter([Forward(sample)])
+    imitating = fitter.fit((registration,))
+    first = starts(fitter.forwards, 'leak', beside=imitating)[0]
+    start = first.described(first.first).parameters
+    assert np.hypot(float(start['x']) - 0.16, float(start['z']) - 0.3) < 0.06
+    assert -60.0 < float(start['rate']) < -15.0
 
 
 def test_gap_arises_at_a_streak_that_no_effect_of_the_library_describes(tmp_path):
