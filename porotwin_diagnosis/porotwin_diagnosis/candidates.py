@@ -80,6 +80,11 @@ class Candidate:
         values = {k.name: k.value(t) for k, t in zip(self.knobs, turns, strict=True)}
         return EffectDescription(name=self.effect, parameters={**self.fixed, **values})
 
+    def is_absent(self, turns: Sequence[float]) -> bool:
+        """Return whether the effect at `turns` is known to change nothing: all knobs are neutral,
+        and none is a strength that is never zero."""
+        return not any(turns) and all(not k.log or k.neutral == 1.0 for k in self.knobs)
+
     @property
     def first(self) -> tuple[float, ...]:
         """The start of the fit, in steps: no effect, where the effect allows that."""

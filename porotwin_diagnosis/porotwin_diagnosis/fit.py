@@ -6,7 +6,7 @@ the resolution of the maps.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -90,12 +90,18 @@ class Fit:
 
 def described(members: Sequence[Candidate], turns: FloatArray) -> tuple[EffectDescription, ...]:
     """Return the effects of `members` at `turns`, all their knobs in a row."""
-    effects, start = [], 0
+    return tuple(member.described(own) for member, own in _own_turns(members, turns))
+
+
+def _own_turns(
+    members: Sequence[Candidate], turns: FloatArray
+) -> Iterator[tuple[Candidate, list[float]]]:
+    """Yield each of `members` with those of `turns` that are its own."""
+    start = 0
     for member in members:
         end = start + len(member.knobs)
-        effects.append(member.described([float(turn) for turn in turns[start:end]]))
+        yield member, [float(turn) for turn in turns[start:end]]
         start = end
-    return tuple(effects)
 
 
 class Fitter:
@@ -268,7 +274,12 @@ class Fitter:
         """Return d prediction / d turn, whitened, of all frames: (knobs, nt, nz', nx') each, for
         the knobs from the `first` on."""
         knobs = [knob for member in members for knob in member.knobs]
-        base = self.residuals(described(members, turns), WIDTH)
+        acting = [
+            member.described(own)
+            for member, own in _own_turns(members, turns)
+            if not member.is_absent(own)
+        ]
+        base = self.residuals(acting, WIDTH)
         return self._jacobian(members, knobs, turns, base, WIDTH, fitted_only=False, first=first)
 
     def _fitted_residuals(

@@ -198,6 +198,24 @@ def test_the_slopes_of_later_knobs_are_those_of_all(fitter):
     np.testing.assert_array_equal(every[1:], later)
 
 
+def test_what_is_absent_changes_nothing_and_is_not_simulated(fitter):
+    forward = fitter.forwards[0]
+    without = forward.maps(())
+    absent = []
+    for candidate in library(fitter.samples):
+        neutral = (0.0,) * len(candidate.knobs)
+        if candidate.is_absent(neutral):
+            absent.append(candidate)
+            np.testing.assert_array_equal(forward.maps((candidate.described(neutral),)), without)
+    assert {'porosity', 'clock', 'rate', 'buoyancy'} < {candidate.effect for candidate in absent}
+    porous = next(candidate for candidate in absent if candidate.effect == 'porosity')
+    fitter.responses((porous,), np.zeros(1))
+    before = forward.runs
+    other = next(candidate for candidate in absent if candidate.effect == 'depth')
+    fitter.responses((porous, other), np.zeros(2), first=1)
+    assert forward.runs == before + 1
+
+
 def test_fits_are_ranked_by_the_part_where_more_is_left(quiet):
     search = Search([read_sample(open_recording(quiet))], workers=1)
     porosity, decay = (
