@@ -49,6 +49,9 @@ fits that are fitted again before pairs are made of them."""
 EXCHANGES = 4
 """How many times at most the best pair exchanges its members."""
 
+MOVED = 2
+"""How many pairs with a leak or a zone have it put elsewhere, and to how many places."""
+
 LIKELY_SECONDS = ('saturation', 'illumination')
 """Partners that are always tried: they cost no simulation, and their response is not linear."""
 
@@ -399,19 +402,17 @@ class Search:
         """Return what is better of the best pairs in `fits` with a leak or a zone put where that
         explains most beside the other member: where it was found alone, it imitated both."""
         found: dict[frozenset[str], Fit] = {}
-        limit = NEAR * min(map(score, fits.values()), default=0.0)
-        for key, pair in fits.items():
+        local = [fit for fit in fits.values() if any(m.effect in LOCAL for m in fit.members)]
+        for pair in sorted(local, key=score)[:MOVED]:
             parts = [(member, turns) for member, turns, _ in pair.parts()]
             for (member, _), (other, turns) in (parts, parts[::-1]):
-                if score(pair) > limit or member.effect not in LOCAL:
+                if member.effect not in LOCAL:
                     continue
                 self.progress(f'another place of {member.label}', 0.65)
                 base = self.screening.judged((other,), turns)
-                moved = (
-                    self._beside(base, [place], ()).get(key, pair)
-                    for place in self._starts(member.effect, beside=base)
-                )
-                found[key] = min([found.get(key, pair), *moved], key=score)
+                for place in self._starts(member.effect, beside=base)[:MOVED]:
+                    for key, moved in self._beside(base, [place], ()).items():
+                        found[key] = min(moved, found.get(key, pair), key=score)
         return found
 
     def _beside(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_solver.flow import FaceField, Flow
+from porotwin_solver.flow import FaceField, flow_of
 from porotwin_solver.physics import Physics
 
 
@@ -26,7 +26,7 @@ def background_flux(physics: Physics, conductance: FloatArray) -> FaceField | No
     flux.z[-1] = velocity_z * grid.dx * physics.depth[-1]
     flux.x[:, -1] *= _ratio(flux.x[:, 0].sum(), flux.x[:, -1].sum())
     flux.z[-1] *= _ratio(flux.z[0].sum(), flux.z[-1].sum())
-    return Flow(grid, conductance, closed).flux(np.zeros(grid.shape), flux)
+    return flow_of(grid, conductance, closed).flux(np.zeros(grid.shape), flux)
 
 
 def _ratio(wanted: float, given: float) -> float:

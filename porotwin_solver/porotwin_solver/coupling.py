@@ -14,7 +14,7 @@ from porotwin_core.units import GRAVITY
 from porotwin_core.wells import WellRates
 from porotwin_solver.flow import (
     FaceField,
-    Flow,
+    flow_of,
     transmissibilities,
     transmissibilities_adjoint,
 )
@@ -36,7 +36,7 @@ class Coupling:
         self.physics = physics
         self.grid = physics.grid
         self.openings = Openings(physics)
-        self._water = Flow(
+        self._water = flow_of(
             self.grid, physics.depth * physics.permeability / physics.viscosity, physics.boundaries
         )
 

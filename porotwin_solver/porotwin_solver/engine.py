@@ -13,7 +13,7 @@ from porotwin_core.wells import WellRates
 from porotwin_solver.background import background_flux
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.diffusion import Exchanges, diffuse, exchanges
-from porotwin_solver.flow import FaceField, Flow
+from porotwin_solver.flow import FaceField, flow_of
 from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import coarsen, coarsen_adjoint
@@ -61,7 +61,7 @@ class Engine:
         self.scheme = scheme
         self.grid = physics.grid
         conductance = physics.depth * physics.permeability / physics.viscosity
-        self.flow = Flow(self.grid, conductance, physics.boundaries)
+        self.flow = flow_of(self.grid, conductance, physics.boundaries)
         self.openings = Openings(physics)
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
         self.background = background_flux(physics, conductance)
@@ -81,7 +81,7 @@ class Engine:
 
         Faces as in any `FaceField`, after one axis for the openings.
         """
-        units = [self.flow.flux(self.openings.share(opening)) for opening in self.openings.all]
+        units = [self.flow.unit_flux(opening) for opening in self.openings.all]
         grid, count = self.grid, len(units)
         return FaceField(
             np.array([unit.x for unit in units]).reshape(count, grid.nz, grid.nx + 1),

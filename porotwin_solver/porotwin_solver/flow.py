@@ -5,14 +5,25 @@
 The pressure of every well, at unit rate, is solved once; a change of rates is a superposition.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass
+from functools import lru_cache
+from threading import Lock
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries
+from porotwin_solver.discs import disc_shares
+from porotwin_solver.physics import Opening
 from porotwin_solver.pressure import PressureSolver, pressure_solver
+
+REMEMBERED_CELLS = 300_000
+"""Cells of all flows together that are remembered; a factor takes about 1 kB per cell."""
+
+UNITS_KEPT = 16
+"""Openings whose unit flow is kept; each takes 16 B per cell."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,14 @@ class Flow:
         self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0
         matrix = pressure_matrix(self.transmissibility, pin=self.pin)
         self.solve: PressureSolver = pressure_solver(matrix, grid.shape)
+        self.unit_flux = lru_cache(UNITS_KEPT)(self._unit_flux)
+
+    def _unit_flux(self, opening: Opening) -> FaceField:
+        """Return the flux [m^3/s] that 1 m^3/s into `opening` drives; the last ones are kept."""
+        cells, parts = disc_shares(self.grid, opening.x, opening.z, opening.radius)
+        source = np.zeros(self.grid.shape)
+        source.ravel()[cells] = parts
+        return self.flux(source)
 
     def flux(self, source: FloatArray, driven: FaceField | None = None) -> FaceField:
         """Return the flux [m^3/s] through every face.
@@ -194,3 +213,28 @@ class Flow:
         flux.x[:, 0], flux.x[:, -1] = -pressure[:, 0], pressure[:, -1]
         flux.z[0], flux.z[-1] = -pressure[0], pressure[-1]
         return flux * trans
+
+
+_remembered: OrderedDict[tuple[object, ...], Flow] = OrderedDict()
+_lock = Lock()
+
+
+def flow_of(grid: Grid, conductance: FloatArray, boundaries: Boundaries) -> Flow:
+    """Return the `Flow` of these coefficients, one of the last ones where they are the same.
+
+    Many models of one rig differ in what leaves the flow as it is, the porosity or the pumps, and
+    factorising takes as long as a good part of a run.
+    """
+    key = (grid, *boundaries.model_dump().values(), conductance.tobytes())
+    with _lock:
+        if key in _remembered:
+            _remembered.move_to_end(key)
+            return _remembered[key]
+    flow = Flow(grid, conductance, boundaries)
+    with _lock:
+        _remembered[key] = flow
+        cells = sum(known.grid.nx * known.grid.nz for known in _remembered.values())
+        while cells > REMEMBERED_CELLS:
+            _, oldest = _remembered.popitem(last=False)
+            cells -= oldest.grid.nx * oldest.grid.nz
+    return flow

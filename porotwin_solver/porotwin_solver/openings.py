@@ -52,13 +52,6 @@ class Openings:
                 outflow.ravel()[cells] -= rate * parts
         return Sources(inflow, tracer, outflow)
 
-    def share(self, opening: Opening) -> FloatArray:
-        """Return the share of `opening` that lies in every cell, (nz, nx), in all one."""
-        cells, parts = self._shares_of(opening)
-        share: FloatArray = np.zeros(self.physics.grid.shape)
-        share.ravel()[cells] = parts
-        return share
-
     def mean(self, opening: Opening, field: FloatArray) -> float:
         """Return the mean of a `field` (nz, nx) over the disc of `opening`."""
         cells, parts = self._shares_of(opening)

@@ -5,9 +5,10 @@ import pytest
 
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Boundaries
+from porotwin_solver import flow
 from porotwin_solver.background import background_flux
-from porotwin_solver.flow import FaceField, Flow
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.flow import FaceField, Flow, flow_of
+from porotwin_solver.physics import Opening, believed_physics
 
 CLOSED = Boundaries(top='closed')
 OPEN = Boundaries(top='open', bottom='open', left='open', right='open')
@@ -91,3 +92,29 @@ def test_background_flow_is_uniform_in_a_homogeneous_rig(rig) -> None:
     flux = background_flux(physics, physics.permeability)
     np.testing.assert_allclose(flux.x, 2e-6 * 0.010 * physics.grid.dz, rtol=1e-10)
     np.testing.assert_allclose(flux.z, -1e-6 * 0.010 * physics.grid.dx, rtol=1e-10)
+
+
+def test_the_flow_of_the_same_coefficients_is_factorised_once() -> None:
+    grid = Grid(9, 7, 0.9, 0.7)
+    conductance = np.full(grid.shape, 2e-9)
+    first = flow_of(grid, conductance, Boundaries())
+    again = flow_of(grid, conductance.copy(), Boundaries())
+    assert again is first
+    opening = Opening(0.4, 0.3)
+    assert again.unit_flux(opening) is first.unit_flux(opening)
+    unit = first.unit_flux(opening)
+    assert unit.divergence().sum() == pytest.approx(1.0)
+    conductance[0, 0] *= 1.0 + 1e-15
+    assert flow_of(grid, conductance, Boundaries()) is not first
+    assert flow_of(grid, np.full(grid.shape, 2e-9), Boundaries(left='open')) is not first
+
+
+def test_flows_that_are_remembered_are_given_up_again(monkeypatch) -> None:
+    grid = Grid(9, 7, 0.9, 0.7)
+    monkeypatch.setattr(flow, 'REMEMBERED_CELLS', 2 * grid.nx * grid.nz)
+    conductances = [np.full(grid.shape, number * 1e-9) for number in (1.1, 1.2, 1.3)]
+    flows = [flow_of(grid, conductance, Boundaries()) for conductance in conductances]
+    again = [flow_of(grid, conductances[number], Boundaries()) for number in (2, 1, 0)]
+    assert again[0] is flows[2]
+    assert again[1] is flows[1]
+    assert again[2] is not flows[0]
