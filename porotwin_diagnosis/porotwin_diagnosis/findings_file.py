@@ -26,7 +26,7 @@ def write_findings(path: Path, findings: Findings) -> None:
         'singles': [_fit_json(fit) for fit in findings.singles],
         'pairs': [_fit_json(fit) for fit in findings.pairs],
         'parts': [_fit_json(fit) for fit in findings.parts],
-        'part_distances': findings.part_distances,
+        'part_changes': findings.part_changes,
         'distances': findings.distances,
         'pair_distances': findings.pair_distances,
     }
@@ -47,7 +47,7 @@ def read_findings(path: Path) -> Findings:
         singles=fits('singles'),
         pairs=fits('pairs'),
         parts=fits('parts'),
-        part_distances=content['part_distances'],
+        part_changes=content['part_changes'],
         distances=content['distances'],
         pair_distances=content['pair_distances'],
         runs=content['runs'],

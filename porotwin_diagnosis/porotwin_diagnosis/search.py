@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.candidates import LOCAL, Candidate, library, pumping_wells
 from porotwin_diagnosis.evidence import WIDTH, Sample, coarsened
@@ -118,7 +118,7 @@ class Findings:
 
     `distances` are those of the predictions of all `singles` from the best one's, `pair_distances`
     those of `pairs`. `parts` are the members of the best pair, each alone with the parameters that
-    it has there, `part_distances` those of their predictions from the model without any effect.
+    it has there, `part_changes` the relative L2 norms of what each changes in the held-out maps.
     """
 
     null: Fit
@@ -129,7 +129,7 @@ class Findings:
     distances: list[float] = field(default_factory=list)
     pair_distances: list[float] = field(default_factory=list)
     parts: list[Fit] = field(default_factory=list)
-    part_distances: list[float] = field(default_factory=list)
+    part_changes: list[float] = field(default_factory=list)
     runs: int = 0
 
 
@@ -239,9 +239,7 @@ class Search:
             for member, turns, _ in pair.parts()
         ]
         self._tried_again_alone(findings)
-        findings.part_distances = [
-            self.judging.distance(findings.null, part) for part in findings.parts
-        ]
+        findings.part_changes = [self._change(part.effects) for part in findings.parts]
         findings.distances = self._distances(findings.singles)
         findings.pair_distances = self._distances(findings.pairs)
         fitters = (self.screening, self.refining, self.judging)
@@ -286,15 +284,23 @@ class Search:
         self._attune(best)
         return self._ranked(polished)
 
+    def _change(self, effects: Sequence[EffectDescription]) -> float:
+        """Return the relative L2 norm of what `effects` change in the held-out maps, on cells so
+        fine that fronts smeared by the scheme do not count."""
+        changes = []
+        for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
+            sharp = finer if _is_quick(finer, effects) else forward
+            begin = forward.sample.fitted
+            changes.append(relative_error(sharp.maps(effects)[begin:], sharp.maps(())[begin:]))
+        return float(np.sqrt(np.mean(np.square(changes))))
+
     def _attune(self, fit: Fit) -> None:
         """Judge from now on with blur and finest cells of `fit`, if that nearly closes the gap."""
         if excess(fit) > NEARLY_CLOSED:
             return
-        slow = any(effect.name == SLOW for effect in fit.effects)
         for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
             forward.offset = None
-            cells = forward.sample.grid.nx * forward.sample.grid.nz * FINEST**2
-            if not slow or cells <= MOST_CELLS:
+            if _is_quick(finer, fit.effects):
                 forward.lean_on(finer, fit.effects, extrapolation=EXTRAPOLATION)
         self._measure_blur(fit)
 
@@ -524,6 +530,12 @@ class Search:
         for fit in sorted(kept, key=lambda fit: worse(fit) * OCCAM ** len(fit.turns)):
             best.setdefault(_labels(fit.members), fit)
         return list(best.values())
+
+
+def _is_quick(finest: Forward, effects: Sequence[EffectDescription]) -> bool:
+    """Return whether a run of the `finest` cells with `effects` takes seconds."""
+    cells = finest.sample.grid.nx * finest.sample.grid.nz * FINEST**2
+    return cells <= MOST_CELLS or all(effect.name != SLOW for effect in effects)
 
 
 def _possible(fits: Sequence[Fit]) -> list[Fit]:

@@ -161,10 +161,10 @@ def _odds_of_order(members: Sequence[str], findings: Findings) -> float:
 
 def _strengths(findings: Findings) -> list[tuple[Fit, tuple[float, float]]]:
     """Return the members of the best pair with one over the error that each leaves alone of the
-    held-out maps, and how far it alone takes the maps from those without any effect."""
+    held-out maps, and how much it alone changes them."""
     return [
-        (part, (1.0 / max(part.error, 1e-9), max(distance, 1e-9)))
-        for part, distance in zip(findings.parts, findings.part_distances, strict=True)
+        (part, (1.0 / max(part.error, 1e-9), max(change, 1e-9)))
+        for part, change in zip(findings.parts, findings.part_changes, strict=True)
     ]
 
 

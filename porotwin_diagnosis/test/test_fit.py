@@ -7,6 +7,7 @@ import pytest
 from diagnosis_examples import recorded
 
 from porotwin_core.errors import InputError
+from porotwin_core.grid import relative_error
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
@@ -301,3 +302,13 @@ def test_rough_sand_is_the_same_for_the_same_seed_and_as_permeable_on_the_whole(
     ratio = np.log(one / sample.rig.field('permeability_m2', sample.grid.refined(2)))
     assert ratio.std() == pytest.approx(ROUGHNESS, rel=0.05)
     assert abs(ratio.mean()) < 0.003
+
+
+def test_what_an_effect_changes_is_measured_where_fronts_are_sharp(denser_sand):
+    """A bent response changes nothing but soft fronts, and the scheme's own are soft."""
+    search = Search([read_sample(open_recording(denser_sand))])
+    bent = EffectDescription(name='saturation', parameters={'exponent': 0.7})
+    coarse = search.refining.forwards[0]
+    begin = coarse.sample.fitted
+    smeared = relative_error(coarse.maps((bent,))[begin:], coarse.maps(())[begin:])
+    assert 0.0 < search._change((bent,)) < 0.8 * smeared
