@@ -100,7 +100,7 @@ class _Runs:
         self._held_out = np.isin(clean.times, held_out)
         if int(self._held_out.sum()) != len(held_out):
             raise InputError(f'{case.name}: predictions at times that were not recorded')
-        self.clean = clean[:][self._held_out].astype(float)
+        self._clean = clean[:][self._held_out].astype(float)
 
     def maps(self, effects: Sequence[EffectDescription]) -> FloatArray:
         """Return what a camera without noise would show with `effects`, (nt, nz, nx)."""
@@ -111,7 +111,7 @@ class _Runs:
 
     def error(self, maps: FloatArray) -> float:
         """Return the relative L2 error of `maps` (nt, nz, nx) against the true ones."""
-        return relative_error(maps, self.clean)
+        return relative_error(maps, self._clean)
 
 
 def _imitation(case: BlindCase, result: Path, runs: _Runs) -> float | None:

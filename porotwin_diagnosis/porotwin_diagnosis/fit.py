@@ -81,26 +81,24 @@ class Fit:
     def parts(self) -> Iterable[tuple[Candidate, FloatArray, FloatArray]]:
         """Yield each member with its turns and their standard deviations."""
         deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        start = 0
-        for member in self.members:
-            end = start + len(member.knobs)
-            yield member, self.turns[start:end], deviation[start:end]
-            start = end
+        turns, deviations = (_own(self.members, each) for each in (self.turns, deviation))
+        for (member, own), (_, own_deviation) in zip(turns, deviations, strict=True):
+            yield member, own, own_deviation
 
 
 def described(members: Sequence[Candidate], turns: FloatArray) -> tuple[EffectDescription, ...]:
     """Return the effects of `members` at `turns`, all their knobs in a row."""
-    return tuple(member.described(own) for member, own in _own_turns(members, turns))
+    return tuple(member.described(own.tolist()) for member, own in _own(members, turns))
 
 
-def _own_turns(
-    members: Sequence[Candidate], turns: FloatArray
-) -> Iterator[tuple[Candidate, list[float]]]:
-    """Yield each of `members` with those of `turns` that are its own."""
+def _own(
+    members: Sequence[Candidate], values: FloatArray
+) -> Iterator[tuple[Candidate, FloatArray]]:
+    """Yield each of `members` with those of `values`, one per knob of all, that are its own."""
     start = 0
     for member in members:
         end = start + len(member.knobs)
-        yield member, [float(turn) for turn in turns[start:end]]
+        yield member, values[start:end]
         start = end
 
 
@@ -275,9 +273,9 @@ class Fitter:
         the knobs from the `first` on."""
         knobs = [knob for member in members for knob in member.knobs]
         acting = [
-            member.described(own)
-            for member, own in _own_turns(members, turns)
-            if not member.is_absent(own)
+            member.described(own.tolist())
+            for member, own in _own(members, turns)
+            if not member.is_absent(own.tolist())
         ]
         base = self.residuals(acting, WIDTH)
         return self._jacobian(members, knobs, turns, base, WIDTH, fitted_only=False, first=first)

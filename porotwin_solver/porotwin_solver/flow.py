@@ -7,7 +7,6 @@ The pressure of every well, at unit rate, is solved once; a change of rates is a
 
 from collections import OrderedDict
 from dataclasses import dataclass
-from functools import lru_cache
 from threading import Lock
 
 import numpy as np
@@ -24,6 +23,8 @@ REMEMBERED_CELLS = 300_000
 
 UNITS_KEPT = 16
 """Openings whose unit flow is kept; each takes 16 B per cell."""
+
+_lock = Lock()
 
 
 @dataclass(frozen=True)
@@ -182,14 +183,24 @@ class Flow:
         self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0
         matrix = pressure_matrix(self.transmissibility, pin=self.pin)
         self.solve: PressureSolver = pressure_solver(matrix, grid.shape)
-        self.unit_flux = lru_cache(UNITS_KEPT)(self._unit_flux)
+        # no cache that holds a method: a flow that is given up must go at once, with its factor
+        self._units: OrderedDict[Opening, FaceField] = OrderedDict()
 
-    def _unit_flux(self, opening: Opening) -> FaceField:
+    def unit_flux(self, opening: Opening) -> FaceField:
         """Return the flux [m^3/s] that 1 m^3/s into `opening` drives; the last ones are kept."""
-        cells, parts = disc_shares(self.grid, opening.x, opening.z, opening.radius)
-        source = np.zeros(self.grid.shape)
-        source.ravel()[cells] = parts
-        return self.flux(source)
+        with _lock:
+            flux = self._units.get(opening)
+        if flux is None:
+            cells, parts = disc_shares(self.grid, opening.x, opening.z, opening.radius)
+            source = np.zeros(self.grid.shape)
+            source.ravel()[cells] = parts
+            flux = self.flux(source)
+        with _lock:
+            self._units[opening] = flux
+            self._units.move_to_end(opening)
+            if len(self._units) > UNITS_KEPT:
+                self._units.popitem(last=False)
+        return flux
 
     def flux(self, source: FloatArray, driven: FaceField | None = None) -> FaceField:
         """Return the flux [m^3/s] through every face.
@@ -216,7 +227,6 @@ class Flow:
 
 
 _remembered: OrderedDict[tuple[object, ...], Flow] = OrderedDict()
-_lock = Lock()
 
 
 def flow_of(grid: Grid, conductance: FloatArray, boundaries: Boundaries) -> Flow:

@@ -1,5 +1,8 @@
 """Darcy flow: what goes in comes out, exactly; shapes of known flows."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -118,3 +121,16 @@ def test_flows_that_are_remembered_are_given_up_again(monkeypatch) -> None:
     assert again[0] is flows[2]
     assert again[1] is flows[1]
     assert again[2] is not flows[0]
+
+
+def test_a_flow_that_nobody_holds_is_gone_at_once_with_its_factor() -> None:
+    grid = Grid(9, 7, 0.9, 0.7)
+    flow_used = Flow(grid, np.full(grid.shape, 1.4e-9), Boundaries())
+    flow_used.unit_flux(Opening(0.4, 0.3))
+    held = weakref.ref(flow_used)
+    gc.disable()
+    try:
+        del flow_used
+        assert held() is None
+    finally:
+        gc.enable()
