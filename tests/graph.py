@@ -9,9 +9,10 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 
 from porotwin_core import qos
+from porotwin_core.node import until_shutdown
 from porotwin_hub.graph import NAMESPACE, NodeDescription
 from porotwin_hub.processes import GraphProcesses
 from porotwin_msgs.msg import CleanState, CycleReport, NewState, Setpoint, TracerField
@@ -49,10 +50,8 @@ class Ear:
     def _spin(self) -> None:
         executor = SingleThreadedExecutor(context=self._context)
         executor.add_node(self.node)
-        try:
+        with until_shutdown(self._context):
             executor.spin()
-        except ExternalShutdownException:
-            return
 
     def wait_for(self, what: str, condition: Callable[[], bool], *, timeout: float) -> None:
         """Return when `condition` holds; fail with `what` was waited for and what was heard."""

@@ -8,10 +8,11 @@ from typing import Any
 
 import rclpy
 from rclpy.action import ActionClient
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 
 from porotwin_cli.output import WorkFailed
 from porotwin_core.errors import InputError
+from porotwin_core.node import until_shutdown
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -69,10 +70,8 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
 
 
 def _spin(executor: SingleThreadedExecutor) -> None:
-    try:
+    with until_shutdown(executor.context):
         executor.spin()
-    except ExternalShutdownException:
-        return
 
 
 class _Patience:

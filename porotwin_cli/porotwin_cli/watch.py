@@ -6,9 +6,10 @@ from typing import Self
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 
 from porotwin_core import qos
+from porotwin_core.node import until_shutdown
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.msg import CleanState, CycleReport
 
@@ -36,10 +37,8 @@ class GraphWatch:
     def _spin(self) -> None:
         executor = SingleThreadedExecutor(context=self._context)
         executor.add_node(self._node)
-        try:
+        with until_shutdown(self._context):
             executor.spin()
-        except ExternalShutdownException:
-            return
 
     def _on_clean(self, message: CleanState) -> None:
         if message.cause == CleanState.FINISHED:

@@ -1,12 +1,16 @@
 """What every node of the graph does the same way: parameters, diagnostics, a clean end."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.context import Context
+from rclpy.exceptions import InvalidParameterTypeException, NotInitializedException
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -23,7 +27,7 @@ def declare(node: Node, name: str, default: Any, description: str) -> Any:
     descriptor = ParameterDescriptor(description=description, read_only=True)
     try:
         return node.declare_parameter(name, default, descriptor).value
-    except rclpy.exceptions.InvalidParameterTypeException as error:
+    except InvalidParameterTypeException as error:
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
 
 
@@ -48,6 +52,21 @@ class Diagnostics:
         self._publisher.publish(array)
 
 
+@contextmanager
+def until_shutdown(context: Context) -> Iterator[None]:
+    """End the block, which spins or makes a node, without complaint when `context` is shut down.
+
+    A signal or another thread may do that at any time, also after the block saw that it was not.
+    """
+    try:
+        yield
+    except ExternalShutdownException:
+        pass
+    except (RCLError, NotInitializedException):
+        if context.ok():
+            raise
+
+
 def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     """Spin the node until it is told to stop: the `main` of every node.
 
@@ -61,13 +80,14 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     )
     node = None
     try:
-        node = make_node()
-        executor.add_node(node)
-        executor.spin()
+        with until_shutdown(executor.context):
+            node = make_node()
+            executor.add_node(node)
+            executor.spin()
     except InputError as error:
         print(f'error: {error}', file=sys.stderr)
         sys.exit(2)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         pass  # told to stop, perhaps while still starting
     finally:
         if node is not None:
