@@ -14,15 +14,17 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, write_rig
 from porotwin_diagnosis.evidence import Sample, read_sample
 from porotwin_diagnosis.findings_file import write_findings
-from porotwin_diagnosis.fit import Fit, Fitter
+from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.gap_map import GapMap, map_gap
 from porotwin_diagnosis.held_out import HeldOut, falls
+from porotwin_diagnosis.levels import EDGE_BLUR, Levels
 from porotwin_diagnosis.noise import measure_blur, noise_floor
 from porotwin_diagnosis.numerics import Numerics, before_and_after, judge_numerics
 from porotwin_diagnosis.output import diagnosis_json, write_fields
+from porotwin_diagnosis.progress import Progress, forward_only
 from porotwin_diagnosis.proposals import Proposal, propose
 from porotwin_diagnosis.report import write_report
-from porotwin_diagnosis.search import EDGE_BLUR, Findings, Progress, Search, forward_only
+from porotwin_diagnosis.search import Findings, Search
 from porotwin_diagnosis.strength import smallest_strengths
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED, Verdict, decide, refuted
 from porotwin_recording.recording import Recording, open_recording
@@ -155,9 +157,9 @@ def examine(
     findings = search.run()
     verdict = _no_surer_than_seen(decide(findings), samples)
     progress('measuring intervals', 0.92)
-    verdict = replace(verdict, model=_with_interval(search, verdict.model))
+    verdict = replace(verdict, model=_with_interval(search.levels, verdict.model))
     findings.singles = [
-        _with_interval(search, fit) if fit.members[0].effect in verdict.inseparable else fit
+        _with_interval(search.levels, fit) if fit.members[0].effect in verdict.inseparable else fit
         for fit in findings.singles
     ]
     numerics = judge_numerics(samples, findings, verdict, setting=setting)
@@ -169,8 +171,8 @@ def examine(
     progress('looking for experiments that would tell more', 0.95)
     if verdict.name == NONE:
         gap = gap.without_places()
-    strengths = smallest_strengths(search.screening)
-    proposals = propose(search.screening, findings, verdict, progress=progress)
+    strengths = smallest_strengths(search.levels.screening)
+    proposals = propose(search.levels.screening, findings, verdict, progress=progress)
     parts: dict[str, Any] = {
         'recordings': tuple(recordings),
         'samples': samples,
@@ -195,11 +197,11 @@ def _no_surer_than_seen(verdict: Verdict, samples: Sequence[Sample]) -> Verdict:
     return replace(verdict, confidence=min(verdict.confidence, SCANT_CONFIDENCE))
 
 
-def _with_interval(search: Search, model: Fit) -> Fit:
+def _with_interval(levels: Levels, model: Fit) -> Fit:
     """Return `model` with the covariance of its turns and what another resolution changes."""
     if not model.members:
         return model
-    fitter: Fitter = search.refining
+    fitter = levels.refining
     refined = fitter.with_covariance(model)
     again = fitter.fit(model.members, start=model.turns, coarse_steps=0, fine_steps=1)
     shift = again.turns - model.turns

@@ -11,7 +11,9 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.evidence import Sample, misfit
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import JUDGING, Findings, overall, score
+from porotwin_diagnosis.levels import JUDGING
+from porotwin_diagnosis.ranking import overall, score
+from porotwin_diagnosis.search import Findings
 from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 
 WORTH = 0.75

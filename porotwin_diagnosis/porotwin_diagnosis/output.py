@@ -12,7 +12,8 @@ from porotwin_diagnosis.candidates import LOCAL
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.gap_map import Phase, Spot
 from porotwin_diagnosis.held_out import HeldOut, gap_closed, root_mean, together
-from porotwin_diagnosis.search import Findings, overall, score
+from porotwin_diagnosis.ranking import overall, score
+from porotwin_diagnosis.search import Findings
 from porotwin_diagnosis.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.evidence import WIDTH, Sample
 from porotwin_diagnosis.fit import Fit, Fitter
 from porotwin_diagnosis.forward import Forward
+from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.report_words import CHECKS, spoken
-from porotwin_diagnosis.search import Findings, Progress
+from porotwin_diagnosis.search import Findings
 from porotwin_diagnosis.verdict import Verdict, thresholds
 
 STEPS = 2

@@ -14,8 +14,8 @@ from porotwin_diagnosis.candidates import CAMERA, LOCAL
 from porotwin_diagnosis.evidence import FRONT_TOLERANCE
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.output import FIXED_UNITS, error_left
+from porotwin_diagnosis.ranking import beyond_noise, overall, score
 from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
-from porotwin_diagnosis.search import beyond_noise, overall, score
 from porotwin_diagnosis.verdict import NONE, UNEXPLAINED
 
 if TYPE_CHECKING:

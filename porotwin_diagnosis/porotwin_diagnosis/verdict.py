@@ -14,7 +14,8 @@ from importlib.resources import files
 import numpy as np
 
 from porotwin_diagnosis.fit import Fit
-from porotwin_diagnosis.search import Findings, excess, score, worse
+from porotwin_diagnosis.ranking import excess, score, worse
+from porotwin_diagnosis.search import Findings
 
 NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
 

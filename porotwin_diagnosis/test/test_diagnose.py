@@ -19,7 +19,6 @@ from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
 from porotwin_diagnosis.gap_map import _phases, map_gap
 from porotwin_diagnosis.scan import _leaks, starts
-from porotwin_diagnosis.search import Findings, Search, score
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
 
@@ -148,22 +147,6 @@ def test_a_blocked_view_is_not_a_place_where_the_gap_arises(quiet):
     assert np.linalg.norm(blocked) < 1.5 * np.linalg.norm(free)
 
 
-def test_a_search_with_nothing_to_look_for_is_refused(quiet):
-    sample = read_sample(open_recording(quiet))
-    names = {candidate.effect for candidate in library([sample])}
-    with pytest.raises(InputError, match='excluded'):
-        Search([sample], excluded=sorted(names))
-
-
-def test_a_search_that_finds_no_pairs_goes_on_without(quiet, monkeypatch):
-    search = Search([read_sample(open_recording(quiet))], workers=1)
-    null = search.judging.judged((), np.zeros(0))
-    monkeypatch.setattr(search, '_pairs', lambda findings, screened: [])
-    findings = Findings(null, null, [])
-    assert search._refined_pairs(findings, []) == []
-    assert search._judged([], 0.5) == []
-
-
 def test_photographs_in_quick_succession_do_not_hide_where_the_gap_arises(tmp_path):
     leak = {'x': 0.62, 'z': 0.30, 'rate': 90.0}
     recording = open_recording(
@@ -254,26 +237,6 @@ def test_a_rig_at_rest_offers_no_size_for_a_leak(quiet):
     sample = read_sample(open_recording(quiet))
     with pytest.raises(InputError, match='no pump ever runs'):
         _leaks(replace(sample, schedule=Schedule(())))
-
-
-def test_a_pair_exchanges_its_members_one_after_the_other(tmp_path):
-    """Neither member of the first pair is true: each makes way in its turn."""
-    recording = recorded(
-        tmp_path / 'recording',
-        EffectDescription(name='decay', parameters={'rate': 2e-4}),
-        EffectDescription(name='porosity', parameters={'factor': 1.06}),
-        duration=1500,
-    )
-    search = Search([read_sample(open_recording(recording))], workers=1)
-    search.screening = search.judging  # so small a rig has no cells to spare
-    known = {candidate.label: candidate for candidate in library(search.samples)}
-    names = ('decay', 'porosity', 'clock', 'illumination')
-    screened = [search.screening.judged((known[n],), np.array(known[n].first)) for n in names]
-    pair = search.screening.fit((known['clock'], known['illumination']))
-    found = search._exchanged({frozenset(('clock', 'illumination')): pair}, screened)
-    best = min(found.values(), key=score)
-    assert {member.effect for member in best.members} == {'decay', 'porosity'}
-    assert score(best) < 0.6 * score(pair)
 
 
 def test_nothing_arises_while_all_pumps_rest(tmp_path):

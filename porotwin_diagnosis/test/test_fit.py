@@ -7,16 +7,14 @@ import pytest
 from diagnosis_examples import recorded
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import relative_error
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import ROUGHNESS, Forward, on_rough_sand
-from porotwin_diagnosis.search import Findings, Search, _possible, excess, score
+from porotwin_diagnosis.ranking import possible
 from porotwin_recording.recording import open_recording
-from porotwin_rig.observation import MapNoise
 
 
 @pytest.fixture(scope='module')
@@ -122,23 +120,6 @@ def fitter_turns(fitter, factor):
     return np.array([candidate(fitter, 'porosity').knobs[0].turn(factor)])
 
 
-def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
-    search = Search([read_sample(open_recording(quiet))], workers=1)
-    null = search.judging.judged((), np.zeros(0))
-    search._measure_blur(null)
-    assert search.judging.soft == pytest.approx(MapNoise.drawn(3).blur_cells, abs=0.2)
-    assert search.judging.judged((), np.zeros(0)).fitted <= null.fitted + 1e-6
-
-
-def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
-    search = Search([read_sample(open_recording(quiet))], workers=1)
-    before = search.judging.judged((), np.zeros(0))
-    search._attune(before)
-    after = search.judging.judged((), np.zeros(0))
-    assert score(after) < score(before)
-    assert search.judging.forwards[0].offset is not None
-
-
 class Arctangent(Fitter):
     """A fit of a number whose slope vanishes far from the optimum at zero."""
 
@@ -217,31 +198,6 @@ def test_what_is_absent_changes_nothing_and_is_not_simulated(fitter):
     assert forward.runs == before + 1
 
 
-def test_fits_are_ranked_by_the_part_where_more_is_left(quiet):
-    search = Search([read_sample(open_recording(quiet))], workers=1)
-    porosity, decay = (
-        search.screening.judged((candidate(search.screening, name),), np.zeros(1))
-        for name in ('porosity', 'decay')
-    )
-    even = replace(porosity, fitted=0.6, held_out=0.6)
-    adapted = replace(decay, fitted=0.2, held_out=0.7)
-    assert search._ranked([adapted, even]) == [even, adapted]
-
-
-def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(fitter, denser_sand):
-    search = Search([read_sample(open_recording(denser_sand))], workers=1)
-    porosity, saturation = (candidate(fitter, name) for name in ('porosity', 'saturation'))
-    stuck = search.judging.judged((porosity,), np.zeros(1))
-    right = porosity.knobs[0].turn(0.885)
-    pair = search.judging.judged((porosity, saturation), np.array([right, 0.0]))
-    findings = Findings(stuck, stuck, [], [stuck], [pair])
-    findings.parts = [search.judging.judged((porosity,), np.array([right]))]
-    search._tried_again_alone(findings)
-    found = findings.singles[0].effects[0].parameters['factor']
-    assert found == pytest.approx(0.88, abs=0.004)
-    assert excess(findings.singles[0]) < 0.3 * excess(stuck)
-
-
 def test_an_effect_with_which_the_model_cannot_run_is_set_aside(fitter, monkeypatch):
     """A solver that gives up beyond some strength ends neither a fit nor its derivatives."""
     forward, limit = fitter.forwards[0], -2.0
@@ -262,19 +218,7 @@ def test_an_effect_with_which_the_model_cannot_run_is_set_aside(fitter, monkeypa
     at_the_limit = fitter.judged((dense,), np.array([limit]))
     assert fitter.polished(at_the_limit, fitter).possible
     screened = [at_the_limit, fitter.judged((dense,), np.array([limit - 1.0]))]
-    assert _possible(screened) == [at_the_limit]
-
-
-def test_what_was_fitted_twice_is_listed_once_with_the_better_fit(denser_sand):
-    search = Search([read_sample(open_recording(denser_sand))], workers=1)
-    known = {c.label: c for c in library(search.samples)}
-    members = (known['porosity'], known['decay'])
-    worse, better = (
-        search.screening.judged(members, np.array([turn, 0.1])) for turn in (-2.0, -8.0)
-    )
-    other = search.screening.judged(members[:1], np.array([-8.0]))
-    turned = search.screening.judged(members[::-1], np.array([0.1, -2.0]))
-    assert search._ranked([worse, better, turned, other]) in ([other, better], [better, other])
+    assert possible(screened) == [at_the_limit]
 
 
 def test_a_thinner_tracer_magnifies_what_nobody_knows_of_the_sand(fitter):
@@ -302,13 +246,3 @@ def test_rough_sand_is_the_same_for_the_same_seed_and_as_permeable_on_the_whole(
     ratio = np.log(one / sample.rig.field('permeability_m2', sample.grid.refined(2)))
     assert ratio.std() == pytest.approx(ROUGHNESS, rel=0.05)
     assert abs(ratio.mean()) < 0.003
-
-
-def test_what_an_effect_changes_is_measured_where_fronts_are_sharp(denser_sand):
-    """A bent response changes nothing but soft fronts, and the scheme's own are soft."""
-    search = Search([read_sample(open_recording(denser_sand))])
-    bent = EffectDescription(name='saturation', parameters={'exponent': 0.7})
-    coarse = search.refining.forwards[0]
-    begin = coarse.sample.fitted
-    smeared = relative_error(coarse.maps((bent,))[begin:], coarse.maps(())[begin:])
-    assert 0.0 < search._change((bent,)) < 0.8 * smeared

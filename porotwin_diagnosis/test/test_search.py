@@ -1,0 +1,34 @@
+"""The search as a whole: what it refuses, and what it does once more."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_diagnosis.candidates import library
+from porotwin_diagnosis.evidence import read_sample
+from porotwin_diagnosis.ranking import excess
+from porotwin_diagnosis.search import Findings, Search
+from porotwin_recording.recording import open_recording
+
+
+def test_a_search_with_nothing_to_look_for_is_refused(quiet):
+    sample = read_sample(open_recording(quiet))
+    names = {candidate.effect for candidate in library([sample])}
+    with pytest.raises(InputError, match='excluded'):
+        Search([sample], excluded=sorted(names))
+
+
+def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(denser_sand):
+    search = Search([read_sample(open_recording(denser_sand))], workers=1)
+    judging = search.levels.judging
+    known = {candidate.label: candidate for candidate in library(judging.samples)}
+    porosity, saturation = known['porosity'], known['saturation']
+    stuck = judging.judged((porosity,), np.zeros(1))
+    right = porosity.knobs[0].turn(0.885)
+    pair = judging.judged((porosity, saturation), np.array([right, 0.0]))
+    findings = Findings(stuck, stuck, [], [stuck], [pair])
+    findings.parts = [judging.judged((porosity,), np.array([right]))]
+    search._tried_again_alone(findings)
+    found = findings.singles[0].effects[0].parameters['factor']
+    assert found == pytest.approx(0.88, abs=0.004)
+    assert excess(findings.singles[0]) < 0.3 * excess(stuck)
