@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_diagnosis.noise import blur
 
 LEAST_ROOM = 1e-4
 """Error above the noise floor below which there is no gap that could close."""
@@ -41,6 +42,16 @@ class HeldOut:
         known = np.isfinite(self.observed)
         square = np.where(known, self.after - self.observed, 0.0) ** 2
         return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(known.sum(axis=0), 1)))
+
+    def softened_errors(self) -> tuple[float, float]:
+        """Return the errors before and after of predictions made as soft as the observed maps."""
+        known = np.isfinite(self.observed)
+        norm = max(float(np.linalg.norm(self.observed[known])), 1e-12)
+        before, after = (
+            float(np.linalg.norm((blur(maps, self.blur) - self.observed)[known])) / norm
+            for maps in (self.before, self.after)
+        )
+        return before, after
 
     def drawn(self, seed: int) -> FloatArray:
         """Return squares of the relative errors before and after, (DRAWS, 2), drawn again.
@@ -78,11 +89,15 @@ def gap_closed(before: float, after: float, floor: float) -> float:
     return (before - after) / room if room > LEAST_ROOM else 0.0
 
 
-def falls(parts: Sequence[HeldOut]) -> bool:
-    """Return whether the error of all recordings together falls."""
-    return root_mean([part.error_after for part in parts]) < root_mean(
-        [part.error_before for part in parts]
-    )
+def softened(parts: Sequence[HeldOut]) -> tuple[float, float]:
+    """Return the errors of all recordings together, before and after, of predictions as soft as the
+    camera shows them.
+
+    The plain errors say less: an effect that thins the fringe of a plume, as a bent response does,
+    costs more where the camera smears it than it gains elsewhere.
+    """
+    before, after = zip(*(part.softened_errors() for part in parts), strict=True)
+    return root_mean(before), root_mean(after)
 
 
 def together(parts: Sequence[HeldOut]) -> tuple[float, tuple[float, float]]:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.held_out import HeldOut, falls, together
+from porotwin_diagnosis.held_out import HeldOut, softened, together
+from porotwin_diagnosis.noise import blur
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))
 
@@ -58,5 +59,21 @@ def test_cells_that_nobody_saw_do_not_count():
 
 
 def test_an_effect_with_which_the_error_grows_is_seen():
-    assert falls([part(0.20, 0.05), part(0.10, 0.11)])
-    assert not falls([part(0.10, 0.11)])
+    assert softened([part(0.10, 0.11)]) == pytest.approx((0.10, 0.11))
+    before, after = softened([part(0.20, 0.05), part(0.10, 0.11)])
+    assert after < before
+
+
+def test_what_only_the_softness_of_the_camera_hides_is_seen():
+    """A response that thins the fringe is right, and looks wrong beside a smeared picture."""
+    x = np.arange(30.0)
+    shown = np.broadcast_to(np.clip((24.0 - x) / 4.0, 0.0, 1.0), TRUTH.shape)
+    thinned = shown**1.5
+    observed = blur(thinned, 1.0)
+    errors = [
+        np.linalg.norm(maps - observed) / np.linalg.norm(observed) for maps in (shown, thinned)
+    ]
+    held = HeldOut(np.arange(8.0), observed, shown, thinned, *errors, 0.02, blur=1.0)
+    before, after = softened([held])
+    assert after < 1e-9 < 0.02 < before
+    assert errors[1] > 0.02

@@ -86,6 +86,14 @@ def test_a_found_effect_is_said_in_words_with_its_interval(denser, tmp_path):
     assert 'weigh the water that fills the rig' in text
 
 
+def test_what_shows_only_beside_soft_fronts_is_said_of_soft_fronts(denser):
+    (part,) = denser.held_out
+    hidden = replace(part, error_after=part.error_before + 0.01)
+    text = sentence(said(replace(denser, held_out=(hidden,)), denser.verdict))
+    assert 'with fronts as soft as the camera shows them' in text
+    assert 'of the gap is closed' in sentence(denser)
+
+
 def test_both_members_of_a_pair_are_said(denser):
     pair = denser.findings.pairs[0]
     verdict = Verdict('porosity', 0.8, pair, ('porosity', 'rate'), (), {'porosity': 1.0})
