@@ -16,7 +16,7 @@ from porotwin_diagnosis.evidence import Sample, read_sample
 from porotwin_diagnosis.findings_file import write_findings
 from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.gap_map import GapMap, map_gap
-from porotwin_diagnosis.held_out import HeldOut, softened
+from porotwin_diagnosis.held_out import HeldOut, worsened
 from porotwin_diagnosis.levels import EDGE_BLUR, Levels
 from porotwin_diagnosis.noise import measure_blur, noise_floor
 from porotwin_diagnosis.numerics import Numerics, before_and_after, judge_numerics
@@ -165,8 +165,7 @@ def examine(
     numerics = judge_numerics(samples, findings, verdict, setting=setting)
     verdict = numerics.amended(verdict)
     held_out = _held_out(recordings, samples, verdict, numerics)
-    before, after = softened(held_out)
-    if verdict.members and after >= before:
+    if verdict.members and worsened(held_out):
         verdict = refuted(verdict)
         held_out = _held_out(recordings, samples, verdict, numerics)
     progress('looking for experiments that would tell more', 0.95)

@@ -11,6 +11,10 @@ from porotwin_diagnosis.noise import blur
 LEAST_ROOM = 1e-4
 """Error above the noise floor below which there is no gap that could close."""
 
+WORSE = 1.02
+"""Error, in those of the model as it is, above which a mended model is worse: where the pumps rest
+at last, and the gap arose before, the two hardly differ."""
+
 TIME_BLOCKS, TILES = 6, (4, 6)
 """Blocks of frames and tiles of the picture (rows, columns) that are drawn again."""
 
@@ -98,6 +102,12 @@ def softened(parts: Sequence[HeldOut]) -> tuple[float, float]:
     """
     before, after = zip(*(part.softened_errors() for part in parts), strict=True)
     return root_mean(before), root_mean(after)
+
+
+def worsened(parts: Sequence[HeldOut]) -> bool:
+    """Return whether the `softened` errors speak against the mended model."""
+    before, after = softened(parts)
+    return after > WORSE * before
 
 
 def together(parts: Sequence[HeldOut]) -> tuple[float, tuple[float, float]]:

@@ -13,7 +13,7 @@ from porotwin_diagnosis import report_pictures as pictures
 from porotwin_diagnosis.candidates import CAMERA, LOCAL
 from porotwin_diagnosis.evidence import FRONT_TOLERANCE
 from porotwin_diagnosis.fit import Fit
-from porotwin_diagnosis.held_out import softened
+from porotwin_diagnosis.held_out import WORSE, softened
 from porotwin_diagnosis.output import FIXED_UNITS, error_left
 from porotwin_diagnosis.ranking import beyond_noise, overall, score
 from porotwin_diagnosis.report_words import CHECKS, interval, number, phrase, spoken, value
@@ -116,14 +116,26 @@ def sentence(result: 'Diagnosis') -> str:
         means = ', or '.join([means, *(_meaning(name, result) for name in verdict.inseparable)])
     said = f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means} ({sure}).'
     if errors['after'] >= errors['before']:
-        before, after = map(_percent, softened(result.held_out))
-        return (
-            f'{said} Mended, and with fronts as soft as the camera shows them, the model misses '
-            f'the held-out part by {after} instead of {before}.'
-        )
+        return f'{said} {_hardly_seen(result)}'
     return (
         f'{said} Mended, the model misses the held-out part by {after} instead of {before}; '
         f'{floor}, so that {_closed(errors)} of the gap is closed.'
+    )
+
+
+def _hardly_seen(result: 'Diagnosis') -> str:
+    """Say where an effect shows that the plain error of the held-out part does not."""
+    soft_before, soft_after = softened(result.held_out)
+    before, after = result.findings.null.fitted_error, result.verdict.model.fitted_error
+    if soft_after >= soft_before / WORSE:
+        return (
+            f'The gap lies in the part before: mended, the model misses that by {_percent(after)} '
+            f'instead of {_percent(before)}, and the held-out part by {_percent(soft_after)} '
+            'either way.'
+        )
+    return (
+        'Mended, and with fronts as soft as the camera shows them, the model misses the held-out '
+        f'part by {_percent(soft_after)} instead of {_percent(soft_before)}.'
     )
 
 

@@ -17,13 +17,16 @@ from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.levels import REFINED, Levels
 from porotwin_diagnosis.pairs import PairSearch
 from porotwin_diagnosis.progress import Progress
-from porotwin_diagnosis.ranking import EXPLAINED, NEARLY_CLOSED, distinct, excess, near, score
+from porotwin_diagnosis.ranking import EXPLAINED, distinct, excess, near, score
 from porotwin_diagnosis.singles import Singles
 
 SMALL_GAP = 4.0
 """Misfit of a model below which coarse runs are corrected by what finer cells change in it: the
 model as it is, or the best single effect where no pair was found. Above it fronts lie too far apart
 for that correction to stay in place."""
+
+WORTH_EXCHANGING = 3.0
+"""Excess of the best judged pair below which its members make way for others once more."""
 
 
 @dataclass
@@ -102,7 +105,7 @@ class Search:
             self.levels.lean(best.effects)
             again = self._singles.screened_again(best, screened)
             pairs = self.levels.ranked([*pairs, *self._pairs.judged(again, best, null)])
-        if pairs and EXPLAINED < excess(pairs[0]) < NEARLY_CLOSED:
+        if pairs and EXPLAINED < excess(pairs[0]) < WORTH_EXCHANGING:
             more = self._pairs.judged_beside(pairs[0], screened, null)
             pairs = self.levels.ranked([*pairs, *more])
         return pairs

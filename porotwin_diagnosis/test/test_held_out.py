@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.held_out import HeldOut, softened, together
+from porotwin_diagnosis.held_out import HeldOut, softened, together, worsened
 from porotwin_diagnosis.noise import blur
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))
@@ -60,8 +60,13 @@ def test_cells_that_nobody_saw_do_not_count():
 
 def test_an_effect_with_which_the_error_grows_is_seen():
     assert softened([part(0.10, 0.11)]) == pytest.approx((0.10, 0.11))
-    before, after = softened([part(0.20, 0.05), part(0.10, 0.11)])
-    assert after < before
+    assert worsened([part(0.10, 0.11)])
+    assert not worsened([part(0.20, 0.05), part(0.10, 0.11)])
+
+
+def test_an_effect_that_changes_nothing_in_the_held_out_part_is_not_worse():
+    """A late clock, where the pumps rest at last: its gap arose before."""
+    assert not worsened([part(0.1000, 0.1008)])
 
 
 def test_what_only_the_softness_of_the_camera_hides_is_seen():

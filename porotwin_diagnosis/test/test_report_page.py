@@ -92,6 +92,9 @@ def test_what_shows_only_beside_soft_fronts_is_said_of_soft_fronts(denser):
     text = sentence(said(replace(denser, held_out=(hidden,)), denser.verdict))
     assert 'with fronts as soft as the camera shows them' in text
     assert 'of the gap is closed' in sentence(denser)
+    nothing = replace(hidden, after=part.before)
+    text = sentence(said(replace(denser, held_out=(nothing,)), denser.verdict))
+    assert 'The gap lies in the part before' in text
 
 
 def test_both_members_of_a_pair_are_said(denser):
