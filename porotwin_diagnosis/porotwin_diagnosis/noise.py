@@ -20,15 +20,15 @@ from scipy.special import ndtr, ndtri
 
 from porotwin_core.grid import FloatArray
 
-FULL, HALF = 0.9, 0.6
-"""Level of the smoothed map above which the plume is full; where that leaves too few values, this
-share of the fullest."""
+FULL, HALF = (0.9, 0.8, 0.7), 0.6
+"""Levels of the smoothed map above which the plume is full, the first that leaves enough; where
+none does, this share of the fullest."""
 
 EMPTY = 0.02
 """Level of the smoothed map below which there is no tracer."""
 
-FEWEST = 200
-"""Values that a statement needs."""
+FEWEST, PLACES = 200, 400
+"""Values that a statement needs, and cells, for the grain of a cell is the same in every frame."""
 
 LOCAL_MEAN, GRAIN_MEAN = 1.5, 3.0
 """Widths [cells] over which a map is smoothed to tell noise from tracer, and to see how wide its
@@ -113,17 +113,25 @@ def measure_noise(maps: FloatArray) -> Noise:
     smooth = np.stack([gaussian_filter(frame, LOCAL_MEAN) for frame in known])
     window = (1, 2 * MARGIN + 1, 2 * MARGIN + 1)
     empty = (maximum_filter(smooth, window) < EMPTY) & np.isfinite(maps)
-    inner = minimum_filter(smooth, window)
-    for level in (FULL, HALF * float(np.quantile(smooth, 0.995))):
-        full = (inner > level) & np.isfinite(maps)
-        if np.count_nonzero(full) > FEWEST:
-            break
+    full = _full(maps, smooth, minimum_filter(smooth, window))
     background = _one_sided(known[empty]) if np.count_nonzero(empty) > FEWEST else 0.0
     width = _grain_width(known, full)
     total = _deviation_in_plume(known, smooth, full, width)
     frame = _frame_noise(known, full)
     grain = float(np.sqrt(max(total**2 - frame**2, 0.0)))
     return Noise(grain, frame, background, width)
+
+
+def _full(maps: FloatArray, smooth: FloatArray, inner: FloatArray) -> NDArray[np.bool_]:
+    """Return where the plume is full; `inner` is the least of the `smooth` maps around.
+
+    A plume that fades is full at few places, whose grain need not be that of the others.
+    """
+    levels = (*FULL, HALF * float(np.quantile(smooth, 0.995)))
+    tried = [(inner > level) & np.isfinite(maps) for level in levels]
+    wide = (full for full in tried[:-1] if np.count_nonzero(full.any(axis=0)) > PLACES)
+    enough = (full for full in tried if np.count_nonzero(full) > FEWEST)
+    return next(wide, next(enough, tried[-1]))
 
 
 def _one_sided(values: FloatArray) -> float:

@@ -21,16 +21,19 @@ def plume(shape=(60, 90), radius=18.0):
 
 def recorded(noise, frames=30, seed=11, level=1.0):
     """Maps of a plume with a known noise, made here and clipped as a camera does."""
+    return noisy([level * plume()] * frames, noise, seed)
+
+
+def noisy(clean_maps, noise, seed):
     generator = np.random.default_rng(seed)
-    clean = level * plume()
 
     def correlated():
-        field = gaussian_filter(generator.standard_normal(clean.shape), noise.correlation)
+        field = gaussian_filter(generator.standard_normal(clean_maps[0].shape), noise.correlation)
         return field / field.std()
 
     grain = noise.grain * correlated()
     maps = []
-    for _ in range(frames):
+    for clean in clean_maps:
         share = noise.background + (noise.frame - noise.background) * clean
         maps.append(np.clip(clean * (1 + grain) + share * correlated(), 0, 1))
     return np.array(maps)
@@ -52,6 +55,16 @@ def test_the_noise_of_a_pale_plume_is_measured_however_wide_its_grain(width):
     found = measure_noise(recorded(truth, level=0.85))
     assert np.hypot(found.grain, found.frame) == pytest.approx(np.hypot(0.03, 0.01), rel=0.2)
     assert found.correlation == pytest.approx(width, rel=0.2)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_plume_that_is_full_at_few_places_is_measured_where_it_is_pale(seed):
+    """It fades while it grows; the grain of the cells that were full may be far from typical."""
+    truth = Noise(0.03, 0.01, 0.005, correlation=0.9)
+    fading = [(1 - 0.02 * t) * plume((80, 90), 14.0 + t) for t in range(16)]
+    found = measure_noise(noisy(fading, truth, seed))
+    assert np.hypot(found.grain, found.frame) == pytest.approx(np.hypot(0.03, 0.01), rel=0.15)
+    assert found.correlation == pytest.approx(0.9, rel=0.15)
 
 
 def test_expected_map_is_the_mean_of_many_noisy_ones():
