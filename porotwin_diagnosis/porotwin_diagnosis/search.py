@@ -17,7 +17,7 @@ from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.levels import REFINED, Levels
 from porotwin_diagnosis.pairs import PairSearch
 from porotwin_diagnosis.progress import Progress
-from porotwin_diagnosis.ranking import EXPLAINED, distinct, excess, near, score
+from porotwin_diagnosis.ranking import EXPLAINED, distinct, excess, labels, near, score
 from porotwin_diagnosis.singles import Singles
 
 SMALL_GAP = 4.0
@@ -26,7 +26,7 @@ model as it is, or the best single effect where no pair was found. Above it fron
 for that correction to stay in place."""
 
 WORTH_EXCHANGING = 3.0
-"""Excess of the best judged pair below which its members make way for others once more."""
+"""Excess of a judged pair below which its members may make way for others once more."""
 
 
 @dataclass
@@ -105,9 +105,10 @@ class Search:
             self.levels.lean(best.effects)
             again = self._singles.screened_again(best, screened)
             pairs = self.levels.ranked([*pairs, *self._pairs.judged(again, best, null)])
-        if pairs and EXPLAINED < excess(pairs[0]) < WORTH_EXCHANGING:
-            more = self._pairs.judged_beside(pairs[0], screened, null)
-            pairs = self.levels.ranked([*pairs, *more])
+        for pair in worth_exchanging(pairs):
+            if excess(pairs[0]) > EXPLAINED:
+                more = self._pairs.judged_beside(pair, screened, null)
+                pairs = self.levels.ranked([*pairs, *more])
         return pairs
 
     def _tried_again_alone(self, findings: Findings) -> None:
@@ -118,3 +119,11 @@ class Search:
             again = self.levels.judged(self.levels.refined(moved, 0.89), 0.9)
             fits = [*self.levels.sharpened(again, findings.null, 0.9), *findings.singles]
             findings.singles = self.levels.ranked(fits)
+
+
+def worth_exchanging(pairs: Sequence[Fit]) -> list[Fit]:
+    """Return the best of the judged `pairs` and the best that shares no effect with it, which one
+    of many knobs may imitate."""
+    first = labels(pairs[0].members) if pairs else frozenset()
+    unlike = [pair for pair in pairs if first.isdisjoint(labels(pair.members))]
+    return [pair for pair in (*pairs[:1], *unlike[:1]) if excess(pair) < WORTH_EXCHANGING]
