@@ -13,7 +13,7 @@ from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.evidence import read_sample
 from porotwin_diagnosis.fit import Fitter
 from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.search import Search
+from porotwin_diagnosis.levels import Levels
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.model import Model
@@ -127,8 +127,8 @@ def test_the_blur_of_a_camera_is_not_diffusion(quiet):
     soft = np.stack([gaussian_filter(frame, 0.6) for frame in sample.observed])
     blurred = replace(sample, observed=soft, weights={})
     forward = Forward(blurred, refinement=2)
-    tuned = Search([blurred], workers=1)
-    tuned._measure_blur(tuned.judging.judged((), np.zeros(0)))
+    tuned = Levels([blurred], progress=lambda _stage, _share: None, workers=1)
+    tuned.measure_blur(tuned.null())
     found = []
     for width in (0.0, tuned.judging.soft):
         fit = fitted(Fitter([forward], soft=width), 'dispersion diffusion')
