@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
+from porotwin_core.grid import FloatArray, relative_error
 from porotwin_diagnosis.noise import blur
 
 LEAST_ROOM = 1e-4
@@ -49,13 +49,8 @@ class HeldOut:
 
     def softened_errors(self) -> tuple[float, float]:
         """Return the errors before and after of predictions made as soft as the observed maps."""
-        known = np.isfinite(self.observed)
-        norm = max(float(np.linalg.norm(self.observed[known])), 1e-12)
-        before, after = (
-            float(np.linalg.norm((blur(maps, self.blur) - self.observed)[known])) / norm
-            for maps in (self.before, self.after)
-        )
-        return before, after
+        before, after = (blur(maps, self.blur) for maps in (self.before, self.after))
+        return relative_error(before, self.observed), relative_error(after, self.observed)
 
     def drawn(self, seed: int) -> FloatArray:
         """Return squares of the relative errors before and after, (DRAWS, 2), drawn again.

@@ -63,7 +63,6 @@ class Search:
         workers: int = 2,
     ) -> None:
         """Search `samples` without the effects named in `excluded`."""
-        self.progress = progress
         self.levels = Levels(samples, progress=progress, workers=workers)
         self._singles = Singles(self.levels, excluded)
         self._pairs = PairSearch(self.levels, self._singles)
@@ -71,7 +70,7 @@ class Search:
     def run(self) -> Findings:
         """Return what was found."""
         levels = self.levels
-        self.progress('running the model as it is', 0.0)
+        levels.progress('running the model as it is', 0.0)
         null = levels.null()
         if score(null) < SMALL_GAP:
             levels.lean(())

@@ -2,11 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.blind_cases import SMALL
+from porotwin_diagnosis.candidates import Candidate, Knob
+from porotwin_diagnosis.fit import Fit
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
 
@@ -54,3 +58,12 @@ def recorded(
         grid=grid or SMALL.grid(94, 56),
     )
     return folder
+
+
+def fit_of(*effects: str, misfit: float, held_out: float | None = None, error=0.1, **others) -> Fit:
+    """Return a fit of `effects`, of one knob each, as if it had been judged so."""
+    members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in effects)
+    size = len(members)
+    held_out = held_out or misfit
+    unknown = np.zeros((size, size))
+    return Fit(members, np.ones(size), misfit, held_out, 0.1, error, unknown, **others)

@@ -1,12 +1,11 @@
 """Of which effects pairs are made, and what becomes of them."""
 
 import numpy as np
-from diagnosis_examples import recorded
+from diagnosis_examples import fit_of, recorded
 
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.candidates import Candidate, Knob, library
+from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.levels import Levels
 from porotwin_diagnosis.pairs import BASES, PairSearch, bases_of
 from porotwin_diagnosis.ranking import score
@@ -20,14 +19,8 @@ def search_of(recording):
     return levels, PairSearch(levels, Singles(levels, ()))
 
 
-def fit(effect, misfit):
-    knobs = (Knob('value', '-', 1.0, 0.1),)
-    members = (Candidate(effect, knobs),)
-    return Fit(members, np.ones(1), misfit, misfit, 0.1, 0.1, np.zeros((1, 1)))
-
-
 SCREENED = [
-    fit(name, misfit)
+    fit_of(name, misfit=misfit)
     for name, misfit in (
         ('registration', 2.0),
         ('background_flow', 2.1),
@@ -40,7 +33,7 @@ SCREENED = [
 
 
 def names(best):
-    bases, thorough = bases_of(fit(best, 1.0), SCREENED)
+    bases, thorough = bases_of(fit_of(best, misfit=1.0), SCREENED)
     return [base.members[0].effect for base in bases], thorough
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from diagnosis_examples import fit_of
 
 from porotwin_core.errors import InputError
-from porotwin_diagnosis.candidates import Candidate, Knob, library
+from porotwin_diagnosis.candidates import library
 from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.ranking import excess
 from porotwin_diagnosis.search import WORTH_EXCHANGING, Findings, Search, worth_exchanging
 from porotwin_recording.recording import open_recording
@@ -35,15 +35,12 @@ def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(dens
     assert excess(findings.singles[0]) < 0.3 * excess(stuck)
 
 
-def judged(names, left):
-    members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in names.split())
-    return Fit(members, np.ones(2), left, left, 0.1, 0.1, np.zeros((2, 2)))
-
-
 def test_members_are_exchanged_in_the_best_pair_and_in_one_that_is_all_unlike_it():
-    imitation, alike = judged('registration leak', 0.6), judged('registration decay', 0.7)
-    unlike, further = judged('porosity well_position', 0.9), judged('clock depth', 0.95)
+    imitation = fit_of('registration', 'leak', misfit=0.6)
+    alike = fit_of('registration', 'decay', misfit=0.7)
+    unlike = fit_of('porosity', 'well_position', misfit=0.9)
+    further = fit_of('clock', 'depth', misfit=0.95)
     assert worth_exchanging([imitation, alike, unlike, further]) == [imitation, unlike]
     assert worth_exchanging([imitation, alike]) == [imitation]
-    assert worth_exchanging([judged('clock depth', WORTH_EXCHANGING)]) == []
+    assert worth_exchanging([fit_of('clock', 'depth', misfit=WORTH_EXCHANGING)]) == []
     assert worth_exchanging([]) == []

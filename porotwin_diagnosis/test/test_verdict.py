@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
-import numpy as np
 import pytest
+from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.candidates import Candidate, Knob
 from porotwin_diagnosis.findings_file import read_findings, write_findings
-from porotwin_diagnosis.fit import Fit
 from porotwin_diagnosis.numerics import Numerics
 from porotwin_diagnosis.search import Findings
 from porotwin_diagnosis.verdict import Thresholds, Verdict, decide, refuted
@@ -17,20 +16,7 @@ LIMITS = Thresholds()
 NOISE = 0.4
 """Misfit of nothing but noise in these findings."""
 
-
-def fit(*effects, misfit, held_out=None, error=0.1):
-    members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in effects)
-    size = len(members)
-    return Fit(
-        members,
-        np.ones(size),
-        misfit,
-        held_out or misfit,
-        0.1,
-        error,
-        np.zeros((size, size)),
-        (NOISE, NOISE),
-    )
+fit = partial(fit_of, noise=(NOISE, NOISE))
 
 
 def findings(null, *singles, pairs=(), distances=None, pair_distances=None, parts=()):
