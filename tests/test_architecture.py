@@ -36,8 +36,10 @@ MAY_IMPORT = {
     'porotwin_hub': {'porotwin_core'},
     'porotwin_rig': {'porotwin_core', 'porotwin_recording'},
     'porotwin_page': {'porotwin_core', 'porotwin_hub'},
-    'porotwin_diagnosis': {
+    'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},
+    'porotwin_validation': {
         'porotwin_core', 'porotwin_recording', 'porotwin_solver', 'porotwin_rig',
+        'porotwin_diagnosis',
     },
     'porotwin_cli': set(PACKAGES),
 }  # fmt: skip

@@ -13,7 +13,7 @@ BENCHES = {
     'solver': 'porotwin_solver.bench',
     'costa': 'porotwin_cli.bench_costa',
     'loop': 'porotwin_cli.bench_loop',
-    'diagnosis': 'porotwin_diagnosis.bench',
+    'diagnosis': 'porotwin_validation.diagnosis_bench',
 }
 """Parts that can be measured, and the module whose `run()` does it."""
 

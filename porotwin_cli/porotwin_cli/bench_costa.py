@@ -26,7 +26,7 @@ from porotwin_solver.model import Model
 
 INTERVAL_S = 30.0
 GRID = (94, 56)
-SETTINGS = ('upwind', 'fast')
+PRESETS = ('upwind', 'fast')
 SEED = 7
 
 
@@ -34,7 +34,7 @@ def run(
     *,
     minutes: float = TRAINING_MINUTES,
     epochs: int = TRAINING_EPOCHS,
-    settings: tuple[str, ...] = SETTINGS,
+    settings: tuple[str, ...] = PRESETS,
 ) -> list[dict[str, Any]]:
     """Return a row per scheme: relative errors with COSTA and without, their ratio, times [s].
 
@@ -48,7 +48,7 @@ def run(
     half = 30.0 * minutes
     aside = balanced([(0.0, 'injector', 400.0, 1.0), (half, 'control1', 150.0, 0.0)], 'producer')
     unseen = _frames(rig, aside, grid, minutes, 'kept aside')
-    return [_row(rig, grid, setting, seen, unseen, epochs) for setting in settings]
+    return [_row(rig, grid, preset, seen, unseen, epochs) for preset in settings]
 
 
 def _frames(rig: Rig, told: Schedule, grid: Grid, minutes: float, name: str) -> Frames:
@@ -64,10 +64,10 @@ def _frames(rig: Rig, told: Schedule, grid: Grid, minutes: float, name: str) -> 
 
 
 def _row(
-    rig: Rig, grid: Grid, setting: str, seen: list[Frames], unseen: Frames, epochs: int
+    rig: Rig, grid: Grid, preset: str, seen: list[Frames], unseen: Frames, epochs: int
 ) -> dict[str, Any]:
-    physics = Model(rig, grid, setting=setting)
-    dataset = dataset_of(seen, rig, grid=grid, time_step=INTERVAL_S, setting=setting)
+    physics = Model(rig, grid, preset=preset)
+    dataset = dataset_of(seen, rig, grid=grid, time_step=INTERVAL_S, preset=preset)
     begun = time.perf_counter()
     learned = train(dataset, training_settings(ARCHITECTURE, epochs=epochs), seed=SEED)
     trained = time.perf_counter() - begun
@@ -84,7 +84,7 @@ def _row(
     network = _seconds(lambda: learned.assess(state, rates))
     one, free = result.mean('predicted'), result.frames[-1].free_predicted
     return {
-        'scheme': setting,
+        'scheme': preset,
         'one step': round(one, 4),
         'with COSTA': round(result.mean('corrected'), 4),
         'ratio': round(result.mean('corrected') / one, 2),

@@ -30,7 +30,7 @@ def run() -> list[dict[str, Any]]:
 def _row(nx: int, nz: int) -> dict[str, Any]:
     rig = load_rig(small_rig())
     grid = rig.grid(nx, nz)
-    model = Model(rig, grid, setting='fast')
+    model = Model(rig, grid, preset='fast')
     twin = Twin(
         model,
         no_correction,

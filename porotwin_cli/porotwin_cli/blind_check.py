@@ -21,7 +21,7 @@ def command(
 
     Example: ./porotwin blind-check --cases 100 --output blind
     """
-    from porotwin_diagnosis.blind_check import blind_check
+    from porotwin_validation.blind_study import blind_check
 
     with progress() as bar:
         task = bar.add_task('cases', total=cases)

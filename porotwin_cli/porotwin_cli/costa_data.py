@@ -35,14 +35,14 @@ def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:
 
 
 def dataset_of(
-    experiments: Sequence[Frames], rig: Rig, *, grid: Grid, time_step: float, setting: str
+    experiments: Sequence[Frames], rig: Rig, *, grid: Grid, time_step: float, preset: str
 ) -> Dataset:
     """Return the training pairs of all experiments, with progress.
 
     Raises:
         InputError: no pair of frames is `time_step` [s] apart.
     """
-    model = Model(rig, grid, setting=setting)
+    model = Model(rig, grid, preset=preset)
     total = sum(len(frames.times) - 1 for frames in experiments)
     with progress() as bar:
         task = bar.add_task('training pairs', total=total)
@@ -53,6 +53,6 @@ def dataset_of(
             time_step=time_step,
             predict=model.predict,
             residual=model.residual,
-            setting=setting,
+            preset=preset,
             progress=lambda count: bar.update(task, completed=count),
         )

@@ -44,7 +44,7 @@ def command(
     costa: Annotated[
         bool, typer.Option(help='Train COSTA on other experiments first, and use it.')
     ] = True,
-    setting: Annotated[
+    preset: Annotated[
         str,
         typer.Option(
             help='Physics-based model: fast, or upwind, too diffusive as the paper has it.'
@@ -63,22 +63,22 @@ def command(
     Example: ./porotwin demo --minutes 20
     """
     from porotwin_rig.session import parse_pace
-    from porotwin_solver.model import setting_of
+    from porotwin_solver.model import preset_named
 
     parse_pace(speed)
-    setting_of(setting)
+    preset_named(preset)
     started = time.monotonic()
     folder = run_folder(output, 'demo')
     say(f'demo: {minutes:g} min of the small rig, into {folder}')
     rig_file = _prepare_rig(folder, photo_width)
     calibration, model = _prepare_camera_and_model(
-        rig_file, folder, seed=seed, costa=costa, setting=setting, photo_width=photo_width
+        rig_file, folder, seed=seed, costa=costa, preset=preset, photo_width=photo_width
     )
     settings = GraphSettings(
         rig=rig_file,
         calibration=calibration,
         model=model,
-        setting=setting,
+        preset=preset,
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
         page='127.0.0.1:8765' if page else '',
@@ -102,7 +102,7 @@ def _prepare_rig(folder: Path, photo_width: int) -> Path:
 
 
 def _prepare_camera_and_model(
-    rig_file: Path, folder: Path, *, seed: int, costa: bool, setting: str, photo_width: int
+    rig_file: Path, folder: Path, *, seed: int, costa: bool, preset: str, photo_width: int
 ) -> tuple[Path, Path | None]:
     """Return the calibration of the camera and, when asked for, a trained COSTA model."""
     from porotwin_cli.rehearsal import calibration_run, train_costa
@@ -119,7 +119,7 @@ def _prepare_camera_and_model(
         calibration,
         photo_interval=PHOTO_INTERVAL_S,
         seed=seed,
-        setting=setting,
+        preset=preset,
         photo_width=photo_width,
     )
 

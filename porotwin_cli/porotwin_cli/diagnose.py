@@ -22,7 +22,7 @@ def command(
     rig: Annotated[
         Path | None, typer.Option(help='rig.yaml, if not that of the recording.')
     ] = None,
-    setting: Annotated[
+    preset: Annotated[
         str, typer.Option(help='Scheme whose gap is asked for: accurate, fast or upwind.')
     ] = 'accurate',
     apply: Annotated[
@@ -37,16 +37,16 @@ def command(
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
     """
-    from porotwin_diagnosis.candidates import CAMERA
-    from porotwin_diagnosis.diagnose import diagnose
+    from porotwin_diagnosis.examine import diagnose
+    from porotwin_diagnosis.model.candidate import CAMERA
     from porotwin_recording.recording import open_recording
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
     if live or recordings is None:
-        if rig is not None or apply or setting != 'accurate':
+        if rig is not None or apply or preset != 'accurate':
             raise InputError(
-                '--live judges the twin as it runs; leave out --rig, --setting and --apply'
+                '--live judges the twin as it runs; leave out --rig, --preset and --apply'
             )
         _live(output, as_json=as_json)
         return
@@ -59,7 +59,7 @@ def command(
             recordings,
             output,
             rig=own,
-            setting=setting,
+            preset=preset,
             apply=apply,
             progress=lambda stage, share: bar.update(
                 task, completed=round(100 * share), description=stage

@@ -15,7 +15,7 @@ def command(
         Path | None,
         typer.Option(help="rig.yaml that it was trained for; default: the recording's."),
     ] = None,
-    setting: Annotated[str, typer.Option(help='Scheme of the physics-based model.')] = 'fast',
+    preset: Annotated[str, typer.Option(help='Scheme of the physics-based model.')] = 'fast',
     output: Annotated[Path | None, typer.Option(help='Folder for a table and pictures.')] = None,
     as_json: Json = False,
 ) -> None:
@@ -32,14 +32,14 @@ def command(
 
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
-    believed = experiments[0].rig
-    assess = learned.for_physics(believed, learned.grid, setting).assess
+    nominal = experiments[0].rig
+    assess = learned.for_physics(nominal, learned.grid, preset).assess
     if learned.doubt:
         say(f'{model}: {learned.doubt}')
     for recording in experiments:
         if source_name(recording) in learned.provenance['sources']:
             say(f'{recording.source}: the model learned from it; it will do worse on other runs')
-    physics = Model(believed, learned.grid, setting=setting)
+    physics = Model(nominal, learned.grid, preset=preset)
     result = evaluate(
         [frames_of(recording, learned.grid) for recording in experiments],
         time_step=learned.time_step,

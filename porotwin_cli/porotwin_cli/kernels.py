@@ -12,7 +12,7 @@ from porotwin_imaging.chain import Imaging
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
-from porotwin_solver.model import SETTINGS
+from porotwin_solver.model import PRESETS
 from porotwin_solver.simulation import simulate
 
 
@@ -21,8 +21,8 @@ def compile_kernels() -> None:
     rig = load_rig(small_rig())
     safe = Limits.of(rig).safe()
     grid = rig.grid(47, 28)
-    for setting in SETTINGS:
-        simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, setting=setting)
+    for preset in PRESETS:
+        simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, preset=preset)
     asset = VirtualRig(rig)
     asset.set_rates(safe)
     asset.advance(1.0)

@@ -139,7 +139,7 @@ def train_costa(
     *,
     photo_interval: float,
     seed: int,
-    setting: str,
+    preset: str,
     photo_width: int,
 ) -> Path:
     """Train COSTA on the training runs as the camera sees them; return the model's folder."""
@@ -148,7 +148,7 @@ def train_costa(
         rig, folder, photo_interval=photo_interval, seed=seed, photo_width=photo_width
     )
     frames = [imaged(open_recording(run), grid, calibration) for run in runs]
-    dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, setting=setting)
+    dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, preset=preset)
     settings = training_settings(ARCHITECTURE, epochs=TRAINING_EPOCHS)
     with progress() as bar:
         task = bar.add_task('training COSTA', total=settings.epochs)

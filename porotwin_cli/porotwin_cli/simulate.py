@@ -21,7 +21,7 @@ def command(
     times: Annotated[
         str, typer.Option(help="START:END:STEP in s; default: the recording's times.")
     ] = '',
-    setting: Annotated[str, typer.Option(help='accurate, fast or upwind.')] = 'accurate',
+    preset: Annotated[str, typer.Option(help='accurate, fast or upwind.')] = 'accurate',
     as_json: Json = False,
 ) -> None:
     """Simulate an experiment with nothing but its rates.
@@ -41,16 +41,14 @@ def command(
     else:
         on = recording.grid if recording.maps is not None else rig.default_grid()
     effects = [parse_effect(text) for text in effect or []]
-    maps = simulated_maps(
-        rig, recording.schedule, moments, grid=on, setting=setting, effects=effects
-    )
+    maps = simulated_maps(rig, recording.schedule, moments, grid=on, preset=preset, effects=effects)
     with ConcentrationWriter(output, on) as writer, progress() as bar:
         task = bar.add_task('simulating', total=len(moments))
         for time, values in zip(moments, maps, strict=True):
             writer.append(time, values)
             bar.advance(task)
     if as_json:
-        print_json({'output': output, 'grid': str(on), 'frames': len(moments), 'setting': setting})
+        print_json({'output': output, 'grid': str(on), 'frames': len(moments), 'preset': preset})
     else:
         print(f'{len(moments)} maps on {on} in {output}')
 

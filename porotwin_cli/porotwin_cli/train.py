@@ -16,7 +16,7 @@ def command(
     rig: Annotated[Path, typer.Option(help='rig.yaml of the physics-based model to correct.')],
     output: Annotated[Path, typer.Option(help='Folder for the model.')],
     grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
-    setting: Annotated[str, typer.Option(help='Scheme to correct: fast, upwind ...')] = 'fast',
+    preset: Annotated[str, typer.Option(help='Scheme to correct: fast, upwind ...')] = 'fast',
     architecture: Annotated[str, typer.Option(help='Named network.')] = '',
     epochs: Annotated[int, typer.Option(help='Passes over the data; 0: the default.')] = 0,
     seed: Annotated[int, typer.Option(help='Of the weights and the order of samples.')] = 7,
@@ -40,7 +40,7 @@ def command(
     experiments = [frames_of(recording, on) for recording in open_all(recordings, description)]
     steps = np.concatenate([np.diff(frames.times) for frames in experiments])
     time_step = float(np.median(steps))
-    dataset = dataset_of(experiments, description, grid=on, time_step=time_step, setting=setting)
+    dataset = dataset_of(experiments, description, grid=on, time_step=time_step, preset=preset)
     say(dataset.summary)
     settings = training_settings(architecture, epochs=epochs)
     with progress() as bar:

@@ -31,7 +31,7 @@ def command(
         '127.0.0.1:8765'
     ),
     grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
-    setting: Annotated[str, typer.Option(help='Scheme: fast, accurate or upwind.')] = 'fast',
+    preset: Annotated[str, typer.Option(help='Scheme: fast, accurate or upwind.')] = 'fast',
     calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
     model: Annotated[Path | None, typer.Option(help='COSTA model to start with.')] = None,
     retrain_every: Annotated[
@@ -68,7 +68,7 @@ def command(
         if grid
         else description.default_grid()
     )
-    _refuse_early(description, on, setting, calibration, model, page)
+    _refuse_early(description, on, preset, calibration, model, page)
     folder = run_folder(output, 'up')
     settings = GraphSettings(
         rig=rig_file.resolve(),
@@ -77,7 +77,7 @@ def command(
         calibration=calibration,
         model=model,
         grid=grid,
-        setting=setting,
+        preset=preset,
         photo_interval_s=photo_interval_s,
         horizon_s=horizon_s,
         control=not predict_only,
@@ -96,7 +96,7 @@ def command(
 
 
 def _refuse_early(
-    rig: Rig, grid: Grid, setting: str, calibration: Path | None, model: Path | None, page: str
+    rig: Rig, grid: Grid, preset: str, calibration: Path | None, model: Path | None, page: str
 ) -> None:
     """Ask of each argument what its node will ask, before any node starts.
 
@@ -106,13 +106,13 @@ def _refuse_early(
     from porotwin_costa.model import CorrectiveModel
     from porotwin_imaging.calibration import load_calibration
     from porotwin_page.address import listen
-    from porotwin_solver.model import setting_of
+    from porotwin_solver.model import preset_named
 
-    setting_of(setting)
+    preset_named(preset)
     if calibration is not None:
         load_calibration(calibration)
     if model is not None:
-        learned = CorrectiveModel.load(model).for_physics(rig, grid, setting)
+        learned = CorrectiveModel.load(model).for_physics(rig, grid, preset)
         if learned.doubt:
             say(f'{model}: {learned.doubt}')
     if page:

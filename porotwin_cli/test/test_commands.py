@@ -149,11 +149,11 @@ def test_a_folder_survives_the_way_through_a_bag(experiment: Path, tmp_path: Pat
 @pytest.mark.slow
 def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> None:
     rig = experiment / 'rig.yaml'
-    common = ['--grid', '94x56', '--setting', 'upwind', '--architecture', 'local', '--epochs', '2']
+    common = ['--grid', '94x56', '--preset', 'upwind', '--architecture', 'local', '--epochs', '2']
     trained = porotwin('train', experiment, '--rig', rig, '--output', tmp_path / 'm', *common)
     assert trained.returncode == 0, trained.stderr
     assert 'of the residual' in trained.stdout
-    arguments = ['--setting', 'upwind', '--output', tmp_path / 'evaluation', '--json']
+    arguments = ['--preset', 'upwind', '--output', tmp_path / 'evaluation', '--json']
     result = porotwin('evaluate', tmp_path / 'm', experiment, *arguments)
     assert result.returncode == 0, result.stderr
     errors = json.loads(result.stdout)
@@ -161,9 +161,9 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
     assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
     assert 'the model learned from it' in result.stderr
     for command in (['evaluate', tmp_path / 'm', experiment], ['up', *_up(experiment, tmp_path)]):
-        refused = porotwin(*command, '--setting', 'fast')
+        refused = porotwin(*command, '--preset', 'fast')
         assert refused.returncode == 2, refused.stderr
-        assert "model corrects setting 'upwind', not 'fast'" in refused.stderr
+        assert "model corrects preset 'upwind', not 'fast'" in refused.stderr
 
 
 def _up(experiment: Path, folder: Path) -> list[str | Path]:
@@ -206,7 +206,7 @@ def test_an_unknown_effect_or_grid_is_refused(experiment: Path, tmp_path: Path) 
 @pytest.mark.parametrize(
     ('arguments', 'named'),
     [
-        (['--setting', 'typo'], "'typo'"),
+        (['--preset', 'typo'], "'typo'"),
         (['--calibration', 'nowhere.yaml'], 'nowhere.yaml'),
         (['--model', 'nowhere'], 'nowhere'),
         (['--page', 'somewhere'], "'somewhere'"),
@@ -225,7 +225,7 @@ def test_up_refuses_what_a_node_would_refuse_before_it_starts_one(
     assert not output.exists()
 
 
-@pytest.mark.parametrize('arguments', [['--speed', 'abc'], ['--speed', '-1'], ['--setting', 'abc']])
+@pytest.mark.parametrize('arguments', [['--speed', 'abc'], ['--speed', '-1'], ['--preset', 'abc']])
 def test_demo_refuses_before_it_works(arguments: list[str], tmp_path: Path) -> None:
     result = porotwin('demo', '--output', tmp_path / 'demo', *arguments)
     assert result.returncode == 2, result.stderr

@@ -119,10 +119,10 @@ def relative_error(values: FloatArray, reference: FloatArray) -> float:
     return float(np.linalg.norm((values - reference)[known]) / norm) if norm > 0 else float('nan')
 
 
-def fill_unseen(observed: FloatArray, believed: FloatArray | None) -> FloatArray:
-    """Return the observed map (nz, nx) within 0..1, unseen cells as believed, else without tracer.
+def fill_unseen(observed: FloatArray, prediction: FloatArray | None) -> FloatArray:
+    """Return the observed map (nz, nx) within 0..1; unseen cells take the `prediction`, or 0.
 
     What the physics-based model starts from, in the twin and in what COSTA learns from alike.
     """
-    substitute = np.zeros_like(observed) if believed is None else believed
+    substitute = np.zeros_like(observed) if prediction is None else prediction
     return np.where(np.isfinite(observed), np.clip(observed, 0.0, 1.0), substitute)

@@ -202,7 +202,7 @@ class Rig(_Section):
             return np.full(grid.shape, value)
         return conservative_resample(self._maps[quantity], grid.shape)
 
-    def believed_map(
+    def nominal_map(
         self, quantity: Literal['depth_m', 'porosity', 'permeability_m2']
     ) -> float | FloatArray:
         """Return `quantity` as the owner gave it: a number, or the map (nz, nx) on its own grid."""

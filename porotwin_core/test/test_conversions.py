@@ -100,7 +100,7 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
     again = conversions.rig_from_msg(deserialize_message(serialize_message(message), type(message)))
     assert again == rig
     assert again.physics_fingerprint == rig.physics_fingerprint
-    np.testing.assert_array_equal(again.believed_map('depth_m'), rig.believed_map('depth_m'))
+    np.testing.assert_array_equal(again.nominal_map('depth_m'), rig.nominal_map('depth_m'))
     if not with_maps:
         assert again == parse_rig({**data, **quantities}, Path('rig.yaml'))
 

@@ -63,6 +63,6 @@ def test_unseen_cells_do_not_count_in_the_relative_error() -> None:
 
 def test_unseen_cells_are_taken_from_what_is_believed() -> None:
     observed = np.array([[0.2, np.nan], [1.3, 0.0]])
-    believed = np.array([[0.9, 0.7], [0.9, 0.9]])
-    assert fill_unseen(observed, believed).tolist() == [[0.2, 0.7], [1.0, 0.0]]
+    prediction = np.array([[0.9, 0.7], [0.9, 0.9]])
+    assert fill_unseen(observed, prediction).tolist() == [[0.2, 0.7], [1.0, 0.0]]
     assert fill_unseen(observed, None).tolist() == [[0.2, 0.0], [1.0, 0.0]]

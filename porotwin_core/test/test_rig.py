@@ -91,7 +91,7 @@ def test_a_rig_with_maps_survives_writing_and_reading(tmp_path: Path) -> None:
     write_rig(rig, tmp_path / 'rig.yaml')
     again = load_rig(tmp_path)
     assert again == rig
-    np.testing.assert_array_equal(again.believed_map('depth_m'), depth)
+    np.testing.assert_array_equal(again.nominal_map('depth_m'), depth)
 
 
 def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
@@ -113,8 +113,8 @@ def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
     (tmp_path / 'copy').mkdir()
     write_rig(rig, tmp_path / 'copy' / 'rig.yaml')
     again = load_rig(tmp_path / 'copy')
-    np.testing.assert_array_equal(again.believed_map('depth_m'), depth)
-    np.testing.assert_array_equal(again.believed_map('porosity'), porosity)
+    np.testing.assert_array_equal(again.nominal_map('depth_m'), depth)
+    np.testing.assert_array_equal(again.nominal_map('porosity'), porosity)
     assert {file.name for file in (tmp_path / 'copy').iterdir()} == {
         'rig.yaml',
         'maps.nc',

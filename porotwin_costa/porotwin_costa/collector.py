@@ -33,8 +33,8 @@ _LATE = 0.1
 class Pair:
     """Two consecutive states (nz, nx), the rates between them, and when they end [s].
 
-    Unseen cells are NaN. What the twin believed before an interruption, or before the clock jumped
-    back, says nothing about a pair of a later `course` of time.
+    Unseen cells are NaN. A prediction made before an interruption, or before the clock jumped back,
+    says nothing about a pair of a later `course` of time.
     """
 
     previous: FloatArray
@@ -63,20 +63,20 @@ class Collector:
         time_step: float,
         *,
         first_experiment: int = 0,
-        setting: str = '',
+        preset: str = '',
     ) -> None:
         """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number.
 
-        `setting` names the scheme of the physics-based model; empty: not known.
+        `preset` names the scheme of the physics-based model; empty: not known.
         """
-        self._empty = empty_dataset(rig, grid, time_step, setting)
+        self._empty = empty_dataset(rig, grid, time_step, preset)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
         self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_KEPT)
         self._clean: deque[float] = deque(maxlen=_KEPT)
         self._samples: list[tuple[Pair, FloatArray, FloatArray]] = []
         self._course = 0
-        self._believed: tuple[int, FloatArray] | None = None
+        self._latest_prediction: tuple[int, FloatArray] | None = None
         self.dropped: Counter[str] = Counter()
         self.completed = 0
 
@@ -113,8 +113,8 @@ class Collector:
 
     def start(self, pair: Pair) -> FloatArray:
         """Return the state (nz, nx) from which to predict: unseen cells as last predicted."""
-        course, believed = self._believed or (pair.course, None)
-        return fill_unseen(pair.previous, believed if course == pair.course else None)
+        course, prediction = self._latest_prediction or (pair.course, None)
+        return fill_unseen(pair.previous, prediction if course == pair.course else None)
 
     def complete(self, pair: Pair, predicted: FloatArray, residual: FloatArray) -> None:
         """Keep a pair with its prediction c~ (nz, nx) and exact residual r (nz, nx) [1/s].
@@ -124,7 +124,7 @@ class Collector:
         if not (np.isfinite(predicted).all() and np.isfinite(residual).all()):
             self.dropped['pairs without finite residual'] += 1
             return
-        self._believed = pair.course, predicted
+        self._latest_prediction = pair.course, predicted
         residual = np.where(np.isfinite(pair.following), residual, 0.0)
         self._samples.append((pair, predicted, residual))
         self.completed += 1

@@ -55,7 +55,7 @@ class CostaNode(Node):
         grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
         self._rig = rig
-        self._setting = declare(self, 'setting', '', 'scheme of the solver; empty: not checked')
+        self._preset = declare(self, 'preset', '', 'scheme of the solver; empty: not checked')
         self._architecture = declare(
             self, 'architecture', DEFAULT, 'what to train when a goal does not say'
         )
@@ -92,7 +92,7 @@ class CostaNode(Node):
         )
 
     def _use(self, model: CorrectiveModel, path: str) -> None:
-        self._model = model.for_physics(self._rig, self._grid, self._setting)
+        self._model = model.for_physics(self._rig, self._grid, self._preset)
         self._path = path
         if model.doubt:
             self.get_logger().warning(model.doubt)
@@ -222,7 +222,7 @@ class CostaNode(Node):
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
-        model.for_physics(self._rig, self._grid, self._setting)
+        model.for_physics(self._rig, self._grid, self._preset)
         if goal.output:
             model.save(Path(goal.output))
         self._use(model, goal.output)

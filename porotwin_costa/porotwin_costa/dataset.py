@@ -203,10 +203,10 @@ def _parts(folder: Path) -> list[Path]:
     return sorted(folder.glob('part_*.safetensors'))
 
 
-def empty_dataset(rig: Rig, grid: Grid, time_step: float, setting: str = '') -> Dataset:
+def empty_dataset(rig: Rig, grid: Grid, time_step: float, preset: str = '') -> Dataset:
     """Return a data set without samples for the wells of `rig`, in the order of rig.yaml.
 
-    `setting` names the scheme of the physics-based model; empty: not known.
+    `preset` names the scheme of the physics-based model; empty: not known.
     """
     wells = tuple(rig.wells)
     depth = rig.field('depth_m', grid)
@@ -222,7 +222,7 @@ def empty_dataset(rig: Rig, grid: Grid, time_step: float, setting: str = '') -> 
         residual=np.zeros((0, *grid.shape), np.float32),
         time=np.zeros(0),
         experiment=np.zeros(0, np.int64),
-        physics=PhysicsId.of(rig, setting),
+        physics=PhysicsId.of(rig, preset),
     )
 
 
@@ -255,7 +255,7 @@ def build_dataset(
     time_step: float,
     predict: PredictFn,
     residual: ResidualFn,
-    setting: str = '',
+    preset: str = '',
     progress: Callable[[int], None] = lambda _: None,
 ) -> Dataset:
     """Return the pairs of all experiments: c~ from each frame, and what it missed of the next.
@@ -265,7 +265,7 @@ def build_dataset(
     Cells that c^n does not show are as in the last prediction before it, as the twin fills them;
     those that c^{n+1} does not show have no residual.
     A clean state within a pair's interval means that the second does not follow from the first.
-    `setting` names the scheme that predicts. `progress` is told the number of samples so far.
+    `preset` names the scheme that predicts. `progress` is told the number of samples so far.
 
     Raises:
         InputError: a frame is not on `grid`, or not one pair can be used.
@@ -282,18 +282,18 @@ def build_dataset(
             )
         names.append(frames.name)
         last, last_course = -2, -1
-        believed: FloatArray | None = None
+        prediction: FloatArray | None = None
         for n, course in _consecutive(frames, time_step, dropped):
             label += n != last + 1
-            believed = believed if course == last_course else None
+            prediction = prediction if course == last_course else None
             last, last_course = n, course
             start, end = float(frames.times[n]), float(frames.times[n + 1])
             before, after = (frames.concentration[k].astype(float) for k in (n, n + 1))
             rates = mean_rates(frames.schedule, start, end)
-            before = fill_unseen(before, believed)
-            believed = predict(before, rates, time_step)
-            missed = residual(before, fill_unseen(after, believed), rates, time_step)
-            predicted.append(believed.astype(np.float32))
+            before = fill_unseen(before, prediction)
+            prediction = predict(before, rates, time_step)
+            missed = residual(before, fill_unseen(after, prediction), rates, time_step)
+            predicted.append(prediction.astype(np.float32))
             residuals.append(np.where(np.isfinite(after), missed, 0.0).astype(np.float32))
             rates_seen.append(rate_vector(rates, wells))
             times.append(end)
@@ -303,7 +303,7 @@ def build_dataset(
         reasons = ', '.join(f'{count} {reason}' for reason, count in dropped.items()) or 'no frames'
         raise InputError(f'{", ".join(names) or "no recording"}: no pair to learn from ({reasons})')
     return replace(
-        empty_dataset(rig, grid, time_step, setting),
+        empty_dataset(rig, grid, time_step, preset),
         predicted=np.array(predicted),
         rates=np.array(rates_seen),
         residual=np.array(residuals),

@@ -150,7 +150,7 @@ def evaluate(
     for experiment in experiments:
         names.append(experiment.name)
         free: tuple[FloatArray, FloatArray] | None = None
-        believed: FloatArray | None = None
+        prediction: FloatArray | None = None
         times = experiment.times
         for n in range(len(times) - 1):
             before = np.asarray(experiment.concentration[n], dtype=float)
@@ -161,12 +161,12 @@ def evaluate(
             )
             if clean or apart or not (enough_seen(before) and enough_seen(observed)):
                 free = None
-                believed = None if clean else believed
+                prediction = None if clean else prediction
                 continue
-            before = fill_unseen(before, believed)
+            before = fill_unseen(before, prediction)
             rates = mean_rates(experiment.schedule, float(times[n]), float(times[n + 1]))
             predicted, corrected, status = step(before, rates)
-            believed = corrected
+            prediction = corrected
             free_start = free or (before, before)
             free_predicted = predict(free_start[0], rates, time_step)
             _, free_corrected, free_status = step(free_start[1], rates)

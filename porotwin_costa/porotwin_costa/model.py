@@ -134,16 +134,16 @@ class CorrectiveModel:
             )
         return self
 
-    def for_physics(self, rig: Rig, grid: Grid, setting: str = '') -> Self:
+    def for_physics(self, rig: Rig, grid: Grid, preset: str = '') -> Self:
         """Return this model after checking that it corrects the physics of `rig` on `grid`.
 
-        `setting` names the scheme; empty: not known, so not checked.
+        `preset` names the scheme; empty: not known, so not checked.
 
         Raises:
             InputError: it was trained for other wells, another grid, scheme or rig description.
         """
         self.for_wells(tuple(rig.wells), grid)
-        if difference := self.physics.difference(PhysicsId.of(rig, setting)):
+        if difference := self.physics.difference(PhysicsId.of(rig, preset)):
             raise InputError(
                 f'model corrects {difference}; choose what it was trained for, or train again'
             )
@@ -154,7 +154,7 @@ class CorrectiveModel:
         """One line if the model does not say which physics it corrects, else an empty string."""
         if self.physics.known:
             return ''
-        return 'model does not say which rig and setting it corrects: not checked; train it again'
+        return 'model does not say which rig and preset it corrects: not checked; train it again'
 
     def save(self, path: Path) -> None:
         """Write weights and description to one .safetensors file, whole or not at all."""

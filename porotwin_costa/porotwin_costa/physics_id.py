@@ -13,23 +13,23 @@ class PhysicsId:
     Empty where it is not known: a file of before this was kept, a scheme that nobody named.
     """
 
-    setting: str = ''
+    preset: str = ''
     rig: str = ''
 
     @classmethod
-    def of(cls, rig: Rig, setting: str) -> Self:
-        """Return that of the physics of `rig` with the scheme `setting`."""
-        return cls(setting, rig.physics_fingerprint)
+    def of(cls, rig: Rig, preset: str) -> Self:
+        """Return that of the physics of `rig` with the scheme `preset`."""
+        return cls(preset, rig.physics_fingerprint)
 
     @property
     def known(self) -> bool:
         """Whether both are known, so that a difference will be found."""
-        return bool(self.setting and self.rig)
+        return bool(self.preset and self.rig)
 
     def difference(self, other: Self) -> str:
         """Return how `other` differs, as far as both are known, or an empty string."""
-        if self.setting and other.setting and self.setting != other.setting:
-            return f"setting '{self.setting}', not '{other.setting}'"
+        if self.preset and other.preset and self.preset != other.preset:
+            return f"preset '{self.preset}', not '{other.preset}'"
         if self.rig and other.rig and self.rig != other.rig:
             return (
                 f'rig {self.rig}, not {other.rig} (sand, wells, boundaries or effects of rig.yaml)'

@@ -52,7 +52,7 @@ class TrainerNode(Node):
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
-        setting = declare(self, 'setting', '', 'scheme of the solver; empty: not known')
+        preset = declare(self, 'preset', '', 'scheme of the solver; empty: not known')
         self._time_step = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
         self._every = declare(self, 'retrain_every', 40, 'new pairs between two trainings')
         self._architecture = declare(self, 'architecture', '', 'network; empty: that of costa')
@@ -64,8 +64,8 @@ class TrainerNode(Node):
             rig,
             self._grid,
             self._time_step,
-            first_experiment=self._known_experiments(PhysicsId.of(rig, setting)),
-            setting=setting,
+            first_experiment=self._known_experiments(PhysicsId.of(rig, preset)),
+            preset=preset,
         )
         self._dropped = 0
         self._pending: deque[Pair] = deque(maxlen=1000)

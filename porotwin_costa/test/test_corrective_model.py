@@ -175,7 +175,7 @@ def test_model_is_held_against_the_physics_it_corrects(trained, grid, rig, tmp_p
     again = CorrectiveModel.load(path)
     assert again.for_physics(rig, grid, 'upwind') is again
     assert not again.doubt
-    with pytest.raises(InputError, match="setting 'upwind', not 'fast'") as refusal:
+    with pytest.raises(InputError, match="preset 'upwind', not 'fast'") as refusal:
         again.for_physics(rig, grid, 'fast')
     assert '\n' not in str(refusal.value)
     sorbing = EffectDescription(name='sorption', parameters={'retardation_factor': 1.2})
@@ -193,7 +193,7 @@ def test_older_model_is_taken_with_a_doubt(trained, grid, rig, tmp_path):
     write_tensors(path, weights, FORMAT, description)
     old = CorrectiveModel.load(path)
     assert old.for_physics(rig, grid, 'fast') is old
-    assert 'does not say which rig and setting' in old.doubt
+    assert 'does not say which rig and preset' in old.doubt
     assert '\n' not in old.doubt
 
 

@@ -418,12 +418,12 @@ def test_wrong_parameters_end_the_node_with_one_line(rig, rig_file, trained, tmp
     other = tmp_path / 'other.safetensors'
     dataclasses.replace(trained, physics=PhysicsId.of(rig, 'upwind')).save(other)
     processes = [
-        _start('costa_node', rig=rig_file, grid='30x20', model=other, setting='fast'),
+        _start('costa_node', rig=rig_file, grid='30x20', model=other, preset='fast'),
         _start('costa_node', rig=tmp_path / 'none.yaml'),
         _start('costa_node', rig=rig_file, model=broken),
         _start('costa_node', rig=rig_file, architecture='cubist'),
     ]
-    complaints = ("setting 'upwind'", 'none.yaml', 'safetensors', 'cubist')
+    complaints = ("preset 'upwind'", 'none.yaml', 'safetensors', 'cubist')
     for process, complaint in zip(processes, complaints, strict=True):
         _, errors = process.communicate(timeout=2 * PATIENCE)
         assert process.returncode == 2

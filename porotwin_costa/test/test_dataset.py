@@ -227,7 +227,7 @@ def test_a_pumping_well_that_costa_does_not_know_is_refused():
 
 def test_data_sets_of_different_physics_do_not_join(build, rig, grid, unseen_frames):
     upwind = empty_dataset(rig, grid, 30.0, 'upwind')
-    with pytest.raises(InputError, match="physics: setting 'upwind', not 'fast'"):
+    with pytest.raises(InputError, match="physics: preset 'upwind', not 'fast'"):
         join_datasets([upwind, empty_dataset(rig, grid, 30.0, 'fast')])
     other = rig.model_copy(update={'porosity': 0.4})
     with pytest.raises(InputError, match=r'physics: rig .* boundaries or effects'):

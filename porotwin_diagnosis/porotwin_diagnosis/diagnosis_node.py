@@ -21,8 +21,8 @@ from porotwin_core.grid import Grid
 from porotwin_core.node import declare, run
 from porotwin_core.rig import load_rig
 from porotwin_core.wells import WellRates as Rates
-from porotwin_diagnosis.diagnose import Diagnosis, diagnose
-from porotwin_diagnosis.run_so_far import RunSoFar
+from porotwin_diagnosis.data.run_so_far import RunSoFar
+from porotwin_diagnosis.examine import Diagnosis, diagnose
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 
@@ -47,7 +47,7 @@ class DiagnosisNode(Node):
         self._rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         text = declare(self, 'grid', str(self._rig.default_grid()), 'columns x rows of the maps')
         self._grid = Grid.parse(text, self._rig.width_m, self._rig.height_m)
-        self._setting = declare(self, 'setting', 'accurate', 'scheme whose gap is asked for')
+        self._preset = declare(self, 'preset', 'accurate', 'scheme whose gap is asked for')
         self._workers = declare(self, 'workers', 1, 'simulations at a time')
         self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')
         self._lock = threading.Lock()
@@ -164,7 +164,7 @@ class DiagnosisNode(Node):
         return diagnose(
             recording,
             output,
-            setting=self._setting,
+            preset=self._preset,
             workers=self._workers,
             progress=_Feedback(goal),
         )

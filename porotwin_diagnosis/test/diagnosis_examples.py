@@ -8,11 +8,11 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.blind_cases import SMALL
-from porotwin_diagnosis.candidates import Candidate, Knob
-from porotwin_diagnosis.fit import Fit
+from porotwin_diagnosis.model.candidate import Candidate, FitParameter
+from porotwin_diagnosis.model.fit import Fit
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
+from porotwin_validation.blind_cases import SMALL
 
 COSTLY = ('buoyancy', 'viscosity', 'dual_porosity', 'background_flow', 'heterogeneity', 'leak')
 """Effects that take most of a search; a test whose point is another one leaves them out."""
@@ -61,8 +61,8 @@ def recorded(
 
 
 def fit_of(*effects: str, misfit: float, held_out: float | None = None, error=0.1, **others) -> Fit:
-    """Return a fit of `effects`, of one knob each, as if it had been judged so."""
-    members = tuple(Candidate(name, (Knob('value', '-', 1.0, 0.1),)) for name in effects)
+    """Return a fit of `effects`, of one parameter each, as if it had been judged so."""
+    members = tuple(Candidate(name, (FitParameter('value', '-', 1.0, 0.1),)) for name in effects)
     size = len(members)
     held_out = held_out or misfit
     unknown = np.zeros((size, size))

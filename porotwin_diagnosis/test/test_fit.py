@@ -9,11 +9,11 @@ from diagnosis_examples import recorded
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.candidates import Candidate, Knob, library, pumping_wells
-from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.fit import Fitter
-from porotwin_diagnosis.forward import ROUGHNESS, Forward, on_rough_sand
-from porotwin_diagnosis.ranking import possible
+from porotwin_diagnosis.data.sample import read_sample
+from porotwin_diagnosis.model.candidate import Candidate, FitParameter, library, pumping_wells
+from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.forward import ROUGHNESS, Forward, on_rough_sand
+from porotwin_diagnosis.search.ranking import possible
 from porotwin_recording.recording import open_recording
 
 
@@ -27,9 +27,12 @@ def candidate(fitter, label):
 
 
 def test_knob_turns_and_values_are_inverse():
-    for knob in (Knob('a', 'm', 2.0, 0.3), Knob('b', '-', 2.0, 0.3, low=0.1, log=True)):
-        assert knob.value(knob.turn(3.7)) == pytest.approx(3.7)
-    assert Knob('c', '-', 1.0, 0.1, low=1.0).value(-5.0) == 1.0
+    for parameter in (
+        FitParameter('a', 'm', 2.0, 0.3),
+        FitParameter('b', '-', 2.0, 0.3, low=0.1, log=True),
+    ):
+        assert parameter.value(parameter.scaled(3.7)) == pytest.approx(3.7)
+    assert FitParameter('c', '-', 1.0, 0.1, low=1.0).value(-5.0) == 1.0
 
 
 def test_porosity_is_found_in_data_of_another_simulator(fitter):
@@ -47,7 +50,7 @@ def test_held_out_frames_take_no_part_in_the_fit(fitter, denser_sand):
     spoiled = Fitter([Forward(sample)], soft=0.3)
     a = fitter.fit((candidate(fitter, 'porosity'),))
     b = spoiled.fit((candidate(spoiled, 'porosity'),))
-    assert np.allclose(a.turns, b.turns)
+    assert np.allclose(a.scaled, b.scaled)
     assert b.held_out > 3 * a.held_out
 
 
@@ -88,7 +91,7 @@ def test_a_judged_fit_is_polished_with_the_slopes_of_coarser_cells(fitter, dense
     sample = read_sample(open_recording(denser_sand))
     judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
     porosity = candidate(fitter, 'porosity')
-    off = judge.judged((porosity,), np.array([porosity.knobs[0].turn(0.93)]))
+    off = judge.judged((porosity,), np.array([porosity.parameters[0].scaled(0.93)]))
     polished = judge.polished(off, fitter)
     assert polished.fitted < 0.4 * off.fitted
     assert polished.effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.01)
@@ -101,7 +104,10 @@ def test_a_shifted_and_turned_picture_is_found_in_its_narrow_valley(tmp_path):
     fitter = Fitter([Forward(sample)], soft=0.3)
     registration = candidate(fitter, 'registration')
     true = fitter.judged(
-        (registration,), np.array([knob.turn(truth[knob.name]) for knob in registration.knobs])
+        (registration,),
+        np.array(
+            [parameter.scaled(truth[parameter.name]) for parameter in registration.parameters]
+        ),
     )
     assert fitter.fit((registration,)).fitted <= 1.01 * true.fitted
 
@@ -117,7 +123,7 @@ def test_a_true_model_leaves_little_beyond_the_noise_and_a_wrong_one_much(fitter
 
 
 def fitter_turns(fitter, factor):
-    return np.array([candidate(fitter, 'porosity').knobs[0].turn(factor)])
+    return np.array([candidate(fitter, 'porosity').parameters[0].scaled(factor)])
 
 
 class Arctangent(Fitter):
@@ -128,11 +134,11 @@ class Arctangent(Fitter):
 
 
 def test_a_fit_that_starts_where_nothing_changes_takes_shorter_steps_until_one_helps():
-    knob = Knob('value', '-', 0.0, 1.0)
-    turns = Arctangent([])._descend(
-        (Candidate('decay', (knob,)),), [knob], np.array([10.0]), 1.5, steps=8
+    parameter = FitParameter('value', '-', 0.0, 1.0)
+    scaled = Arctangent([])._descend(
+        (Candidate('decay', (parameter,)),), [parameter], np.array([10.0]), 1.5, steps=8
     )
-    assert abs(turns[0]) < 0.5
+    assert abs(scaled[0]) < 0.5
 
 
 class Refusing(Arctangent):
@@ -145,11 +151,11 @@ class Refusing(Arctangent):
 
 
 def test_a_step_to_where_the_model_cannot_run_is_not_taken():
-    knob = Knob('value', '-', 0.0, 1.0)
-    turns = Refusing([])._descend(
-        (Candidate('decay', (knob,)),), [knob], np.array([10.0]), 1.5, steps=8
+    parameter = FitParameter('value', '-', 0.0, 1.0)
+    scaled = Refusing([])._descend(
+        (Candidate('decay', (parameter,)),), [parameter], np.array([10.0]), 1.5, steps=8
     )
-    assert abs(turns[0]) < 0.5
+    assert abs(scaled[0]) < 0.5
 
 
 def test_a_well_beside_a_wall_may_stay_where_it_is(fitter):
@@ -160,7 +166,7 @@ def test_a_well_beside_a_wall_may_stay_where_it_is(fitter):
     shifts = next(
         c for c in library([replace(sample, rig=rig)]) if c.label == 'well_position injector'
     )
-    assert shifts.knobs[1].range == (pytest.approx(shifts.knobs[1].range[0]), 0.0)
+    assert shifts.parameters[1].range == (pytest.approx(shifts.parameters[1].range[0]), 0.0)
     assert shifts.described((0.0, 0.0)).parameters['dz'] == 0.0
 
 
@@ -173,9 +179,9 @@ def test_a_well_that_is_listed_but_rests_hides_no_leak(fitter):
 
 def test_the_slopes_of_later_knobs_are_those_of_all(fitter):
     members = (candidate(fitter, 'porosity'), candidate(fitter, 'saturation'))
-    turns = np.array([-8.0, 0.5])
-    every = fitter.responses(members, turns)[0]
-    later = fitter.responses(members, turns, first=1)[0]
+    scaled = np.array([-8.0, 0.5])
+    every = fitter.responses(members, scaled)[0]
+    later = fitter.responses(members, scaled, first=1)[0]
     assert len(later) == 1
     np.testing.assert_array_equal(every[1:], later)
 
@@ -185,7 +191,7 @@ def test_what_is_absent_changes_nothing_and_is_not_simulated(fitter):
     without = forward.maps(())
     absent = []
     for candidate in library(fitter.samples):
-        neutral = (0.0,) * len(candidate.knobs)
+        neutral = (0.0,) * len(candidate.parameters)
         if candidate.is_absent(neutral):
             absent.append(candidate)
             np.testing.assert_array_equal(forward.maps((candidate.described(neutral),)), without)
@@ -213,7 +219,7 @@ def test_an_effect_with_which_the_model_cannot_run_is_set_aside(fitter, monkeypa
     dense = candidate(fitter, 'porosity')
     stopped = fitter.fit((dense,))
     assert stopped.possible
-    assert limit <= stopped.turns[0] < 0.0, 'as far as the model goes'
+    assert limit <= stopped.scaled[0] < 0.0, 'as far as the model goes'
     assert not fitter.fit((dense,), start=np.array([limit - 1.0])).possible
     at_the_limit = fitter.judged((dense,), np.array([limit]))
     assert fitter.polished(at_the_limit, fitter).possible
@@ -227,19 +233,19 @@ def test_a_thinner_tracer_magnifies_what_nobody_knows_of_the_sand(fitter):
     judge = Fitter([Forward(sample)], soft=0.3, rough=rough)
     viscosity = candidate(fitter, 'viscosity')
 
-    def magnified(ratio):
-        turns = np.array([viscosity.knobs[0].turn(ratio)])
-        return judge.judged((viscosity,), turns).magnified
+    def fingering_amplification(ratio):
+        scaled = np.array([viscosity.parameters[0].scaled(ratio)])
+        return judge.judged((viscosity,), scaled).fingering_amplification
 
-    assert magnified(1.5) == (1.0, 1.0)
-    thin, thinner = magnified(0.8), magnified(0.5)
+    assert fingering_amplification(1.5) == (1.0, 1.0)
+    thin, thinner = fingering_amplification(0.8), fingering_amplification(0.5)
     assert 1.0 <= thin[1] < thinner[1]
 
 
 def test_rough_sand_is_the_same_for_the_same_seed_and_as_permeable_on_the_whole(fitter):
     sample = fitter.samples[0]
     one, same, other = (
-        on_rough_sand(sample, seed).rig.believed_map('permeability_m2') for seed in (0, 0, 1)
+        on_rough_sand(sample, seed).rig.nominal_map('permeability_m2') for seed in (0, 0, 1)
     )
     np.testing.assert_array_equal(one, same)
     assert not np.array_equal(one, other)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.held_out import HeldOut, softened, together, worsened
-from porotwin_diagnosis.noise import blur
+from porotwin_diagnosis.data.noise import blur
+from porotwin_diagnosis.decision.held_out import HeldOut, softened, together, worsened
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))
 

@@ -4,9 +4,9 @@ import pytest
 
 from porotwin_core.grid import relative_error
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.levels import Levels
-from porotwin_diagnosis.ranking import score
+from porotwin_diagnosis.data.sample import read_sample
+from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.search.ranking import score
 from porotwin_recording.recording import open_recording
 from porotwin_rig.observation import MapNoise
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from scipy.ndimage import gaussian_filter
 
-from porotwin_diagnosis.noise import Noise, measure_noise
+from porotwin_diagnosis.data.noise import Noise, measure_noise
 from porotwin_recording.recording import open_recording
 
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'

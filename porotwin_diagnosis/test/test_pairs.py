@@ -4,12 +4,12 @@ import numpy as np
 from diagnosis_examples import fit_of, recorded
 
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.candidates import library
-from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.levels import Levels
-from porotwin_diagnosis.pairs import BASES, PairSearch, bases_of
-from porotwin_diagnosis.ranking import score
-from porotwin_diagnosis.singles import Singles
+from porotwin_diagnosis.data.sample import read_sample
+from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.search.pairs import BASES, PairSearch, bases_of
+from porotwin_diagnosis.search.ranking import score
+from porotwin_diagnosis.search.singles import Singles
 from porotwin_recording.recording import open_recording
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.fit import Fit
-from porotwin_diagnosis.output import _probabilities
-from porotwin_diagnosis.verdict import Verdict
+from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.report.diagnosis_json import _probabilities
 
 MODEL = Fit((), np.zeros(0), 1.0, 1.0, 0.1, 0.1, np.zeros((0, 0)))
 RAW = {'porosity': 0.45, 'rate': 0.45, 'depth': 0.08, 'leak': 0.02, 'none': 0.0}

@@ -8,13 +8,13 @@ from diagnosis_examples import SMALL, schedule
 
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.candidates import library
-from porotwin_diagnosis.evidence import coarsened, read_sample
-from porotwin_diagnosis.fit import Fitter
-from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.proposals import SCHEDULES, propose
-from porotwin_diagnosis.search import Findings
-from porotwin_diagnosis.verdict import Verdict
+from porotwin_diagnosis.advice.proposals import SCHEDULES, propose
+from porotwin_diagnosis.data.sample import coarsened, read_sample
+from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.search.search import Findings
 from porotwin_recording.recording import open_recording
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
@@ -48,10 +48,11 @@ def proposed(sample, one, other):
     candidates = {candidate.label: candidate for candidate in library([sample])}
     fits = []
     for label, values in (one, other):
-        turns = [
-            knob.turn(value) for knob, value in zip(candidates[label].knobs, values, strict=True)
+        scaled = [
+            parameter.scaled(value)
+            for parameter, value in zip(candidates[label].parameters, values, strict=True)
         ]
-        fits.append(fitter.judged((candidates[label],), np.array(turns)))
+        fits.append(fitter.judged((candidates[label],), np.array(scaled)))
     null = fitter.judged((), np.zeros(0))
     findings = Findings(null, null, fits, fits, distances=[0.0, 0.1])
     name = fits[0].members[0].effect

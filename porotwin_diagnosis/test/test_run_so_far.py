@@ -6,7 +6,7 @@ from diagnosis_examples import SMALL
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate
-from porotwin_diagnosis.run_so_far import MOST_MAPS, RunSoFar
+from porotwin_diagnosis.data.run_so_far import MOST_MAPS, RunSoFar
 from porotwin_recording.recording import open_recording
 
 GRID = SMALL.grid(20, 12)

@@ -5,10 +5,10 @@ import pytest
 from diagnosis_examples import fit_of
 
 from porotwin_core.errors import InputError
-from porotwin_diagnosis.candidates import library
-from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.ranking import excess
-from porotwin_diagnosis.search import WORTH_EXCHANGING, Findings, Search, worth_exchanging
+from porotwin_diagnosis.data.sample import read_sample
+from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.search.ranking import normalised_misfit
+from porotwin_diagnosis.search.search import WORTH_EXCHANGING, Findings, Search, worth_exchanging
 from porotwin_recording.recording import open_recording
 
 
@@ -25,14 +25,14 @@ def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(dens
     known = {candidate.label: candidate for candidate in library(judging.samples)}
     porosity, saturation = known['porosity'], known['saturation']
     stuck = judging.judged((porosity,), np.zeros(1))
-    right = porosity.knobs[0].turn(0.885)
+    right = porosity.parameters[0].scaled(0.885)
     pair = judging.judged((porosity, saturation), np.array([right, 0.0]))
     findings = Findings(stuck, stuck, [], [stuck], [pair])
     findings.parts = [judging.judged((porosity,), np.array([right]))]
     search._tried_again_alone(findings)
     found = findings.singles[0].effects[0].parameters['factor']
     assert found == pytest.approx(0.88, abs=0.004)
-    assert excess(findings.singles[0]) < 0.3 * excess(stuck)
+    assert normalised_misfit(findings.singles[0]) < 0.3 * normalised_misfit(stuck)
 
 
 def test_members_are_exchanged_in_the_best_pair_and_in_one_that_is_all_unlike_it():

@@ -12,8 +12,8 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription, write_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.diagnose import diagnose
-from porotwin_diagnosis.gap_map import map_gap
+from porotwin_diagnosis.examine import diagnose
+from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_recording.recording import open_recording
 
 DENSER = EffectDescription(name='porosity', parameters={'factor': 0.88})

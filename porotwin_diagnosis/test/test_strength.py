@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.candidates import library
-from porotwin_diagnosis.evidence import coarsened, read_sample
-from porotwin_diagnosis.fit import Fitter
-from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.strength import smallest_strengths
+from porotwin_diagnosis.advice.strength import smallest_strengths
+from porotwin_diagnosis.data.sample import coarsened, read_sample
+from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.recording import open_recording
 
 

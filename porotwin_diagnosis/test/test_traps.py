@@ -9,11 +9,11 @@ from diagnosis_examples import SMALL, recorded, schedule
 from scipy.ndimage import gaussian_filter, laplace
 
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.candidates import library
-from porotwin_diagnosis.evidence import read_sample
-from porotwin_diagnosis.fit import Fitter
-from porotwin_diagnosis.forward import Forward
-from porotwin_diagnosis.levels import Levels
+from porotwin_diagnosis.data.sample import read_sample
+from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.search.levels import Levels
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.model import Model
@@ -51,7 +51,7 @@ def fitted(fitter, label, **options):
 def one_step_diffusion(recording):
     """Least squares of the one-step residual against dt Laplace(c), as one would do naively."""
     grid = recording.grid
-    model = Model(recording.rig, grid, setting='fast')
+    model = Model(recording.rig, grid, preset='fast')
     top = bottom = 0.0
     for before, after in ((10, 11), (12, 13), (14, 15)):
         maps = [recording.concentration[k].astype(float) for k in (before, after)]
@@ -141,7 +141,7 @@ def test_a_restart_from_every_map_hides_most_of_a_gap(denser_sand):
     recording = open_recording(denser_sand)
     sample = read_sample(recording)
     free = Forward(sample).maps(())[-1]
-    model = Model(recording.rig, recording.grid, setting='fast')
+    model = Model(recording.rig, recording.grid, preset='fast')
     before, last = (
         np.flatnonzero(recording.times <= time)[-1]
         for time in (sample.times[-1] - 90, sample.times[-1])
@@ -175,7 +175,7 @@ def test_pixels_are_not_samples(quiet):
     fitter = Fitter([Forward(sample)], soft=0.3)
     fit = fitter.with_covariance(fitted(fitter, 'porosity', coarse_steps=0))
     residual = fitter.residuals(fit.effects, 1.5, fitted_only=True)
-    column = fitter.responses(fit.members, fit.turns)[0][0][: sample.fitted]
+    column = fitter.responses(fit.members, fit.scaled)[0][0][: sample.fitted]
     naive = np.sqrt(np.mean(residual[0] ** 2) / np.sum(column**2))
     assert np.sqrt(fit.covariance[0, 0]) > 3 * naive
 
@@ -184,7 +184,7 @@ def test_one_effect_has_one_size_in_all_recordings(denser_sand, quiet):
     same = [read_sample(open_recording(denser_sand)) for _ in range(2)]
     both = Fitter([Forward(sample) for sample in same], soft=0.3)
     alone = Fitter([Forward(same[0])], soft=0.3)
-    assert np.allclose(fitted(both, 'porosity').turns, fitted(alone, 'porosity').turns, atol=0.05)
+    assert np.allclose(fitted(both, 'porosity').scaled, fitted(alone, 'porosity').scaled, atol=0.05)
     torn = Fitter([Forward(same[0]), Forward(read_sample(open_recording(quiet)))], soft=0.3)
     assert fitted(torn, 'porosity').held_out > 2 * fitted(both, 'porosity').held_out
 
@@ -196,7 +196,7 @@ def test_blind_spots_of_the_camera_do_not_count(denser_sand):
     patched = replace(sample, observed=blind, weights={})
     a = fitted(Fitter([Forward(sample)], soft=0.3), 'porosity')
     b = fitted(Fitter([Forward(patched)], soft=0.3), 'porosity')
-    assert b.turns[0] == pytest.approx(a.turns[0], abs=0.4)
+    assert b.scaled[0] == pytest.approx(a.scaled[0], abs=0.4)
     assert np.isfinite(b.held_out)
 
 

@@ -7,10 +7,10 @@ from functools import partial
 import pytest
 from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.findings_file import read_findings, write_findings
-from porotwin_diagnosis.numerics import Numerics
-from porotwin_diagnosis.search import Findings
-from porotwin_diagnosis.verdict import Thresholds, Verdict, decide, refuted
+from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.decision.verdict import Thresholds, Verdict, decide, refuted
+from porotwin_diagnosis.report.findings_json import read_findings, write_findings
+from porotwin_diagnosis.search.search import Findings
 
 LIMITS = Thresholds()
 NOISE = 0.4
@@ -199,9 +199,9 @@ def test_a_viscosity_may_leave_more_than_other_effects():
 def test_what_fingers_may_leave_as_many_times_more_as_it_magnifies():
     found = findings(13.0, ('viscosity', 1.8), ('leak', 6.0))
     assert decide(found, LIMITS).name == 'unexplained'
-    found.singles[0] = replace(found.singles[0], magnified=(1.2, 1.2))
+    found.singles[0] = replace(found.singles[0], fingering_amplification=(1.2, 1.2))
     assert decide(found, LIMITS).name == 'unexplained'
-    found.singles[0] = replace(found.singles[0], magnified=(3.0, 3.0))
+    found.singles[0] = replace(found.singles[0], fingering_amplification=(3.0, 3.0))
     assert decide(found, LIMITS).name == 'viscosity'
 
 

@@ -47,7 +47,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare an argument for every setting of the graph, then start its nodes."""
+    """Declare an argument for every preset of the graph, then start its nodes."""
     arguments = []
     for field in dataclasses.fields(GraphSettings):
         default = {}

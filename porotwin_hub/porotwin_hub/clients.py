@@ -88,12 +88,9 @@ class DataDrivenModelClient:
         self._call = call
         self._grid = grid
 
-    def __call__(
-        self, previous: FloatArray, predicted: FloatArray, rates: WellRates, time_step: float
-    ) -> Correction:
+    def __call__(self, predicted: FloatArray, rates: WellRates, time_step: float) -> Correction:
         """Return sigma, or None with the reason."""
         request = CorrectiveSource.Request(
-            previous=conversions.tracer_to_msg(previous, self._grid, 0.0),
             predicted=conversions.tracer_to_msg(predicted, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),
             time_step=float(time_step),

@@ -21,7 +21,7 @@ class PhotographClock:
         self._validity = validity
         self._behind = 0.0
         """The camera's clock is behind the arrivals' clock by this [s]."""
-        self._believed = False
+        self._nominal = False
         """A photograph was in time by `_behind`."""
         self._last: tuple[float, float] | None = None
 
@@ -37,11 +37,11 @@ class PhotographClock:
         if self._last is not None:
             taken, came = stamp - self._last[0], arrival - self._last[1]
             if taken <= 0.0:
-                self._believed = False  # a clock was set back, or old photographs come again
+                self._nominal = False  # a clock was set back, or old photographs come again
             live = came >= LIVE_PACE * taken >= LIVE_PACE**2 * self._interval
-            if live and not self._believed:
+            if live and not self._nominal:
                 self._behind = late
         self._last = (stamp, arrival)
         self._behind = min(self._behind, late)
-        self._believed = self._believed or late - self._behind <= self._validity
+        self._nominal = self._nominal or late - self._behind <= self._validity
         return late - self._behind

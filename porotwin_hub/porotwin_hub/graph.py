@@ -29,7 +29,7 @@ class NodeDescription:
         return f'{self.package}.{self.executable}'
 
 
-def _setting(default: Any, description: str) -> Any:
+def _option(default: Any, description: str) -> Any:
     return field(default=default, metadata={'description': description})
 
 
@@ -38,22 +38,22 @@ class GraphSettings:
     """What a user chooses when the graph starts; the arguments of the launch file."""
 
     rig: Path = field(metadata={'description': 'path of rig.yaml'})
-    photos: Path | None = _setting(None, 'folder to watch for photographs')
-    device: str = _setting('', 'camera device, such as /dev/video0, instead of a folder')
-    calibration: Path | None = _setting(None, 'calibration of the photographs')
-    model: Path | None = _setting(None, 'COSTA model to load; without one the correction is zero')
-    grid: str = _setting('', 'columns x rows of the maps; empty: cells of about 5 mm')
-    setting: str = _setting('fast', 'scheme of the physics-based model: fast, accurate or upwind')
-    photo_interval_s: float = _setting(30.0, 'time between photographs [s]')
-    horizon_s: float = _setting(600.0, 'how far the optimiser looks ahead [s]')
-    evaluations: int = _setting(60, 'predictions that one optimisation may ask for')
-    control: bool = _setting(True, 'choose setpoints, when rig.yaml says what may be controlled')
-    retrain_every: int = _setting(0, 'retrain COSTA after so many new states; 0: never')
-    record: Path | None = _setting(None, 'bag to record everything into')
-    diagnoses: Path | None = _setting(None, 'folder for diagnoses of the run, made when asked for')
-    page: str = _setting('', 'HOST:PORT of the page; empty: no page')
-    speak: bool = _setting(False, 'speak setpoints with espeak-ng')
-    use_sim_time: bool = _setting(False, 'take the time from /clock')
+    photos: Path | None = _option(None, 'folder to watch for photographs')
+    device: str = _option('', 'camera device, such as /dev/video0, instead of a folder')
+    calibration: Path | None = _option(None, 'calibration of the photographs')
+    model: Path | None = _option(None, 'COSTA model to load; without one the correction is zero')
+    grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
+    preset: str = _option('fast', 'scheme of the physics-based model: fast, accurate or upwind')
+    photo_interval_s: float = _option(30.0, 'time between photographs [s]')
+    horizon_s: float = _option(600.0, 'how far the optimiser looks ahead [s]')
+    evaluations: int = _option(60, 'predictions that one optimisation may ask for')
+    control: bool = _option(True, 'choose setpoints, when rig.yaml says what may be controlled')
+    retrain_every: int = _option(0, 'retrain COSTA after so many new states; 0: never')
+    record: Path | None = _option(None, 'bag to record everything into')
+    diagnoses: Path | None = _option(None, 'folder for diagnoses of the run, made when asked for')
+    page: str = _option('', 'HOST:PORT of the page; empty: no page')
+    speak: bool = _option(False, 'speak setpoints with espeak-ng')
+    use_sim_time: bool = _option(False, 'take the time from /clock')
 
 
 def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
@@ -62,7 +62,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
     mapped = {**common, 'grid': settings.grid} if settings.grid else common
     calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
     model = {'model': str(settings.model)} if settings.model else {}
-    modelled = {**mapped, 'setting': settings.setting}
+    modelled = {**mapped, 'preset': settings.preset}
     nodes = [
         NodeDescription(
             'imaging',

@@ -47,8 +47,8 @@ class Correction:
     status: str
 
 
-DataDrivenModel = Callable[[FloatArray, FloatArray, WellRates, float], Correction]
-"""sigma = DDM(c^n, c~^(n+1)) with the rates and the time step (paper, eq. sigmadef)."""
+DataDrivenModel = Callable[[FloatArray, WellRates, float], Correction]
+"""sigma from the prediction c~^(n+1), the rates and the time step (paper, eq. sigmadef)."""
 
 
 def no_correction(*_: object) -> Correction:
@@ -157,7 +157,7 @@ class Twin:
         self.validity = validity_intervals * photo_interval
         """How long a setpoint is good after its photograph [s]."""
         self._told: SetpointDecision | None = None
-        self._believed: FloatArray | None = None
+        self._nominal: FloatArray | None = None
         self._state: Observation | None = None
         self._forecast: Forecast | None = None
 
@@ -165,7 +165,7 @@ class Twin:
         """Forget the sequence of time: the next state does not follow from the last."""
         self._state = None
         self._forecast = None
-        self._believed = None
+        self._nominal = None
 
     def begin_anew(self) -> None:
         """Forget everything: time went back, so what was told belongs to another course of it."""
@@ -194,7 +194,7 @@ class Twin:
         """
         cycle = Cycle(
             observation,
-            state=fill_unseen(observation.concentration, self._believed),
+            state=fill_unseen(observation.concentration, self._nominal),
             pumped=measured if measured is not None else self._told_rates(observation.time),
         )
         if self._objective is not None:
@@ -217,7 +217,7 @@ class Twin:
         self._forecast_next(cycle)
         self._state = Observation(cycle.observation.time, cycle.state)
         self._forecast = cycle.forecast
-        self._believed = cycle.forecast.corrected if cycle.forecast is not None else cycle.state
+        self._nominal = cycle.forecast.corrected if cycle.forecast is not None else cycle.state
 
     def _told_rates(self, now: float) -> WellRates:
         if self._told is None:
@@ -312,7 +312,7 @@ class Twin:
         predicted = self._physics.predict(state, rates, step)
         durations['predict'] = clock() - begun
         begun = clock()
-        correction = self._data_driven(state, predicted, rates, step)
+        correction = self._data_driven(predicted, rates, step)
         corrected = predicted
         if correction.sigma is not None:
             # the correction may overshoot; a concentration cannot

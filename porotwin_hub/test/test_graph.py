@@ -95,6 +95,6 @@ def test_the_papers_rig_can_be_controlled() -> None:
 
 
 def test_costa_and_its_trainer_know_the_scheme_that_they_correct() -> None:
-    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, setting='upwind')
-    told = {node.name: node.parameters.get('setting') for node in twin_nodes(settings)}
+    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, preset='upwind')
+    told = {node.name: node.parameters.get('preset') for node in twin_nodes(settings)}
     assert told['solver'] == told['costa'] == told['trainer'] == 'upwind'

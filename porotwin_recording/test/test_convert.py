@@ -69,7 +69,7 @@ def assert_same(back: Recording, original: Recording) -> None:
     )
     for quantity in ('depth_m', 'porosity', 'permeability_m2'):
         np.testing.assert_array_equal(
-            back.rig.believed_map(quantity), original.rig.believed_map(quantity)
+            back.rig.nominal_map(quantity), original.rig.nominal_map(quantity)
         )
     assert changes(back.told) == changes(original.told)
     assert changes(back.measured) == changes(original.measured)

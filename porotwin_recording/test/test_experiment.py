@@ -298,7 +298,7 @@ def test_every_shared_recording_survives_a_copy(tmp_path: Path) -> None:
         assert back.rig == original.rig
         for quantity in ('depth_m', 'permeability_m2'):
             np.testing.assert_array_equal(
-                back.rig.believed_map(quantity), original.rig.believed_map(quantity)
+                back.rig.nominal_map(quantity), original.rig.nominal_map(quantity)
             )
         assert back.schedule == original.schedule
         assert (copy / 'rates.csv').read_text() == (

@@ -118,7 +118,7 @@ def _default_cell(rig: Rig) -> float:
     """Return the size of elements [m] that suits `rig`."""
     area = rig.width_m * rig.height_m
     cell = math.sqrt(area / DEFAULT_VERTICES)
-    permeability = rig.believed_map('permeability_m2')
+    permeability = rig.nominal_map('permeability_m2')
     if isinstance(permeability, float):
         return cell
     interfaces = rig.width_m / permeability.shape[1] / PER_SAND_CELL

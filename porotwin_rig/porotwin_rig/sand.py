@@ -63,23 +63,23 @@ def true_sand(rig: Rig, mesh: Mesh, effects: Effects) -> Sand:
 
 
 def _nearest(rig: Rig, quantity: Quantity, mesh: Mesh) -> FloatArray:
-    """Return a believed map on the elements, each taking the value at its middle.
+    """Return a nominal map on the elements, each taking the value at its middle.
 
     Averaging would soften the interfaces between sands, which are sharp.
     """
-    believed = rig.believed_map(quantity)
-    if isinstance(believed, float):
-        return np.full((mesh.nz, mesh.nx), believed)
-    rows = ((np.arange(mesh.nz) + 0.5) * believed.shape[0] / mesh.nz).astype(int)
-    columns = ((np.arange(mesh.nx) + 0.5) * believed.shape[1] / mesh.nx).astype(int)
-    return believed[np.ix_(rows, columns)]
+    nominal = rig.nominal_map(quantity)
+    if isinstance(nominal, float):
+        return np.full((mesh.nz, mesh.nx), nominal)
+    rows = ((np.arange(mesh.nz) + 0.5) * nominal.shape[0] / mesh.nz).astype(int)
+    columns = ((np.arange(mesh.nx) + 0.5) * nominal.shape[1] / mesh.nx).astype(int)
+    return nominal[np.ix_(rows, columns)]
 
 
 def _averaged(rig: Rig, quantity: Quantity, mesh: Mesh) -> FloatArray:
-    believed = rig.believed_map(quantity)
-    if isinstance(believed, float):
-        return np.full(mesh.shape, believed)
-    return mesh.to_vertices(believed)
+    nominal = rig.nominal_map(quantity)
+    if isinstance(nominal, float):
+        return np.full(mesh.shape, nominal)
+    return mesh.to_vertices(nominal)
 
 
 def _bulging(x: FloatArray, rig: Rig, factor_centre: float) -> FloatArray:

@@ -61,8 +61,8 @@ def sands_of(rig: Rig) -> tuple[tuple[Sand, ...], NDArray[np.integer]]:
     Sands are told apart by permeability; of a continuous map, the classes of its logarithm. Coarse
     sand is dark and mottled, fine sand light and smooth; grains follow Hazen's rule, d ~ sqrt(k).
     """
-    believed = rig.believed_map('permeability_m2')
-    permeability = np.atleast_2d(np.asarray(believed, dtype=float))
+    nominal = rig.nominal_map('permeability_m2')
+    permeability = np.atleast_2d(np.asarray(nominal, dtype=float))
     levels = np.unique(np.round(np.log10(permeability), 2))
     if len(levels) > MOST_SANDS:
         levels = np.linspace(levels[0], levels[-1], MOST_SANDS)

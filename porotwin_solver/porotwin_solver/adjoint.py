@@ -107,7 +107,7 @@ def gradient(
     cost: Cost,
     *,
     grid: Grid,
-    setting: str = 'fast',
+    preset: str = 'fast',
     effects: Iterable[EffectDescription] = (),
     parameters: Sequence[tuple[str, str]] = (),
     start: float = 0.0,
@@ -121,11 +121,10 @@ def gradient(
             that are equal; spreading without any diffusion), and all that `simulate` refuses.
     """
     described = (*rig.effects, *effects)
-    model = Model(rig.model_copy(update={'effects': ()}), grid, setting=setting, effects=described)
+    model = Model(rig.model_copy(update={'effects': ()}), grid, preset=preset, effects=described)
     _refuse(parameters, model.engine.physics)
     varied = [
-        _Varied(rig, grid, setting, described, effect, parameter)
-        for effect, parameter in parameters
+        _Varied(rig, grid, preset, described, effect, parameter) for effect, parameter in parameters
     ]
     run = _Run(model, schedule, np.asarray(times, dtype=float), start)
     total, bars = run.forward(cost)
@@ -159,7 +158,7 @@ class _Varied:
         self,
         rig: Rig,
         grid: Grid,
-        setting: str,
+        preset: str,
         described: tuple[EffectDescription, ...],
         effect: str,
         parameter: str,
@@ -171,11 +170,11 @@ class _Varied:
                 'give the effect with all its parameters'
             )
         self.step = STEP * (abs(values[0]) or 1.0)
-        believed = rig.model_copy(update={'effects': ()})
+        nominal = rig.model_copy(update={'effects': ()})
 
         def model(steps: float) -> Model:
             shifted = _shifted(described, effect, parameter, steps * self.step)
-            return Model(believed, grid, setting=setting, effects=shifted)
+            return Model(nominal, grid, preset=preset, effects=shifted)
 
         for weights in DIFFERENCES:
             # what cannot be on one side of the value may be on the other
@@ -225,7 +224,7 @@ class _Run:
         self.before_start: list[int] = []
         now = start
         for index, time in enumerate(times):
-            target = time + model.view.clock_offset
+            target = time + model.operator.clock_offset
             for low, high, rates in schedule.intervals(now, target):
                 self.intervals.append(_Interval(low, high, rates))
             now = max(now, target)
@@ -242,13 +241,13 @@ class _Run:
             nonlocal total
             seen = engine.seen(state)
             for index in indices:
-                shown = self.model.view.shown(seen, self.model.grid, float(self.times[index]))
+                shown = self.model.operator.shown(seen, self.model.grid, float(self.times[index]))
                 part, bars[index] = cost(index, shown)
                 total += part
 
         look(self.before_start)
         for interval in self.intervals:
-            sources = engine.openings.sources(interval.rates)
+            sources = engine.sources_and_sinks.sources(interval.rates)
             water = engine.flux(interval.rates)
             count, step = engine.steps(interval.end - interval.start)
             for place in range(count):
@@ -300,9 +299,9 @@ class _Run:
         self, bar: State, state: State, index: int, map_bar: FloatArray, varied: Sequence[_Varied]
     ) -> FloatArray:
         """Add the derivative by the map at `index` to `bar`; return that by the parameters."""
-        engine, view, grid = self.engine, self.model.view, self.model.grid
+        engine, operator, grid = self.engine, self.model.operator, self.model.grid
         time = float(self.times[index])
-        seen_bar = view.shown_adjoint(engine.seen(state), grid, time, map_bar)
+        seen_bar = operator.shown_adjoint(engine.seen(state), grid, time, map_bar)
         share = engine.physics.immobile_fraction
         bar.mobile += (1.0 - share) * seen_bar
         bar.immobile += share * seen_bar
@@ -310,7 +309,7 @@ class _Run:
             [
                 one.difference(
                     lambda m: float(
-                        np.vdot(map_bar, m.view.shown(m.engine.seen(state), grid, time))
+                        np.vdot(map_bar, m.operator.shown(m.engine.seen(state), grid, time))
                     )
                 )
                 for one in varied
@@ -322,7 +321,7 @@ class _Run:
     ) -> FloatArray:
         """Read the step from `first` backwards; return the derivatives by reaction parameters."""
         engine = self.engine
-        sources = engine.openings.sources(interval.rates)
+        sources = engine.sources_and_sinks.sources(interval.rates)
         flux = engine.moving(engine.flux(interval.rates), interval.rates, first.mobile)
         _, step = engine.steps(interval.end - interval.start)
         steps = pace(flux, sources, engine.storage, step)
@@ -372,21 +371,21 @@ class _Run:
         by_concentration: dict[str, FloatArray],
     ) -> None:
         engine = self.engine
-        for name, opening in engine.physics.wells.items():
+        for name, source_sink in engine.physics.wells.items():
             told = interval.rates.get(name, WellRate())
             factor = engine.physics.rate_factors.get(name, 1.0)
-            at, units = engine.openings, engine.unit_fluxes
-            unit = at.all.index(opening)
+            at, units = engine.sources_and_sinks, engine.unit_fluxes
+            unit = at.all.index(source_sink)
             through = float(np.vdot(bars.flux.x, units.x[unit]))
             through += float(np.vdot(bars.flux.z, units.z[unit]))
             if by_source is not None and engine.coupling is not None:
-                through += engine.coupling.openings.mean(opening, by_source)
+                through += engine.coupling.sources_and_sinks.mean(source_sink, by_source)
             if told.rate >= 0:
-                tracer = at.mean(opening, bars.sources.tracer)
-                through += at.mean(opening, bars.sources.inflow) + told.concentration * tracer
+                tracer = at.mean(source_sink, bars.sources.tracer)
+                through += at.mean(source_sink, bars.sources.inflow) + told.concentration * tracer
                 by_concentration[name][index] += factor * told.rate * tracer
             else:
-                through -= at.mean(opening, bars.sources.outflow)
+                through -= at.mean(source_sink, bars.sources.outflow)
             by_rate[name][index] += factor * through
 
 
@@ -487,7 +486,7 @@ def _weighted(model: Model, interval: _Interval, first: State, bars: _Bars) -> f
     """Return the coefficients of `model` in `interval`, weighted by the derivatives by them."""
     engine, physics = model.engine, model.engine.physics
     flux = engine.moving(engine.flux(interval.rates), interval.rates, first.mobile)
-    sources = engine.openings.sources(interval.rates)
+    sources = engine.sources_and_sinks.sources(interval.rates)
     parts = [
         np.vdot(bars.flux.x, flux.x),
         np.vdot(bars.flux.z, flux.z),

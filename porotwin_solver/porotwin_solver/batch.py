@@ -20,7 +20,7 @@ class Job:
     schedule: Schedule
     times: Sequence[float] | FloatArray
     grid: Grid
-    setting: str = 'accurate'
+    preset: str = 'accurate'
     effects: tuple[EffectDescription, ...] = ()
 
     def run(self) -> FloatArray:
@@ -30,7 +30,7 @@ class Job:
             self.schedule,
             self.times,
             grid=self.grid,
-            setting=self.setting,
+            preset=self.preset,
             effects=self.effects,
         )
 

@@ -22,9 +22,9 @@ from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_solver.adjoint import gradient
 from porotwin_solver.flow import FaceField, pressure_matrix, transmissibilities
 from porotwin_solver.model import Model
-from porotwin_solver.openings import Openings
-from porotwin_solver.physics import Physics, believed_physics
+from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.simulation import simulate
+from porotwin_solver.sources_and_sinks import SourcesAndSinks
 
 INTERVAL = 30.0
 FRAMES = 160
@@ -73,7 +73,7 @@ class PlainModel:
     """Two-point flux, implicit upwind, sparse LU: a new factor for every new flow."""
 
     def __init__(self, physics: Physics) -> None:
-        self.physics, self._openings = physics, Openings(physics)
+        self.physics, self._openings = physics, SourcesAndSinks(physics)
         conductance = physics.depth * physics.permeability / physics.viscosity
         self._trans = transmissibilities(physics.grid, conductance, physics.boundaries)
         self._pressure = splu(pressure_matrix(self._trans, pin=0.0))
@@ -118,7 +118,7 @@ class PlainModel:
 
 def plain_maps(rig: Rig, schedule: Schedule, grid: Grid) -> FloatArray:
     """Return the plain model's maps at CHECKED."""
-    model = PlainModel(believed_physics(rig, grid))
+    model = PlainModel(nominal_physics(rig, grid))
     state: FloatArray = np.zeros(grid.shape)
     maps = []
     for frame in range(FRAMES):
@@ -146,8 +146,8 @@ def fipy_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float | None:
         )
     except ImportError:
         return None
-    physics = believed_physics(rig, grid)
-    openings = Openings(physics)
+    physics = nominal_physics(rig, grid)
+    sources_and_sinks = SourcesAndSinks(physics)
     mesh = Grid2D(dx=grid.dx, dy=grid.dz, nx=grid.nx, ny=grid.nz)
     area = grid.cell_area
     conductance = float((physics.depth * physics.permeability / physics.viscosity)[0, 0])
@@ -163,7 +163,7 @@ def fipy_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float | None:
     )
     begin = time.process_time()
     for frame in range(FIPY_FRAMES):
-        told = openings.sources(schedule.at(frame * INTERVAL))
+        told = sources_and_sinks.sources(schedule.at(frame * INTERVAL))
         source.setValue(told.net.ravel() / area)
         injected.setValue(told.tracer.ravel() / area)
         produced.setValue(told.outflow.ravel() / area)
@@ -194,9 +194,9 @@ def run() -> list[Row]:
     """Return one row per model: CPU time for 80 min, its share of the plain model's, errors."""
     rig, schedule = bench_rig(), bench_schedule()
     grid = rig.grid(187, 112)
-    for setting in ('fast', 'accurate'):  # compiled kernels are on disk from here on
-        simulate(rig, schedule, CHECKED[:1], grid=rig.grid(12, 7), setting=setting)
-    reference = simulate(rig, schedule, CHECKED, grid=rig.grid(*REFERENCE), setting='accurate')
+    for preset in ('fast', 'accurate'):  # compiled kernels are on disk from here on
+        simulate(rig, schedule, CHECKED[:1], grid=rig.grid(12, 7), preset=preset)
+    reference = simulate(rig, schedule, CHECKED, grid=rig.grid(*REFERENCE), preset='accurate')
     plain, plain_seconds = timed(lambda: plain_maps(rig, schedule, grid))
 
     def row(name: str, on: Grid, seconds: float, maps: FloatArray | None) -> Row:
@@ -213,7 +213,7 @@ def run() -> list[Row]:
     rows = [row('plain: upwind, implicit, LU', grid, plain_seconds, plain)]
     if (interval := fipy_seconds(rig, schedule, grid)) is not None:
         rows.append(row(f'FiPy, from {FIPY_FRAMES} intervals', grid, interval * FRAMES, None))
-    for setting, size in (
+    for preset, size in (
         ('fast', (187, 112)),
         ('accurate', (187, 112)),
         ('upwind', (187, 112)),
@@ -223,11 +223,11 @@ def run() -> list[Row]:
     ):
         on = rig.grid(*size)
         found, seconds = timed(
-            lambda on=on, setting=setting: simulate(  # type: ignore[misc]
-                rig, schedule, CHECKED, grid=on, setting=setting
+            lambda on=on, preset=preset: simulate(  # type: ignore[misc]
+                rig, schedule, CHECKED, grid=on, preset=preset
             )
         )
-        rows.append(row(setting, on, seconds, found))
+        rows.append(row(preset, on, seconds, found))
     rows.append(
         row('fast, gradient by 800 rates', grid, _gradient_seconds(rig, schedule, grid), None)
     )
@@ -242,23 +242,23 @@ def _gradient_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float:
         return float(seen.sum()), np.ones_like(seen)
 
     begin = time.process_time()
-    gradient(rig, schedule, times, cost, grid=grid, setting='fast')
+    gradient(rig, schedule, times, cost, grid=grid, preset='fast')
     return time.process_time() - begin
 
 
 def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: float) -> list[Row]:
     """Return the time of one interval after 40 min: what the live loop waits for."""
     rows = []
-    for setting, size in (('fast', grid), ('fast', rig.grid(747, 450))):
-        model = Model(rig, size, setting=setting)
-        coarse = simulate(rig, schedule, [2400.0], grid=grid, setting='fast')[0]
+    for preset, size in (('fast', grid), ('fast', rig.grid(747, 450))):
+        model = Model(rig, size, preset=preset)
+        coarse = simulate(rig, schedule, [2400.0], grid=grid, preset='fast')[0]
         state = conservative_resample(coarse, size.shape)
         model.prepare()
         rates = schedule.at(2400.0)
         _, seconds = timed(lambda: model.predict(state, rates, INTERVAL))  # noqa: B023
         rows.append(
             {
-                'model': f'{setting}, one interval of 30 s',
+                'model': f'{preset}, one interval of 30 s',
                 'grid': str(size),
                 'cpu_s': round(seconds, 4),
                 'share_of_plain': round(seconds * FRAMES / plain_seconds, 4),

@@ -18,8 +18,8 @@ from porotwin_solver.flow import (
     transmissibilities,
     transmissibilities_adjoint,
 )
-from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Physics
+from porotwin_solver.sources_and_sinks import SourcesAndSinks
 
 TOLERANCE = 1e-8
 """Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
@@ -35,7 +35,7 @@ class Coupling:
         """Factorise the flow of pure water on the grid of `physics`."""
         self.physics = physics
         self.grid = physics.grid
-        self.openings = Openings(physics)
+        self.sources_and_sinks = SourcesAndSinks(physics)
         self._water = flow_of(
             self.grid, physics.depth * physics.permeability / physics.viscosity, physics.boundaries
         )
@@ -53,7 +53,7 @@ class Coupling:
         if physics.viscosity_ratio == 1.0:
             driven = buoyant_flux(physics, water.transmissibility, concentration)
             return water.flux(np.zeros(self.grid.shape), driven)
-        source = self.openings.sources(rates).net
+        source = self.sources_and_sinks.sources(rates).net
         trans = self._transmissibility(concentration)
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
@@ -78,7 +78,7 @@ class Coupling:
         by_concentration = on_faces[:-1] + on_faces[1:]
         if physics.viscosity_ratio == 1.0:
             return by_concentration, np.zeros(self.grid.shape)
-        source = self.openings.sources(rates).net
+        source = self.sources_and_sinks.sources(rates).net
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
         by_trans = self._water.pressure_flux(pressure, ones) * left

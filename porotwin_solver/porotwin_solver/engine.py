@@ -14,9 +14,9 @@ from porotwin_solver.background import background_flux
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.diffusion import Exchanges, diffuse, exchanges
 from porotwin_solver.flow import FaceField, flow_of
-from porotwin_solver.openings import Openings
 from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import coarsen, coarsen_adjoint
+from porotwin_solver.sources_and_sinks import SourcesAndSinks
 from porotwin_solver.transport import Carried, Pace, Sources, advect, pace
 
 LONGEST_STEP = 60.0
@@ -31,7 +31,7 @@ STEPS_KEPT = 4
 class State:
     """Concentrations (nz, nx), 0 water, 1 stock: of the water that moves, and of what does not.
 
-    `left`: volume of tracer stock [m^3] that left the rig through openings and through open sides.
+    `left`: volume of tracer stock [m^3] that left the rig through wells, leaks and open sides.
     """
 
     mobile: FloatArray
@@ -62,7 +62,7 @@ class Engine:
         self.grid = physics.grid
         conductance = physics.depth * physics.permeability / physics.viscosity
         self.flow = flow_of(self.grid, conductance, physics.boundaries)
-        self.openings = Openings(physics)
+        self.sources_and_sinks = SourcesAndSinks(physics)
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
         self.background = background_flux(physics, conductance)
         self.coupling = Coupling(coupled or physics) if physics.is_coupled else None
@@ -77,11 +77,11 @@ class Engine:
 
     @cached_property
     def unit_fluxes(self) -> FaceField:
-        """The flux [m^3/s] that 1 m^3/s into each of `openings.all` drives in pure water.
+        """The flux [m^3/s] that 1 m^3/s into each of `sources_and_sinks.all` drives in pure water.
 
-        Faces as in any `FaceField`, after one axis for the openings.
+        Faces as in any `FaceField`, after one axis for the sources and sinks.
         """
-        units = [self.flow.unit_flux(opening) for opening in self.openings.all]
+        units = [self.flow.unit_flux(source_sink) for source_sink in self.sources_and_sinks.all]
         grid, count = self.grid, len(units)
         return FaceField(
             np.array([unit.x for unit in units]).reshape(count, grid.nz, grid.nx + 1),
@@ -89,12 +89,12 @@ class Engine:
         )
 
     def flux(self, rates: WellRates) -> FaceField:
-        """Return the flux [m^3/s] in pure water: a superposition of the openings' unit flows.
+        """Return the flux [m^3/s] in pure water: a superposition of unit flows.
 
         Raises:
             InputError: an unknown well, or rates that do not balance in a rig without open side.
         """
-        told = self.openings.told(rates)
+        told = self.sources_and_sinks.told(rates)
         net = math.fsum(rate for _, rate, _ in told)
         total = math.fsum(abs(rate) for _, rate, _ in told)
         if self.flow.closed and abs(net) > 1e-9 * total:
@@ -102,9 +102,9 @@ class Engine:
                 f'rates add up to {to_ml_h(net):.6g} ml/h in a rig whose sides are all closed; '
                 'balance injection and production, or open a side in rig.yaml'
             )
-        pumped = np.zeros(len(self.openings.all))
-        for opening, rate, _ in told:
-            pumped[self.openings.all.index(opening)] += rate
+        pumped = np.zeros(len(self.sources_and_sinks.all))
+        for source_sink, rate, _ in told:
+            pumped[self.sources_and_sinks.all.index(source_sink)] += rate
         units = self.unit_fluxes
         flux = FaceField(np.tensordot(pumped, units.x, 1), np.tensordot(pumped, units.z, 1))
         return flux if self.background is None else flux + self.background
@@ -121,7 +121,7 @@ class Engine:
         reaction (Strang, SIAM J. Numer. Anal. 5 (1968) 506-517). Where the tracer moves the water,
         the flow is renewed before every step.
         """
-        sources, water = self.openings.sources(rates), self.flux(rates)
+        sources, water = self.sources_and_sinks.sources(rates), self.flux(rates)
         count, step = self.steps(duration)
         for index in range(count):
             if index == 0 or self.coupling is not None:

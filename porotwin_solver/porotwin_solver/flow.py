@@ -15,14 +15,14 @@ from scipy.sparse import csc_matrix, diags_array
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries
 from porotwin_solver.discs import disc_shares
-from porotwin_solver.physics import Opening
+from porotwin_solver.physics import SourceSink
 from porotwin_solver.pressure import PressureSolver, pressure_solver
 
 REMEMBERED_CELLS = 300_000
 """Cells of all flows together that are remembered; a factor takes about 1 kB per cell."""
 
 UNITS_KEPT = 16
-"""Openings whose unit flow is kept; each takes 16 B per cell."""
+"""SourcesAndSinks whose unit flow is kept; each takes 16 B per cell."""
 
 _lock = Lock()
 
@@ -184,20 +184,20 @@ class Flow:
         matrix = pressure_matrix(self.transmissibility, pin=self.pin)
         self.solve: PressureSolver = pressure_solver(matrix, grid.shape)
         # no cache that holds a method: a flow that is given up must go at once, with its factor
-        self._units: OrderedDict[Opening, FaceField] = OrderedDict()
+        self._units: OrderedDict[SourceSink, FaceField] = OrderedDict()
 
-    def unit_flux(self, opening: Opening) -> FaceField:
-        """Return the flux [m^3/s] that 1 m^3/s into `opening` drives; the last ones are kept."""
+    def unit_flux(self, source_sink: SourceSink) -> FaceField:
+        """Return the flux [m^3/s] that 1 m^3/s into `source_sink` drives; the last few are kept."""
         with _lock:
-            flux = self._units.get(opening)
+            flux = self._units.get(source_sink)
         if flux is None:
-            cells, parts = disc_shares(self.grid, opening.x, opening.z, opening.radius)
+            cells, parts = disc_shares(self.grid, source_sink.x, source_sink.z, source_sink.radius)
             source = np.zeros(self.grid.shape)
             source.ravel()[cells] = parts
             flux = self.flux(source)
         with _lock:
-            self._units[opening] = flux
-            self._units.move_to_end(opening)
+            self._units[source_sink] = flux
+            self._units.move_to_end(source_sink)
             if len(self._units) > UNITS_KEPT:
                 self._units.popitem(last=False)
         return flux

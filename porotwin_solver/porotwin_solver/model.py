@@ -12,21 +12,21 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import WellRates
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import Engine, State
-from porotwin_solver.physics import Physics, believed_physics
+from porotwin_solver.observation_operator import ObservationOperator
+from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.quantities import quantity_of_interest
 from porotwin_solver.refinement import coarsen, refine
 from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND
-from porotwin_solver.view import View
 
 FINE_CELLS = 200_000
-"""Cells up to which the accurate setting refines a grid."""
+"""Cells up to which the accurate preset refines a grid."""
 
 FINEST = 4
 """Most cells along each side into which it divides a cell; a power of two."""
 
 
 @dataclass(frozen=True)
-class Setting:
+class Preset:
     """A scheme of `transport`, and whether it runs on a finer grid than asked for."""
 
     scheme: int
@@ -42,23 +42,23 @@ class Setting:
         return factor
 
 
-SETTINGS: dict[str, Setting] = {
-    'fast': Setting(SUPERBEE, refines=False),
-    'accurate': Setting(THIRD_ORDER, refines=True),
-    'upwind': Setting(UPWIND, refines=False),
+PRESETS: dict[str, Preset] = {
+    'fast': Preset(SUPERBEE, refines=False),
+    'accurate': Preset(THIRD_ORDER, refines=True),
+    'upwind': Preset(UPWIND, refines=False),
 }
 """The live loop and the optimiser; simulation, training, diagnosis; the paper's diffusive model."""
 
 
-def setting_of(name: str) -> Setting:
-    """Return the setting `name`.
+def preset_named(name: str) -> Preset:
+    """Return the preset `name`.
 
     Raises:
         InputError: there is none; the message lists those there are.
     """
-    if name not in SETTINGS:
-        raise InputError(f"setting '{name}': unknown; choose from {', '.join(SETTINGS)}")
-    return SETTINGS[name]
+    if name not in PRESETS:
+        raise InputError(f"preset '{name}': unknown; choose from {', '.join(PRESETS)}")
+    return PRESETS[name]
 
 
 class Model:
@@ -83,35 +83,37 @@ class Model:
         rig: Rig,
         grid: Grid,
         *,
-        setting: str = 'accurate',
+        preset: str = 'accurate',
         effects: Iterable[EffectDescription] = (),
         divisions: int | None = None,
     ) -> None:
         """Prepare the flow of `rig` with its own and further `effects` on `grid`.
 
         Water and tracer move on cells that are divided into `divisions` parts along each side, as
-        the setting has it where that is not given; what the tracer adds to the flow is solved on
+        the preset has it where that is not given; what the tracer adds to the flow is solved on
         those of `grid`.
 
         Raises:
-            InputError: unknown setting, effect or parameter; fields no rig can have.
+            InputError: unknown preset, effect or parameter; fields no rig can have.
         """
-        chosen = setting_of(setting)
+        chosen = preset_named(preset)
         described = (*rig.effects, *effects)
-        self.rig, self.grid, self.setting = rig, grid, setting
+        self.rig, self.grid, self.preset = rig, grid, preset
         self.effects = described
-        self.believed, self.view = apply_effects(believed_physics(rig, grid), View(), described)
-        physics = self.believed
+        self.nominal, self.operator = apply_effects(
+            nominal_physics(rig, grid), ObservationOperator(), described
+        )
+        physics = self.nominal
         if (factor := divisions or chosen.refinement(grid)) > 1:
             fine = grid.refined(factor)
-            physics, _ = apply_effects(believed_physics(rig, fine), View(), described)
-        self.engine = Engine(physics, scheme=chosen.scheme, coupled=self.believed)
-        self._storage = self.believed.porosity * self.believed.retardation_factor
+            physics, _ = apply_effects(nominal_physics(rig, fine), ObservationOperator(), described)
+        self.engine = Engine(physics, scheme=chosen.scheme, coupled=self.nominal)
+        self._storage = self.nominal.porosity * self.nominal.retardation_factor
 
     @property
     def physics(self) -> Physics:
         """The coefficients on `grid`, effects included."""
-        return self.believed
+        return self.nominal
 
     def prepare(self) -> None:
         """Load the compiled kernels and solve the wells' flows ahead of the first question."""
@@ -167,7 +169,7 @@ class Model:
     def quantity_of_interest(self, name: str, concentration: FloatArray) -> float:
         """Return the quantity `name` (see `quantities`) of a map (nz, nx), in SI."""
         values = self.checked(concentration, 'concentration')
-        return quantity_of_interest(name, self.believed, values)
+        return quantity_of_interest(name, self.nominal, values)
 
     def checked(self, values: FloatArray, name: str) -> FloatArray:
         array = np.asarray(values, dtype=float)

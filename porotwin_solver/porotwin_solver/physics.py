@@ -12,7 +12,7 @@ from porotwin_core.units import MOLECULAR_DIFFUSION
 
 
 @dataclass(frozen=True)
-class Opening:
+class SourceSink:
     """Where water enters or leaves: a disc of `radius` about (`x`, `z`) [m]."""
 
     x: float
@@ -24,7 +24,7 @@ class Opening:
 class Leak:
     """Water lost or gained at a constant `rate` [m^3/s], positive into the rig, without tracer."""
 
-    opening: Opening
+    source_sink: SourceSink
     rate: float
 
 
@@ -41,7 +41,7 @@ class Physics:
     permeability: FloatArray
     viscosity: float
     boundaries: Boundaries
-    wells: Mapping[str, Opening]
+    wells: Mapping[str, SourceSink]
     rate_factors: Mapping[str, float] = field(default_factory=dict)
     diffusion: float = MOLECULAR_DIFFUSION
     longitudinal_dispersivity: float = 0.0
@@ -92,7 +92,7 @@ class Physics:
         return name
 
 
-def believed_physics(rig: Rig, grid: Grid) -> Physics:
+def nominal_physics(rig: Rig, grid: Grid) -> Physics:
     """Return what `rig.yaml` says, on the cells of `grid`, without any effect.
 
     Raises:
@@ -111,7 +111,7 @@ def believed_physics(rig: Rig, grid: Grid) -> Physics:
         viscosity=rig.viscosity_pa_s,
         boundaries=rig.boundaries,
         wells={
-            name: Opening(well.x_m, well.z_m, well.radius_m) for name, well in rig.wells.items()
+            name: SourceSink(well.x_m, well.z_m, well.radius_m) for name, well in rig.wells.items()
         },
     )
     check(physics)
@@ -136,9 +136,9 @@ def check(physics: Physics) -> None:
             raise InputError(f'{name} {values.min():.6g}: must be positive everywhere')
     if physics.porosity.max() > 1:
         raise InputError(f'porosity {physics.porosity.max():.6g}: must not exceed 1')
-    openings = {f"well '{name}'": well for name, well in physics.wells.items()}
-    openings |= {f'leak {n + 1}': leak.opening for n, leak in enumerate(physics.leaks)}
-    for name, well in openings.items():
+    sources_and_sinks = {f"well '{name}'": well for name, well in physics.wells.items()}
+    sources_and_sinks |= {f'leak {n + 1}': leak.source_sink for n, leak in enumerate(physics.leaks)}
+    for name, well in sources_and_sinks.items():
         if not (0 < well.x < physics.grid.width and 0 < well.z < physics.grid.height):
             raise InputError(
                 f'{name} at ({well.x:.6g}, {well.z:.6g}) m lies outside the rig of '

@@ -19,7 +19,7 @@ def simulate(
     times: Sequence[float] | FloatArray,
     *,
     grid: Grid,
-    setting: str = 'accurate',
+    preset: str = 'accurate',
     effects: Iterable[EffectDescription] = (),
     initial: FloatArray | None = None,
     start: float = 0.0,
@@ -33,7 +33,7 @@ def simulate(
         schedule,
         times,
         grid=grid,
-        setting=setting,
+        preset=preset,
         effects=effects,
         initial=initial,
         start=start,
@@ -47,7 +47,7 @@ def simulated_maps(
     times: Sequence[float] | FloatArray,
     *,
     grid: Grid,
-    setting: str = 'accurate',
+    preset: str = 'accurate',
     effects: Iterable[EffectDescription] = (),
     initial: FloatArray | None = None,
     start: float = 0.0,
@@ -66,7 +66,7 @@ def simulated_maps(
     moments = np.asarray(times, dtype=float)
     if moments.ndim != 1 or not np.isfinite(moments).all() or (np.diff(moments) < 0).any():
         raise InputError('times: give finite seconds that do not decrease')
-    model = Model(rig, grid, setting=setting, effects=effects, divisions=divisions)
+    model = Model(rig, grid, preset=preset, effects=effects, divisions=divisions)
     begin = model.initial_condition() if initial is None else model.checked(initial, 'initial')
     state = State.at_rest(refine(begin, model.engine.grid.shape))
     return _run(model, state, schedule, moments, start)
@@ -75,10 +75,10 @@ def simulated_maps(
 def _run(
     model: Model, state: State, schedule: Schedule, times: FloatArray, start: float
 ) -> Iterator[FloatArray]:
-    engine, view, now = model.engine, model.view, start
+    engine, operator, now = model.engine, model.operator, start
     for time in times:
-        target = time + view.clock_offset
+        target = time + operator.clock_offset
         for low, high, rates in schedule.intervals(now, target):
             engine.advance(state, rates, high - low)
         now = max(now, target)
-        yield view.shown(engine.seen(state), model.grid, float(time))
+        yield operator.shown(engine.seen(state), model.grid, float(time))

@@ -39,7 +39,7 @@ Handler = Callable[[Any, Any], None]
 
 
 class SolverNode(Node):
-    """Answers for the rig of the parameter `rig` on `grid` with the scheme of `setting`.
+    """Answers for the rig of the parameter `rig` on `grid` with the scheme of `preset`.
 
     A request that cannot be answered gets its reason in `outcome` and one line in the log.
     """
@@ -53,9 +53,9 @@ class SolverNode(Node):
         super().__init__('solver', **kwargs)
         rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
         text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
-        setting = declare(self, 'setting', 'fast', 'fast, accurate or upwind')
+        preset = declare(self, 'preset', 'fast', 'fast, accurate or upwind')
         grid = Grid.parse(text, rig.width_m, rig.height_m)
-        self.model = Model(rig, grid, setting=setting)
+        self.model = Model(rig, grid, preset=preset)
         self.model.prepare()
         self.create_service(Ping, 'solver/ping', self._ping)
         self.create_service(ModelInfo, 'solver/info', self._info)
@@ -64,7 +64,7 @@ class SolverNode(Node):
         self._serve(Residual, 'solver/residual', self._residual)
         self._serve(Correct, 'solver/correct', self._correct)
         self._serve(QuantityOfInterest, 'solver/quantity_of_interest', self._quantity)
-        self.get_logger().info(f'{rig.name}: {grid} cells, setting {setting}, ready')
+        self.get_logger().info(f'{rig.name}: {grid} cells, preset {preset}, ready')
 
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
@@ -81,7 +81,7 @@ class SolverNode(Node):
     def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
         response.name = self.get_name()
         response.version = __version__
-        response.status = f'{self.model.grid} cells, setting {self.model.setting}'
+        response.status = f'{self.model.grid} cells, preset {self.model.preset}'
         response.time = self.get_clock().now().to_msg()
         return response
 
@@ -89,7 +89,7 @@ class SolverNode(Node):
         model = self.model
         response.degrees_of_freedom = model.grid.nx * model.grid.nz
         response.grid = grid_to_msg(model.grid)
-        response.setting = model.setting
+        response.preset = model.preset
         response.wells = list(model.rig.wells)
         response.quantities_of_interest = list(QUANTITIES)
         response.effects = [effect_to_msg(effect) for effect in model.effects]

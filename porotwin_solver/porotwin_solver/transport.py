@@ -112,7 +112,7 @@ def advect(
     The divergence of `flux` must equal `sources.net`; then a constant state stays constant and all
     states stay within the range of the initial and the injected ones. Through open sides comes
     water without tracer. `tape` of `tape_length(steps.reach)` records what the adjoint needs.
-    To `left` is added the tracer [m^3] that left through openings and through open sides.
+    To `left` is added the tracer [m^3] that left through wells, leaks and through open sides.
     """
     carried = Carried.zeros(flux) if scratch is None else scratch
     advection(

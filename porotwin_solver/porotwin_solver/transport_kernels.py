@@ -343,7 +343,7 @@ def arrive(
 ):
     """End one step of the first `active` cells: book what came and went.
 
-    `left`: tracer that left the rig, through openings and through open sides.
+    `left`: tracer that left the rig, through wells, leaks and through open sides.
     """
     nz, nx = c.shape
     for place in range(active):

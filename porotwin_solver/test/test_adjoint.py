@@ -16,8 +16,8 @@ from porotwin_solver.compiled import tape_length
 from porotwin_solver.diffusion import diffuse, exchanges
 from porotwin_solver.engine import Engine
 from porotwin_solver.flow import FaceField
-from porotwin_solver.model import SETTINGS
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.model import PRESETS
+from porotwin_solver.physics import nominal_physics
 from porotwin_solver.simulation import simulate
 from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND, Sources, advect, pace
 
@@ -75,8 +75,8 @@ grid, that a difference always spans some; the dot-product tests below are the s
 class Problem:
     """A cost of the maps at TIMES: a sum of squares with random weights."""
 
-    def __init__(self, rig, setting: str, effects: dict[str, dict]) -> None:
-        self.rig, self.grid, self.setting = rig, rig.grid(47, 28), setting
+    def __init__(self, rig, preset: str, effects: dict[str, dict]) -> None:
+        self.rig, self.grid, self.preset = rig, rig.grid(47, 28), preset
         self.effects = effects
         self.weights = np.random.default_rng(1).random((len(TIMES), *self.grid.shape))
 
@@ -92,7 +92,7 @@ class Problem:
             told,
             TIMES,
             grid=self.grid,
-            setting=self.setting,
+            preset=self.preset,
             effects=self.descriptions(self.effects if effects is None else effects),
         )
         return sum(self.part(index, seen)[0] for index, seen in enumerate(maps))
@@ -104,7 +104,7 @@ class Problem:
             TIMES,
             self.part,
             grid=self.grid,
-            setting=self.setting,
+            preset=self.preset,
             effects=self.descriptions(self.effects),
             parameters=parameters,
         )
@@ -119,10 +119,10 @@ def piece_sum(found, values: FloatArray, piece: int) -> float:
     )
 
 
-@pytest.mark.parametrize('setting', SETTINGS)
+@pytest.mark.parametrize('preset', PRESETS)
 @pytest.mark.parametrize('effects', [{}, EFFECTS], ids=['plain', 'all effects'])
-def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, setting, effects) -> None:
-    problem = Problem(rig, setting, effects)
+def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, preset, effects) -> None:
+    problem = Problem(rig, preset, effects)
     found = problem.gradient()
     assert found.cost == pytest.approx(problem.cost(schedule()), rel=1e-13)
     for well, piece in (('injector', 1), ('control3', 1), ('producer', 2), ('control1', 3)):
@@ -135,7 +135,7 @@ def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, setting, e
             less = problem.cost(schedule((well, piece, -by, 0.0)))
             differences.append((more - less) / (2.0 * by))
         closest = min(differences, key=lambda difference: abs(difference - value))
-        assert value == pytest.approx(closest, rel=TOLERANCES[setting]), (
+        assert value == pytest.approx(closest, rel=TOLERANCES[preset]), (
             f'{well} {piece}: {differences}'
         )
     value = piece_sum(found, found.concentration['control3'], 1)
@@ -145,7 +145,7 @@ def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, setting, e
         less = problem.cost(schedule(('control3', 1, 0.0, -step)))
         differences.append((more - less) / (2.0 * step))
     closest = min(differences, key=lambda difference: abs(difference - value))
-    assert value == pytest.approx(closest, rel=TOLERANCES[setting]), differences
+    assert value == pytest.approx(closest, rel=TOLERANCES[preset]), differences
 
 
 def test_the_gradient_by_every_effect_parameter_is_that_of_finite_differences(rig) -> None:
@@ -238,11 +238,15 @@ def test_a_gradient_by_spreading_that_is_not_there_is_refused(
 @pytest.mark.parametrize('scheme', [UPWIND, SUPERBEE, THIRD_ORDER])
 def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme) -> None:
     """<bar, dP/du u'> = <dP/du^T bar, u'> for all inputs of one step at once."""
-    physics = believed_physics(rig, rig.grid(31, 19))
+    physics = nominal_physics(rig, rig.grid(31, 19))
     engine = Engine(physics, scheme=scheme)
     rng = np.random.default_rng(7)
     start = 0.2 + 0.6 * rng.random(physics.grid.shape)
-    flux, sources, volume = engine.flux(rates), engine.openings.sources(rates), physics.storage
+    flux, sources, volume = (
+        engine.flux(rates),
+        engine.sources_and_sinks.sources(rates),
+        physics.storage,
+    )
     steps = pace(flux, sources, volume, 30.0)
     tape = np.empty(tape_length(steps.reach))
     direction = {
@@ -306,7 +310,7 @@ def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme)
 def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
     """Linear in the concentration: to round-off."""
     physics = replace(
-        believed_physics(rig, rig.grid(21, 15)),
+        nominal_physics(rig, rig.grid(21, 15)),
         longitudinal_dispersivity=0.006,
         transverse_dispersivity=0.0005,
     )

@@ -29,7 +29,7 @@ def jobs(rig, rates) -> list[Job]:
 
 def alone(job: Job) -> np.ndarray:
     return simulate(
-        job.rig, job.schedule, job.times, grid=job.grid, setting=job.setting, effects=job.effects
+        job.rig, job.schedule, job.times, grid=job.grid, preset=job.preset, effects=job.effects
     )
 
 
@@ -40,7 +40,7 @@ def test_a_batch_gives_what_single_runs_give_in_their_order(rig, rates) -> None:
 
 def test_a_refused_job_says_why(rig, rates) -> None:
     bad = Job(rig, Schedule.constant(rates), TIMES, rig.grid(31, 19), 'quick')
-    with pytest.raises(InputError, match="setting 'quick': unknown"):
+    with pytest.raises(InputError, match="preset 'quick': unknown"):
         simulate_many([*jobs(rig, rates), bad])
 
 

@@ -6,12 +6,12 @@ import pytest
 from porotwin_core.grid import conservative_resample
 from porotwin_solver.bench import PlainModel, bench_rig, bench_schedule, errors
 from porotwin_solver.model import Model
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.physics import nominal_physics
 
 
 def test_the_plain_model_conserves_the_tracer_and_stays_bounded() -> None:
     rig = bench_rig()
-    physics = believed_physics(rig, rig.grid(47, 28))
+    physics = nominal_physics(rig, rig.grid(47, 28))
     model, rates = PlainModel(physics), bench_schedule().at(0.0)
     state = model.predict(np.zeros(physics.grid.shape), rates, 30.0)
     injected = 30.0 * rates['injector'].rate
@@ -19,10 +19,10 @@ def test_the_plain_model_conserves_the_tracer_and_stays_bounded() -> None:
     assert 0.0 <= state.min() <= state.max() <= 1.0
 
 
-def test_the_plain_model_agrees_with_the_upwind_setting() -> None:
+def test_the_plain_model_agrees_with_the_upwind_preset() -> None:
     rig, schedule = bench_rig(), bench_schedule()
     grid = rig.grid(93, 56)
-    plain, model = PlainModel(believed_physics(rig, grid)), Model(rig, grid, setting='upwind')
+    plain, model = PlainModel(nominal_physics(rig, grid)), Model(rig, grid, preset='upwind')
     state, other = model.initial_condition(), model.initial_condition()
     for frame in range(20):
         rates = schedule.at(30.0 * frame)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from porotwin_solver.diffusion import diffuse, exchanges, tensor, tensor_adjoint
 from porotwin_solver.diffusion_kernels import superbase
 from porotwin_solver.flow import FaceField
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.physics import nominal_physics
 
 
 @given(
@@ -34,7 +34,7 @@ def test_weights_are_not_negative_and_give_the_tensor_back(angle, anisotropy, sh
 def flowing(rig, seed: int):
     """Return physics with dispersion, and a flux through its faces."""
     physics = replace(
-        believed_physics(rig, rig.grid(21, 15)),
+        nominal_physics(rig, rig.grid(21, 15)),
         longitudinal_dispersivity=0.006,
         transverse_dispersivity=0.0005,
     )

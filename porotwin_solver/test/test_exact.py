@@ -18,9 +18,9 @@ from porotwin_solver.coupling import Coupling
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import State
 from porotwin_solver.model import Model
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.observation_operator import ObservationOperator
+from porotwin_solver.physics import nominal_physics
 from porotwin_solver.simulation import simulate
-from porotwin_solver.view import View
 
 OPEN = Boundaries(top='open', bottom='open', left='open', right='open')
 NO_DIFFUSION = EffectDescription(
@@ -57,15 +57,15 @@ def square_rig(make_rig, **changes):
 
 
 @pytest.mark.parametrize(
-    ('setting', 'slope', 'finest'),
+    ('preset', 'slope', 'finest'),
     [('fast', 0.7, 0.03), ('accurate', 0.45, 0.014), ('upwind', 0.4, 0.13)],
 )
-def test_the_front_of_a_single_injector_is_a_circle(make_rig, setting, slope, finest) -> None:
+def test_the_front_of_a_single_injector_is_a_circle(make_rig, preset, slope, finest) -> None:
     rig = square_rig(make_rig)
     time, rate = 1800.0, from_ml_h(500.0)
     radius = exact.radial_front(rate * time, thickness=0.010 * 0.375)
-    # grids that the accurate setting refines alike
-    cells = [20, 40, 80] if setting == 'accurate' else [50, 100, 200]
+    # grids that the accurate preset refines alike
+    cells = [20, 40, 80] if preset == 'accurate' else [50, 100, 200]
     errors = []  # at a jump a scheme of order p has order p / (p + 1) in L1
     for count in cells:
         grid = rig.grid(count, count)
@@ -74,19 +74,19 @@ def test_the_front_of_a_single_injector_is_a_circle(make_rig, setting, slope, fi
             Schedule.constant({'well': WellRate(rate, 1.0)}),
             [time],
             grid=grid,
-            setting=setting,
+            preset=preset,
             effects=[NO_DIFFUSION],
         )[0]
         circle = supersampled(lambda x, z: 1.0 * (np.hypot(x - 0.5, z - 0.5) < radius), grid)
         errors.append(np.abs(found - circle).sum() / circle.sum())
     observed = rate_of_convergence(cells, errors)
-    print(f'radial front, {setting}: errors {errors}, rate {observed:.2f}')
+    print(f'radial front, {preset}: errors {errors}, rate {observed:.2f}')
     assert observed > slope
     assert errors[-1] < finest
 
 
-@pytest.mark.parametrize(('setting', 'slope'), [('fast', 1.5), ('accurate', 1.8), ('upwind', 0.8)])
-def test_a_flushed_column_follows_ogata_and_banks(make_rig, setting, slope) -> None:
+@pytest.mark.parametrize(('preset', 'slope'), [('fast', 1.5), ('accurate', 1.8), ('upwind', 0.8)])
+def test_a_flushed_column_follows_ogata_and_banks(make_rig, preset, slope) -> None:
     rig = make_rig(width_m=1.0, height_m=0.1, boundaries=Boundaries(top='closed'), wells={})
     darcy, dispersivity, time = 2e-5, 0.02, 7000.0
     velocity = darcy / 0.375
@@ -101,7 +101,7 @@ def test_a_flushed_column_follows_ogata_and_banks(make_rig, setting, slope) -> N
         ),
         EffectDescription(name='background_flow', parameters={'x_velocity': darcy}),
     ]
-    cells, errors = [10, 20, 40] if setting == 'accurate' else [25, 50, 100], []
+    cells, errors = [10, 20, 40] if preset == 'accurate' else [25, 50, 100], []
     for count in cells:
         grid = rig.grid(count, 2)
         found = simulate(
@@ -109,7 +109,7 @@ def test_a_flushed_column_follows_ogata_and_banks(make_rig, setting, slope) -> N
             Schedule(),
             [time],
             grid=grid,
-            setting=setting,
+            preset=preset,
             effects=effects,
             initial=np.ones(grid.shape),
         )[0]
@@ -121,7 +121,7 @@ def test_a_flushed_column_follows_ogata_and_banks(make_rig, setting, slope) -> N
         errors.append(np.abs(found[0] - expected)[upstream].sum() / expected[upstream].sum())
         np.testing.assert_allclose(found[0], found[1], atol=1e-12)
     observed = rate_of_convergence(cells, errors)
-    print(f'Ogata-Banks, {setting}: errors {errors}, rate {observed:.2f}')
+    print(f'Ogata-Banks, {preset}: errors {errors}, rate {observed:.2f}')
     assert observed > slope
 
 
@@ -147,7 +147,7 @@ def test_radial_dispersion_follows_chen(make_rig) -> None:
             Schedule.constant({'well': WellRate(rate, 1.0)}),
             [time],
             grid=grid,
-            setting='fast',
+            preset='fast',
             effects=effects,
         )[0]
         radius = np.hypot(grid.x[None, :] - 0.5, grid.z[:, None] - 0.5)
@@ -173,7 +173,7 @@ def doublet_production(make_rig, side: str, count: int) -> tuple[float, float]:
     rate = from_ml_h(500.0)
     rates = {'source': WellRate(rate, 1.0), 'sink': WellRate(-rate)}
     breakthrough = exact.doublet_breakthrough(rate, distance=0.16, thickness=0.010 * 0.375)
-    model = Model(rig, rig.grid(count, count), setting='fast', effects=[NO_DIFFUSION])
+    model = Model(rig, rig.grid(count, count), preset='fast', effects=[NO_DIFFUSION])
     state = State.at_rest(model.initial_condition())
     model.engine.advance(state, rates, 0.9 * breakthrough)
     early = state.left[0] / (rate * breakthrough)
@@ -204,8 +204,8 @@ def test_retardation_is_a_slower_clock(rig, rates) -> None:
         EffectDescription(name='retardation', parameters={'retardation_factor': 1.6}),
         NO_DIFFUSION,
     ]
-    plain = Model(rig, grid, setting='fast', effects=[NO_DIFFUSION])
-    slow = Model(rig, grid, setting='fast', effects=retarded)
+    plain = Model(rig, grid, preset='fast', effects=[NO_DIFFUSION])
+    slow = Model(rig, grid, preset='fast', effects=retarded)
     empty = plain.initial_condition()
     np.testing.assert_allclose(
         slow.predict(empty, rates, 48.0), plain.predict(empty, rates, 30.0), atol=1e-12
@@ -215,7 +215,7 @@ def test_retardation_is_a_slower_clock(rig, rates) -> None:
 def test_decay_in_still_water_is_exponential(rig) -> None:
     grid = rig.grid(47, 28)
     decay = EffectDescription(name='decay', parameters={'rate': 2e-4})
-    model = Model(rig, grid, setting='accurate', effects=[decay, NO_DIFFUSION])
+    model = Model(rig, grid, preset='accurate', effects=[decay, NO_DIFFUSION])
     start = np.random.default_rng(7).random(grid.shape)
     np.testing.assert_allclose(model.predict(start, {}, 900.0), start * math.exp(-0.18), rtol=1e-12)
 
@@ -225,7 +225,7 @@ def test_exchange_with_immobile_water_follows_its_law(rig) -> None:
     dual = EffectDescription(
         name='dual_porosity', parameters={'immobile_fraction': 0.3, 'exchange_rate': 1e-3}
     )
-    model = Model(rig, rig.grid(12, 7), setting='fast', effects=[dual, NO_DIFFUSION])
+    model = Model(rig, rig.grid(12, 7), preset='fast', effects=[dual, NO_DIFFUSION])
     state = State(np.ones((7, 12)), np.zeros((7, 12)))
     model.engine.advance(state, {}, 600.0)
     gap = math.exp(-1e-3 * 600.0 / 0.7)
@@ -274,7 +274,7 @@ def test_a_spreading_spot_follows_the_gaussian_in_any_direction(make_rig) -> Non
             Schedule(),
             [time],
             grid=grid,
-            setting='accurate',
+            preset='accurate',
             effects=effects,
             initial=start,
         )[0]
@@ -288,7 +288,7 @@ def test_a_spreading_spot_follows_the_gaussian_in_any_direction(make_rig) -> Non
 def buoyant_flux(rig, grid: Grid, concentration: FloatArray):
     """Return the flux that a density difference of 1 kg/m3 drives."""
     heavy = EffectDescription(name='buoyancy', parameters={'density_difference': 1.0})
-    physics, _ = apply_effects(believed_physics(rig, grid), View(), [heavy])
+    physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), [heavy])
     return Coupling(physics).flux({}, concentration)
 
 
@@ -326,7 +326,7 @@ def test_a_denser_blob_moves_down_and_a_lighter_one_up(make_rig) -> None:
     heights = []
     for difference in (2.0, 0.0, -2.0):
         effect = EffectDescription(name='buoyancy', parameters={'density_difference': difference})
-        model = Model(rig, grid, setting='fast', effects=[effect])
+        model = Model(rig, grid, preset='fast', effects=[effect])
         found = model.predict(blob, {}, 1800.0)
         heights.append(model.quantity_of_interest('plume_centroid_z', found))
     assert heights[0] < heights[1] - 0.01

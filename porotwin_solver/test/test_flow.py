@@ -11,7 +11,7 @@ from porotwin_core.rig import Boundaries
 from porotwin_solver import flow
 from porotwin_solver.background import background_flux
 from porotwin_solver.flow import FaceField, Flow, flow_of
-from porotwin_solver.physics import Opening, believed_physics
+from porotwin_solver.physics import SourceSink, nominal_physics
 
 CLOSED = Boundaries(top='closed')
 OPEN = Boundaries(top='open', bottom='open', left='open', right='open')
@@ -90,7 +90,7 @@ def test_refined_fluxes_share_the_divergence_of_a_cell_equally() -> None:
 def test_background_flow_is_uniform_in_a_homogeneous_rig(rig) -> None:
     from dataclasses import replace
 
-    physics = believed_physics(rig, rig.grid(31, 17))
+    physics = nominal_physics(rig, rig.grid(31, 17))
     physics = replace(physics, background_flux=(2e-6, -1e-6))
     flux = background_flux(physics, physics.permeability)
     np.testing.assert_allclose(flux.x, 2e-6 * 0.010 * physics.grid.dz, rtol=1e-10)
@@ -103,9 +103,9 @@ def test_the_flow_of_the_same_coefficients_is_factorised_once() -> None:
     first = flow_of(grid, conductance, Boundaries())
     again = flow_of(grid, conductance.copy(), Boundaries())
     assert again is first
-    opening = Opening(0.4, 0.3)
-    assert again.unit_flux(opening) is first.unit_flux(opening)
-    unit = first.unit_flux(opening)
+    source_sink = SourceSink(0.4, 0.3)
+    assert again.unit_flux(source_sink) is first.unit_flux(source_sink)
+    unit = first.unit_flux(source_sink)
     assert unit.divergence().sum() == pytest.approx(1.0)
     conductance[0, 0] *= 1.0 + 1e-15
     assert flow_of(grid, conductance, Boundaries()) is not first
@@ -126,7 +126,7 @@ def test_flows_that_are_remembered_are_given_up_again(monkeypatch) -> None:
 def test_a_flow_that_nobody_holds_is_gone_at_once_with_its_factor() -> None:
     grid = Grid(9, 7, 0.9, 0.7)
     flow_used = Flow(grid, np.full(grid.shape, 1.4e-9), Boundaries())
-    flow_used.unit_flux(Opening(0.4, 0.3))
+    flow_used.unit_flux(SourceSink(0.4, 0.3))
     held = weakref.ref(flow_used)
     gc.disable()
     try:

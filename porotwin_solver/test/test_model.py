@@ -14,8 +14,8 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate, net_rate
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.engine import Engine, State
-from porotwin_solver.model import SETTINGS, Model
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.model import PRESETS, Model
+from porotwin_solver.physics import nominal_physics
 from porotwin_solver.quantities import QUANTITIES
 from porotwin_solver.refinement import coarsen, refine
 from porotwin_solver.simulation import simulate, simulated_maps
@@ -66,11 +66,11 @@ def rough_map(shape: tuple[int, int], seed: int) -> np.ndarray:
     return np.clip(rng.normal(0.5, 0.8, shape), 0.0, 1.0)
 
 
-@pytest.mark.parametrize('setting', SETTINGS)
+@pytest.mark.parametrize('preset', PRESETS)
 @pytest.mark.parametrize('effect', [None, *PHYSICS])
-def test_correct_undoes_residual_to_round_off(rig, rates, setting, effect) -> None:
+def test_correct_undoes_residual_to_round_off(rig, rates, preset, effect) -> None:
     model = Model(
-        rig, rig.grid(31, 19), setting=setting, effects=[described(effect)] if effect else []
+        rig, rig.grid(31, 19), preset=preset, effects=[described(effect)] if effect else []
     )
     before, after = rough_map((19, 31), 1), rough_map((19, 31), 2)
     sigma = model.residual(before, after, rates, 30.0)
@@ -79,7 +79,7 @@ def test_correct_undoes_residual_to_round_off(rig, rates, setting, effect) -> No
 
 
 def test_the_residual_of_a_prediction_is_zero(rig, rates) -> None:
-    model = Model(rig, rig.grid(31, 19), setting='fast')
+    model = Model(rig, rig.grid(31, 19), preset='fast')
     before = rough_map((19, 31), 3)
     after = model.predict(before, rates, 30.0)
     assert np.abs(model.residual(before, after, rates, 30.0)).max() == 0.0
@@ -88,7 +88,7 @@ def test_the_residual_of_a_prediction_is_zero(rig, rates) -> None:
 def test_the_operator_tends_to_its_differential_form(rig, rates) -> None:
     """phi (c - P c_prev) / dt tends to phi dc/dt + div(q c) - f_c for a smooth map and small dt."""
     grid = rig.grid(187, 112)
-    model = Model(rig, grid, setting='fast')
+    model = Model(rig, grid, preset='fast')
     x, z = grid.x[None, :], grid.z[:, None]
     smooth = 0.5 + 0.4 * np.sin(7.0 * x) * np.cos(9.0 * z)
     flux = model.engine.flux(rates)
@@ -115,8 +115,8 @@ UNBALANCED = {('closed', 'rate'), ('closed', 'leak')}
     ('sides', 'effect'),
     [pair for pair in itertools.product(SIDES, [None, *PHYSICS]) if pair not in UNBALANCED],
 )
-@pytest.mark.parametrize('setting', SETTINGS)
-def test_the_tracer_is_conserved(make_rig, setting, sides, effect) -> None:
+@pytest.mark.parametrize('preset', PRESETS)
+def test_the_tracer_is_conserved(make_rig, preset, sides, effect) -> None:
     """What is there, what came in and what left add up, to 1e-12 of what moved."""
     rig = make_rig(boundaries=SIDES[sides])
     rates = {
@@ -125,14 +125,14 @@ def test_the_tracer_is_conserved(make_rig, setting, sides, effect) -> None:
         'producer': WellRate(from_ml_h(-600.0)),
     }
     grid = rig.grid(31, 19)
-    model = Model(rig, grid, setting=setting, effects=[described(effect)] if effect else [])
+    model = Model(rig, grid, preset=preset, effects=[described(effect)] if effect else [])
     engine = model.engine
     state = State.at_rest(refine(rough_map((19, 31), 4), engine.grid.shape))
     storage = engine.physics.storage
     begin = math.fsum((storage * engine.seen(state)).ravel())
     engine.advance(state, rates, 90.0)
     end = math.fsum((storage * engine.seen(state)).ravel())
-    injected = 90.0 * math.fsum(engine.openings.sources(rates).tracer.ravel())
+    injected = 90.0 * math.fsum(engine.sources_and_sinks.sources(rates).tracer.ravel())
     if effect == 'decay':
         assert end + state.left.sum() < begin + injected
         return
@@ -143,7 +143,7 @@ def test_the_tracer_is_conserved(make_rig, setting, sides, effect) -> None:
 
 def test_decay_takes_what_it_should(rig, rates) -> None:
     """d(tracer)/dt = injected - rate * tracer, while nothing leaves the rig."""
-    model = Model(rig, rig.grid(93, 56), setting='fast', effects=[described('decay')])
+    model = Model(rig, rig.grid(93, 56), preset='fast', effects=[described('decay')])
     state = State.at_rest(model.initial_condition())
     model.engine.advance(state, rates, 1200.0)
     injected = rates['injector'].rate
@@ -160,12 +160,12 @@ def test_decay_takes_what_it_should(rig, rates) -> None:
     decades=st.floats(0.0, 4.0),
     told=st.lists(st.floats(-900.0, 900.0), min_size=5, max_size=5),
     step=st.floats(0.1, 900.0),
-    setting=st.sampled_from(sorted(SETTINGS)),
+    preset=st.sampled_from(sorted(PRESETS)),
     effect=st.sampled_from([None, 'dispersion', 'buoyancy', 'viscosity', 'dual_porosity']),
     sides=st.sampled_from(sorted(SIDES)),
 )
 def test_no_value_leaves_the_range_of_what_is_there_and_what_comes(
-    make_rig, tmp_path_factory, seed, decades, told, step, setting, effect, sides
+    make_rig, tmp_path_factory, seed, decades, told, step, preset, effect, sides
 ) -> None:
     rng = np.random.default_rng(seed)
     rig = make_rig(boundaries=SIDES[sides])
@@ -178,7 +178,7 @@ def test_no_value_leaves_the_range_of_what_is_there_and_what_comes(
     }
     rig = with_permeability(rig, 6.57e-10 * 10 ** rng.uniform(-decades, 0.0, (13, 17)))
     grid = rig.grid(17, 13)
-    model = Model(rig, grid, setting=setting, effects=[described(effect)] if effect else [])
+    model = Model(rig, grid, preset=preset, effects=[described(effect)] if effect else [])
     found = model.predict(rough_map(grid.shape, seed), rates, step)
     assert found.min() >= -1e-13
     assert found.max() <= 1.0 + 1e-13
@@ -193,9 +193,9 @@ def with_permeability(rig: Rig, values: np.ndarray) -> Rig:
     return changed
 
 
-@pytest.mark.parametrize('setting', SETTINGS)
+@pytest.mark.parametrize('preset', PRESETS)
 @pytest.mark.parametrize('effect', [None, 'dispersion', 'viscosity', 'dual_porosity'])
-def test_a_mirrored_rig_gives_the_mirrored_map(make_rig, setting, effect) -> None:
+def test_a_mirrored_rig_gives_the_mirrored_map(make_rig, preset, effect) -> None:
     wells = {'injector': Well(x_m=0.3, z_m=0.2), 'producer': Well(x_m=0.7, z_m=0.4)}
     mirrored = {name: Well(x_m=0.934 - well.x_m, z_m=well.z_m) for name, well in wells.items()}
     rates = {
@@ -205,19 +205,17 @@ def test_a_mirrored_rig_gives_the_mirrored_map(make_rig, setting, effect) -> Non
     effects = [described(effect)] if effect else []
     schedule = Schedule.constant(rates)
     maps = []
-    for openings in (wells, mirrored):
-        rig = make_rig(wells=openings)
+    for sources_and_sinks in (wells, mirrored):
+        rig = make_rig(wells=sources_and_sinks)
         maps.append(
-            simulate(
-                rig, schedule, [900.0], grid=rig.grid(47, 28), setting=setting, effects=effects
-            )
+            simulate(rig, schedule, [900.0], grid=rig.grid(47, 28), preset=preset, effects=effects)
         )
     np.testing.assert_allclose(maps[0][0], maps[1][0][:, ::-1], atol=2e-8)
 
 
 def test_a_larger_step_is_stable_and_close_to_small_ones(rig, rates) -> None:
     """One photograph interval of 300 s against ten of 30 s."""
-    model = Model(rig, rig.grid(93, 56), setting='fast')
+    model = Model(rig, rig.grid(93, 56), preset='fast')
     start = model.predict(model.initial_condition(), rates, 600.0)
     small = start
     for _ in range(10):
@@ -228,12 +226,12 @@ def test_a_larger_step_is_stable_and_close_to_small_ones(rig, rates) -> None:
 
 def test_predictions_follow_each_other_like_a_simulation(rig, rates) -> None:
     grid = rig.grid(47, 28)
-    model = Model(rig, grid, setting='fast')
+    model = Model(rig, grid, preset='fast')
     state = model.initial_condition()
     for _ in range(4):
         state = model.predict(state, rates, 30.0)
     maps = simulate(
-        rig, Schedule.constant(rates), [30.0, 60.0, 90.0, 120.0], grid=grid, setting='fast'
+        rig, Schedule.constant(rates), [30.0, 60.0, 90.0, 120.0], grid=grid, preset='fast'
     )
     np.testing.assert_allclose(maps[-1], state, atol=1e-14)
 
@@ -247,7 +245,7 @@ def test_refining_and_averaging_returns_the_map() -> None:
 
 
 def test_the_injected_volume_is_found_again(rig, rates) -> None:
-    model = Model(rig, rig.grid(93, 56), setting='fast')
+    model = Model(rig, rig.grid(93, 56), preset='fast')
     found = model.predict(model.initial_condition(), rates, 600.0)
     volume = model.quantity_of_interest('tracer_volume', found)
     assert volume == pytest.approx(600.0 * rates['injector'].rate, rel=1e-12)
@@ -261,7 +259,7 @@ def test_the_injected_volume_is_found_again(rig, rates) -> None:
 
 def test_local_steps_give_what_a_common_step_gives(rig, rates) -> None:
     """The levels of the cells change the order of events, hardly the result."""
-    physics = believed_physics(rig, rig.grid(93, 56))
+    physics = nominal_physics(rig, rig.grid(93, 56))
     for scheme in (UPWIND, SUPERBEE, THIRD_ORDER):
         engine = Engine(physics, scheme=scheme)
         local = State.at_rest(np.zeros(physics.grid.shape))
@@ -276,8 +274,8 @@ def test_local_steps_give_what_a_common_step_gives(rig, rates) -> None:
 def refusals(rig: Rig) -> dict[str, tuple]:
     """Return, by what the message must say, a call that must be refused."""
     grid = rig.grid(17, 11)
-    model = Model(rig, grid, setting='fast')
-    closed = Model(rig.model_copy(update={'boundaries': SIDES['closed']}), grid, setting='fast')
+    model = Model(rig, grid, preset='fast')
+    closed = Model(rig.model_copy(update={'boundaries': SIDES['closed']}), grid, preset='fast')
     empty = model.initial_condition()
     holes = empty.copy()
     holes[3, 4] = math.nan
@@ -302,8 +300,8 @@ def refusals(rig: Rig) -> dict[str, tuple]:
         r'rates add up to 360 ml/h in a rig whose sides are all closed': lambda: closed.predict(
             empty, one, 30.0
         ),
-        r"setting 'quick': unknown; choose from fast, accurate": lambda: Model(
-            rig, grid, setting='quick'
+        r"preset 'quick': unknown; choose from fast, accurate": lambda: Model(
+            rig, grid, preset='quick'
         ),
         r"quantity 'colour': unknown; choose from tracer_volume": lambda: (
             model.quantity_of_interest('colour', empty)
@@ -352,21 +350,21 @@ def test_every_refusal_is_tested(rig) -> None:
 def test_balanced_rates_are_welcome_in_a_closed_rig(make_rig, rates) -> None:
     rig = make_rig(boundaries=SIDES['closed'])
     assert net_rate(rates) == pytest.approx(0.0, abs=1e-20)
-    model = Model(rig, rig.grid(17, 11), setting='fast')
+    model = Model(rig, rig.grid(17, 11), preset='fast')
     assert model.predict(model.initial_condition(), rates, 30.0).max() > 0.0
 
 
 def test_all_quantities_have_a_unit_and_a_value(rig) -> None:
-    model = Model(rig, rig.grid(17, 11), setting='fast')
+    model = Model(rig, rig.grid(17, 11), preset='fast')
     for name, (unit, _) in QUANTITIES.items():
         assert unit
         assert math.isfinite(model.quantity_of_interest(name, np.full((11, 17), 0.5)))
 
 
-def test_cells_can_be_divided_further_than_the_setting_does(make_rig) -> None:
+def test_cells_can_be_divided_further_than_the_preset_does(make_rig) -> None:
     rig = make_rig()
     coarse, fine = rig.grid(24, 14), rig.grid(72, 42)
     told = Schedule.constant({'injector': WellRate(from_ml_h(600.0), 1.0)})
-    divided = simulated_maps(rig, told, [900.0], grid=coarse, setting='fast', divisions=3)
-    finer = simulated_maps(rig, told, [900.0], grid=fine, setting='fast')
+    divided = simulated_maps(rig, told, [900.0], grid=coarse, preset='fast', divisions=3)
+    finer = simulated_maps(rig, told, [900.0], grid=fine, preset='fast')
     np.testing.assert_allclose(next(divided), coarsen(next(finer), coarse.shape), atol=1e-12)

@@ -12,7 +12,7 @@ from porotwin_core.wells import WellRate
 from porotwin_solver import coupling, pressure
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.flow import Flow
-from porotwin_solver.physics import believed_physics
+from porotwin_solver.physics import nominal_physics
 
 GRID = Grid(61, 37, 0.934, 0.562)  # odd: the last blocks are single rows and columns
 
@@ -46,7 +46,7 @@ def test_an_iteration_that_does_not_get_there_is_no_pressure(monkeypatch) -> Non
 
 def test_viscosities_too_far_apart_are_refused(monkeypatch, rig) -> None:
     monkeypatch.setattr(coupling, 'MOST_ITERATIONS', 5)
-    physics = believed_physics(rig, rig.grid(30, 20))
+    physics = nominal_physics(rig, rig.grid(30, 20))
     coupled = Coupling(replace(physics, viscosity_ratio=50.0))
     concentration = np.random.default_rng(5).uniform(0.0, 1.0, (20, 30))
     with pytest.raises(InputError, match='viscosity_ratio 50: the pressure is not found in 5'):

@@ -119,7 +119,7 @@ def client(rig_file: Path) -> Iterator[Client]:
 @pytest.fixture
 def model(rig_file: Path) -> Model:
     rig = load_rig(rig_file)
-    return Model(rig, rig.grid(31, 19), setting='fast')
+    return Model(rig, rig.grid(31, 19), preset='fast')
 
 
 def test_it_answers_as_the_model_does(client: Client, model: Model, rates: Any) -> None:
@@ -159,7 +159,7 @@ def test_it_says_what_it_is(client: Client, model: Model) -> None:
     assert client.ask(Ping, 'ping').name == 'solver'
     info = client.ask(ModelInfo, 'info')
     assert info.degrees_of_freedom == 31 * 19
-    assert info.setting == 'fast'
+    assert info.preset == 'fast'
     assert list(info.wells) == list(model.rig.wells)
     assert list(info.quantities_of_interest) == list(QUANTITIES)
     assert [effect.name for effect in info.effects] == ['retardation']
@@ -210,7 +210,7 @@ def test_a_bad_request_gets_its_reason_and_the_node_goes_on(
 @pytest.mark.parametrize(
     ('more', 'text'),
     [
-        (('-p', 'setting:=quick'), "error: setting 'quick': unknown; choose from fast"),
+        (('-p', 'preset:=quick'), "error: preset 'quick': unknown; choose from fast"),
         (('-p', 'grid:=many'), "error: grid 'many': write columns x rows, like 187x112"),
     ],
 )

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from porotwin_solver.effects.effect import Effect, Parameter, Values
-from porotwin_solver.view import View
+from porotwin_solver.observation_operator import ObservationOperator
 
 
-def _shift(view: View, values: Values) -> View:
-    return replace(view, clock_offset=view.clock_offset + values['offset'])
+def _shift(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    return replace(operator, clock_offset=operator.clock_offset + values['offset'])
 
 
-EFFECT = Effect('clock', {'offset': Parameter('s')}, on_view=_shift)
+EFFECT = Effect('clock', {'offset': Parameter('s')}, on_observation=_shift)

@@ -1,6 +1,6 @@
-"""The plates bulge: the believed depth at the sides, times factor_centre in the middle.
+"""The plates bulge: the nominal depth at the sides, times factor_centre in the middle.
 
-depth = believed * (1 + (factor_centre - 1) (1 - ((x - W/2) / (W/2))^2)), a parabola in x.
+depth = nominal * (1 + (factor_centre - 1) (1 - ((x - W/2) / (W/2))^2)), a parabola in x.
 """
 
 from dataclasses import replace

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import Physics
-from porotwin_solver.view import View
 
 Values = Mapping[str, Any]
 """Parameters by name: floats in the units of the contract, and the name of a well as text."""
@@ -52,13 +52,14 @@ class Parameter:
 class Effect:
     """One effect of the diagnosis contract.
 
-    `on_physics` returns changed physics, `on_view` a changed view of the camera; one of the two.
+    `on_physics` returns changed physics, `on_observation` a changed observation operator; an effect
+    has one of the two.
     """
 
     name: str
     parameters: Mapping[str, Parameter]
     on_physics: Callable[[Physics, Values], Physics] | None = None
-    on_view: Callable[[View, Values], View] | None = None
+    on_observation: Callable[[ObservationOperator, Values], ObservationOperator] | None = None
 
     def checked(self, given: Mapping[str, object]) -> dict[str, float | str]:
         """Return `given` complete and in range.

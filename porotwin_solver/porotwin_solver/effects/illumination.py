@@ -3,17 +3,19 @@
 from dataclasses import replace
 
 from porotwin_solver.effects.effect import Effect, Parameter, Values
-from porotwin_solver.view import View
+from porotwin_solver.observation_operator import ObservationOperator
 
 
-def _light(view: View, values: Values) -> View:
+def _light(operator: ObservationOperator, values: Values) -> ObservationOperator:
     return replace(
-        view, drift=view.drift + values['drift'], gradient=view.gradient + values['gradient']
+        operator,
+        drift=operator.drift + values['drift'],
+        gradient=operator.gradient + values['gradient'],
     )
 
 
 EFFECT = Effect(
     'illumination',
     {'drift': Parameter('1/s', default=0.0), 'gradient': Parameter('1/m', default=0.0)},
-    on_view=_light,
+    on_observation=_light,
 )

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 from porotwin_core.units import from_ml_h
 from porotwin_solver.effects.effect import Effect, Parameter, Values
-from porotwin_solver.physics import Leak, Opening, Physics
+from porotwin_solver.physics import Leak, Physics, SourceSink
 
 
 def _leak(physics: Physics, values: Values) -> Physics:
-    leak = Leak(Opening(values['x'], values['z']), from_ml_h(values['rate']))
+    leak = Leak(SourceSink(values['x'], values['z']), from_ml_h(values['rate']))
     return replace(physics, leaks=(*physics.leaks, leak))
 
 

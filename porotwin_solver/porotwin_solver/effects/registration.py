@@ -4,19 +4,19 @@ import math
 from dataclasses import replace
 
 from porotwin_solver.effects.effect import Effect, Parameter, Values
-from porotwin_solver.view import View
+from porotwin_solver.observation_operator import ObservationOperator
 
 
-def _move(view: View, values: Values) -> View:
-    """Move what `view` shows already: two similarities in turn are one."""
+def _move(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    """Move what `operator` shows already: two similarities in turn are one."""
     scale, rotation = values['scale'], values['rotation']
     cosine, sine = math.cos(rotation), math.sin(rotation)
     return replace(
-        view,
-        dx=scale * (cosine * view.dx - sine * view.dz) + values['dx'],
-        dz=scale * (sine * view.dx + cosine * view.dz) + values['dz'],
-        rotation=view.rotation + rotation,
-        scale=view.scale * scale,
+        operator,
+        dx=scale * (cosine * operator.dx - sine * operator.dz) + values['dx'],
+        dz=scale * (sine * operator.dx + cosine * operator.dz) + values['dz'],
+        rotation=operator.rotation + rotation,
+        scale=operator.scale * scale,
     )
 
 
@@ -28,5 +28,5 @@ EFFECT = Effect(
         'rotation': Parameter('rad', default=0.0),
         'scale': Parameter('-', above=0.0, default=1.0),
     },
-    on_view=_move,
+    on_observation=_move,
 )

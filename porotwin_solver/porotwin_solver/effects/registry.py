@@ -8,8 +8,8 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_solver.effects.effect import Effect
+from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import Physics, check
-from porotwin_solver.view import View
 
 
 def _found() -> dict[str, Effect]:
@@ -33,9 +33,9 @@ def effect(name: str) -> Effect:
 
 
 def apply_effects(
-    physics: Physics, view: View, descriptions: Iterable[EffectDescription]
-) -> tuple[Physics, View]:
-    """Return `physics` and `view` changed by every effect in turn.
+    physics: Physics, operator: ObservationOperator, descriptions: Iterable[EffectDescription]
+) -> tuple[Physics, ObservationOperator]:
+    """Return `physics` and `operator` changed by every effect in turn.
 
     Raises:
         InputError: an unknown effect or parameter, a value out of range, an unknown well.
@@ -46,9 +46,9 @@ def apply_effects(
         if found.on_physics is not None:
             physics = found.on_physics(physics, values)
             check(physics)
-        if found.on_view is not None:
-            view = found.on_view(view, values)
-    return physics, view
+        if found.on_observation is not None:
+            operator = found.on_observation(operator, values)
+    return physics, operator
 
 
 def parse_effect(text: str) -> EffectDescription:

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from porotwin_solver.effects.effect import Effect, Parameter, Values
-from porotwin_solver.view import View
+from porotwin_solver.observation_operator import ObservationOperator
 
 
-def _bend(view: View, values: Values) -> View:
-    return replace(view, exponent=view.exponent * values['exponent'])
+def _bend(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    return replace(operator, exponent=operator.exponent * values['exponent'])
 
 
-EFFECT = Effect('saturation', {'exponent': Parameter('-', above=0.0)}, on_view=_bend)
+EFFECT = Effect('saturation', {'exponent': Parameter('-', above=0.0)}, on_observation=_bend)

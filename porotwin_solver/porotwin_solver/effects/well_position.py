@@ -1,4 +1,4 @@
-"""A well opens elsewhere than believed."""
+"""A well opens elsewhere than nominal."""
 
 from dataclasses import replace
 
@@ -8,8 +8,8 @@ from porotwin_solver.physics import Physics
 
 def _move(physics: Physics, values: Values) -> Physics:
     name = physics.well(values['well'])
-    believed = physics.wells[name]
-    moved = replace(believed, x=believed.x + values['dx'], z=believed.z + values['dz'])
+    nominal = physics.wells[name]
+    moved = replace(nominal, x=nominal.x + values['dx'], z=nominal.z + values['dz'])
     return replace(physics, wells={**physics.wells, name: moved})
 
 

@@ -1,0 +1,1 @@
+"""What to measure next, and what the recording could have shown."""

@@ -1,0 +1,1 @@
+"""What a recording says, with its noise, ready for comparison."""

@@ -1,0 +1,1 @@
+"""Effects as parameters of simulations, and their fits to a recording."""

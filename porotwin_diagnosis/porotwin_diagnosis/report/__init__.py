@@ -1,0 +1,1 @@
+"""The verdict as a page, pictures and files."""

@@ -1,0 +1,1 @@
+"""Which effects, alone or in pairs, explain a recording."""

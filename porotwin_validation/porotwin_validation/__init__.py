@@ -1,0 +1,1 @@
+"""Validation of the diagnosis: blinded cases of the virtual rig, a baseline method, a benchmark."""

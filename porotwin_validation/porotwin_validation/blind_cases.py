@@ -1,0 +1,205 @@
+"""Sealed cases: an experiment on the virtual rig whose effect nobody tells the diagnosis."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_validation.blind_effects import (
+    KINDRED,
+    LIBRARY,
+    OUTSIDE,
+    SAME_OUTSIDE,
+    Stage,
+    drawn,
+    equal_names,
+)
+
+SMALL = Rig(
+    name='small',
+    width_m=0.934,
+    height_m=0.562,
+    depth_m=0.010,
+    porosity=0.375,
+    permeability_m2=6.57e-10,
+    viscosity_pa_s=1.0e-3,
+    density_kg_m3=998.0,
+    boundaries=Boundaries(),
+    wells={
+        'injector': Well(x_m=0.235, z_m=0.235),
+        'producer': Well(x_m=0.660, z_m=0.160),
+        'control1': Well(x_m=0.120, z_m=0.420),
+        'control2': Well(x_m=0.500, z_m=0.375),
+        'control3': Well(x_m=0.760, z_m=0.460),
+    },
+)
+"""The paper's small rig, as its owner believes it to be."""
+
+KINDS = (
+    *('none', 'single', 'outside', 'single', 'pair', 'single', 'left out', 'single', 'none'),
+    *('single', 'outside', 'single', 'pair', 'single', 'single', 'left out', 'pair', 'single'),
+    *('none', 'outside'),
+)
+"""Kinds of cases as they take turns."""
+
+LEFT_OUT = tuple(name for name in LIBRARY if name not in ('porosity', 'retardation'))
+"""Effects that may be taken out of the library: none of the others is the same."""
+
+LARGE_EVERY = 11
+"""Of so many cases one is on the large rig."""
+
+
+@dataclass(frozen=True)
+class BlindCase:
+    """What is sealed: the effects, and the answers that count as right.
+
+    `photo_interval` and `duration` are in seconds, `cell_m` is the size of a map's cells.
+    """
+
+    name: str
+    kind: str
+    effects: tuple[EffectDescription, ...]
+    right: tuple[str, ...]
+    rig: Rig
+    schedule: Schedule
+    duration: float
+    photo_interval: float
+    cell_m: float
+    seed: int
+    withheld: tuple[str, ...] = ()
+
+
+def draw_case(number: int, seed: int) -> BlindCase:
+    """Return case `number` of the check with `seed`: kinds and effects take turns, the rest is
+    drawn."""
+    generator = np.random.default_rng([seed, number])
+    large = number % LARGE_EVERY == LARGE_EVERY - 1
+    rig = large_rig() if large else SMALL
+    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator)
+    injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
+    stage = Stage(rig, wells, duration, injected)
+    turn = number % len(KINDS)
+    kind = KINDS[turn]
+    # the turn of this case among those of its kind; another seed begins elsewhere
+    index = number // len(KINDS) * KINDS.count(kind) + KINDS[:turn].count(kind) + 5 * seed
+    names = _names(kind, index, generator)
+    effects = tuple(drawn(name, generator, stage) for name in names)
+    return BlindCase(
+        name=f'case_{number:03d}',
+        kind=kind,
+        effects=effects,
+        right=_right(kind, effects),
+        rig=rig,
+        schedule=schedule,
+        duration=duration,
+        photo_interval=300.0 if large else 60.0,
+        cell_m=0.01 if large else 0.005,
+        seed=int(generator.integers(2**31)),
+        withheld=names if kind == 'left out' else (),
+    )
+
+
+def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
+    """Return the effects of case `index` of its kind."""
+    if kind == 'none':
+        return ()
+    if kind == 'pair':
+        groups = generator.choice(len(KINDRED), 2, replace=False)
+        first, second = (str(generator.choice(sorted(KINDRED[group]))) for group in groups)
+        return first, second
+    turns = {'single': tuple(LIBRARY), 'outside': tuple(OUTSIDE), 'left out': LEFT_OUT}[kind]
+    return (turns[index % len(turns)],)
+
+
+def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:
+    if kind == 'none':
+        return ('none',)
+    if kind == 'left out':
+        return ('unexplained',)
+    if kind == 'outside':
+        return ('unexplained', *SAME_OUTSIDE.get(effects[0].name, ()))
+    return tuple(name for effect in effects for name in equal_names(effect))
+
+
+def large_rig() -> Rig:
+    """Return a rig of the size of the large FluidFlower rig: layers of five sands, wavy."""
+    nz, nx = 150, 280
+    width, height = 2.8, 1.5
+    x = (np.arange(nx) + 0.5) * width / nx
+    z = (np.arange(nz) + 0.5) * height / nz
+    wave = 0.05 * np.sin(2 * np.pi * x / width) - 0.02 * np.cos(6 * np.pi * x / width)
+    level = z[:, None] - wave[None, :]
+    bottoms = (-1.0, 0.16, 0.48, 0.80, 1.02, 1.18)
+    sands = (1.1e-9, 6.0e-9, 2.0e-9, 4.2e-9, 1.8e-10, 4.2e-9)
+    permeability: FloatArray = np.zeros((nz, nx))
+    for bottom, sand in zip(bottoms, sands, strict=True):
+        permeability[level > bottom] = sand
+    data = {
+        'name': 'large',
+        'width_m': width,
+        'height_m': height,
+        'viscosity_pa_s': 1.0e-3,
+        'density_kg_m3': 998.0,
+        'boundaries': Boundaries(),
+        'wells': {
+            'injector': Well(x_m=0.9, z_m=0.33),
+            'injector2': Well(x_m=1.75, z_m=0.70),
+        },
+    }
+    return rig_from_maps(
+        data, {'depth_m': 0.018, 'porosity': 0.44, 'permeability_m2': permeability}
+    )
+
+
+def _large_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
+    """Return what the pumps of the large rig are told: slugs of tracer, chased by water or not."""
+    duration = float(1800 * generator.integers(8, 13))
+    rate = float(generator.uniform(1800, 2500))
+    rows: list[ScheduleRow] = []
+
+    def slug(start: float, well: str, length: float) -> None:
+        chase = 0.0 if generator.random() < 0.7 else 0.4 * rate
+        for time, ml_h, share in ((start, rate, 1.0), (start + length, chase, 0.0)):
+            rows.append(ScheduleRow(time, well, WellRate(from_ml_h(ml_h), share)))
+
+    slug(0.0, 'injector', 1800.0)
+    slug(0.25 * duration, 'injector2', 1800.0)
+    slug(0.5 * duration, 'injector', 1200.0)
+    slug(0.75 * duration, 'injector2', 1200.0)
+    return Schedule(tuple(rows)), duration, ('injector', 'injector2')
+
+
+def _small_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
+    """Return what the pumps are told: injection, pauses or a chase, one or two control wells."""
+    duration = float(60 * generator.integers(45, 75))
+    injected = float(generator.uniform(350, 520))
+    style = generator.choice(['paper', 'pulses', 'chase', 'rest'])
+    controls = list(generator.choice(['control1', 'control2', 'control3'], 2, replace=False))
+    rows: list[ScheduleRow] = []
+
+    def tell(time: float, well: str, rate_ml_h: float, concentration: float = 0.0) -> None:
+        rows.append(ScheduleRow(time, well, WellRate(from_ml_h(rate_ml_h), concentration)))
+
+    tell(0.0, 'injector', injected, 1.0)
+    parts = np.sort(generator.uniform(0.2, 0.9, 3)) * duration
+    for time in (0.0, *(float(part) for part in parts)):
+        shares = generator.uniform(0, 250, 2)
+        for well, rate in zip(controls, shares, strict=True):
+            tell(time, str(well), float(rate))
+        tell(time, 'producer', -float(shares.sum()) - injected * float(generator.uniform(0.3, 1)))
+    if style == 'pulses':
+        for index in range(2):
+            tell(duration * (0.25 + 0.35 * index), 'injector', 0.0, 1.0)
+            tell(duration * (0.35 + 0.35 * index), 'injector', injected, 1.0)
+    elif style == 'chase':
+        tell(duration * float(generator.uniform(0.4, 0.6)), 'injector', injected, 0.0)
+    elif style == 'rest':
+        stop = duration * float(generator.uniform(0.5, 0.65))
+        rows = [row for row in rows if row.time < stop]
+        for well in ('injector', 'producer', *controls):
+            tell(stop, str(well), 0.0, 0.0)
+    return Schedule(tuple(rows)), duration, ('injector', *map(str, controls))
