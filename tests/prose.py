@@ -1,6 +1,6 @@
 """Count clauses that are hard to read in docstrings, comments, messages and documents.
 
-    python tests/prose.py                 # a table: package, words, clauses, clauses per 1,000 words
+    python tests/prose.py                 # a table: words, clauses, clauses per 1,000 words
     python tests/prose.py porotwin_hub    # every clause of one package, with its line
 
 The clauses are those that begin with "what" or with a preposition and "which", and those that

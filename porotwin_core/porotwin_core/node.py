@@ -15,7 +15,9 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, Si
 from rclpy.node import Node
 
 from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
 from porotwin_core.parent import end_with_parent
+from porotwin_core.rig import Rig, load_rig
 
 
 def declare(node: Node, name: str, default: Any, description: str) -> Any:
@@ -29,6 +31,27 @@ def declare(node: Node, name: str, default: Any, description: str) -> Any:
         return node.declare_parameter(name, default, descriptor).value
     except InvalidParameterTypeException as error:
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
+
+
+def declare_rig(node: Node) -> Rig:
+    """Declare the parameter `rig`, a path of rig.yaml, and return the rig described there.
+
+    Raises:
+        InputError: the description is missing or wrong.
+    """
+    return load_rig(declare(node, 'rig', '', 'path of rig.yaml'))
+
+
+def declare_grid(node: Node, rig: Rig) -> Grid:
+    """Declare the parameter `grid`, columns x rows of the maps, and return the grid over `rig`.
+
+    The default has square cells of about 5 mm.
+
+    Raises:
+        InputError: the parameter is not of the form 187x112.
+    """
+    text = declare(node, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
+    return Grid.parse(text, rig.width_m, rig.height_m)
 
 
 class Diagnostics:

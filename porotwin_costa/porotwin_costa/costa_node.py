@@ -18,9 +18,7 @@ from rclpy.node import Node
 
 from porotwin_core import conversions
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.node import Diagnostics, declare, run
-from porotwin_core.rig import load_rig
+from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_costa.architectures import DEFAULT, training_settings
 from porotwin_costa.dataset import load_dataset
 from porotwin_costa.model import CorrectiveModel, correction
@@ -51,9 +49,8 @@ class CostaNode(Node):
             InputError: a parameter, the rig or the named model is wrong.
         """
         super().__init__('costa', **kwargs)
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
-        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        rig = declare_rig(self)
+        self._grid = declare_grid(self, rig)
         self._rig = rig
         self._preset = declare(self, 'preset', '', 'scheme of the solver; empty: not checked')
         self._architecture = declare(

@@ -19,9 +19,8 @@ from rclpy.task import Future
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, fill_unseen
-from porotwin_core.node import declare, run
-from porotwin_core.rig import load_rig
+from porotwin_core.grid import FloatArray, fill_unseen
+from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import load_dataset
 from porotwin_costa.physics_id import PhysicsId
@@ -49,9 +48,8 @@ class TrainerNode(Node):
             InputError: a parameter, the rig description or an existing data set is wrong.
         """
         super().__init__('trainer', **kwargs)
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
-        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        rig = declare_rig(self)
+        self._grid = declare_grid(self, rig)
         preset = declare(self, 'preset', '', 'scheme of the solver; empty: not known')
         self._time_step = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
         self._every = declare(self, 'retrain_every', 40, 'new pairs between two trainings')

@@ -17,9 +17,7 @@ from rclpy.node import Node
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.node import declare, run
-from porotwin_core.rig import load_rig
+from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.run_so_far import RunSoFar
 from porotwin_diagnosis.examine import Diagnosis, diagnose
@@ -44,9 +42,8 @@ class DiagnosisNode(Node):
             InputError: a parameter or the rig description is wrong.
         """
         super().__init__('diagnosis', **kwargs)
-        self._rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        text = declare(self, 'grid', str(self._rig.default_grid()), 'columns x rows of the maps')
-        self._grid = Grid.parse(text, self._rig.width_m, self._rig.height_m)
+        self._rig = declare_rig(self)
+        self._grid = declare_grid(self, self._rig)
         self._preset = declare(self, 'preset', 'accurate', 'scheme whose gap is asked for')
         self._workers = declare(self, 'workers', 1, 'simulations at a time')
         self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')

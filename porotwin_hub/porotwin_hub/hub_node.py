@@ -19,9 +19,8 @@ from rclpy.node import Node
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.node import Diagnostics, declare, run
-from porotwin_core.rig import Rig, load_rig
+from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.rig import Rig
 from porotwin_core.wells import WellRate
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.control import Limits
@@ -62,10 +61,8 @@ class HubNode(Node):
             InputError: a parameter or the rig description is wrong.
         """
         super().__init__('hub', **kwargs)
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        default_grid = str(rig.default_grid())
-        grid_text = declare(self, 'grid', default_grid, 'columns x rows of the maps')
-        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        rig = declare_rig(self)
+        self._grid = declare_grid(self, rig)
         control = declare(self, 'control', True, 'choose setpoints when rig.yaml allows it')
         self._limits = Limits.of(rig) if control and rig.control is not None else None
         self._known_wells = set(rig.wells)

@@ -18,8 +18,7 @@ from std_msgs.msg import String
 
 from porotwin_core import __version__, conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.node import declare, run
-from porotwin_core.rig import load_rig
+from porotwin_core.node import declare, declare_rig, run
 from porotwin_core.wells import WellRate
 from porotwin_hub.announcement import Announcement, announce, announce_expiry
 from porotwin_hub.control import Limits
@@ -68,7 +67,7 @@ class OperatorNode(Node):
             InputError: a parameter or the rig description is wrong.
         """
         super().__init__('operator', **kwargs)
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
+        rig = declare_rig(self)
         self._limits = Limits.of(rig) if rig.control is not None else None
         self._wells = tuple(rig.wells)
         stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')

@@ -17,10 +17,8 @@ from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.conversions import header_at, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
-from porotwin_core.node import Diagnostics, declare, run
+from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
-from porotwin_core.rig import load_rig
 from porotwin_imaging.calibration import Calibration, load_calibration
 from porotwin_imaging.chain import ConcentrationMap, Imaging
 from porotwin_imaging.sequence import StateSequence, Verdict, Waiting
@@ -45,11 +43,10 @@ class ImagingNode(Node):
             InputError: a parameter, the rig or the calibration is wrong.
         """
         super().__init__('imaging', **kwargs)
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        grid_text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
+        rig = declare_rig(self)
         calibration = declare(self, 'calibration', '', 'path of a calibration file; empty: none')
         longest_gap = declare(self, 'longest_gap', 0.0, 'time without photographs [s]; 0: by pace')
-        self._grid = Grid.parse(grid_text, rig.width_m, rig.height_m)
+        self._grid = declare_grid(self, rig)
         self._imaging = Imaging(rig, self._grid, calibration=_calibration(calibration))
         self._sequence = StateSequence(longest_gap or None)
         self._count = 0

@@ -21,8 +21,8 @@ from sensor_msgs.msg import CompressedImage
 from porotwin_core import __version__, conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_core.node import Diagnostics, declare, run
-from porotwin_core.rig import Rig, load_rig
+from porotwin_core.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.rig import Rig
 from porotwin_core.wells import WellRate
 from porotwin_msgs.msg import CleanState, WellRates
 from porotwin_msgs.srv import Control, Ping
@@ -52,7 +52,7 @@ class VirtualRigNode(Node):
         """
         super().__init__('virtual_rig', **kwargs)
         self.set_parameters([Parameter('use_sim_time', value=True)])
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
+        rig = declare_rig(self)
         interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
         duration = declare(self, 'duration_s', 4800.0, 'length of the experiment [s]')
         self._interval = _positive('photo_interval_s', interval)

@@ -20,8 +20,7 @@ from porotwin_core.conversions import (
 )
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.node import declare, run
-from porotwin_core.rig import load_rig
+from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_msgs.msg import SourceField, TracerField
 from porotwin_msgs.srv import (
     Correct,
@@ -51,10 +50,9 @@ class SolverNode(Node):
             InputError: a parameter or the rig is wrong.
         """
         super().__init__('solver', **kwargs)
-        rig = load_rig(declare(self, 'rig', '', 'path of rig.yaml'))
-        text = declare(self, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
+        rig = declare_rig(self)
         preset = declare(self, 'preset', 'fast', 'fast, accurate or upwind')
-        grid = Grid.parse(text, rig.width_m, rig.height_m)
+        grid = declare_grid(self, rig)
         self.model = Model(rig, grid, preset=preset)
         self.model.prepare()
         self.create_service(Ping, 'solver/ping', self._ping)
