@@ -38,8 +38,8 @@ def command(
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
     """
     from porotwin_diagnosis.examine import diagnose
-    from porotwin_diagnosis.model.candidate import CAMERA
     from porotwin_recording.recording import open_recording
+    from porotwin_solver.effects import EFFECTS
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
@@ -70,7 +70,7 @@ def command(
         return
     print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
     say(f'read {output / "report.html"}')
-    camera = ' and '.join(name for name in result.verdict.members if name in CAMERA)
+    camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
     if apply and not (result.verdict.members and result.verdict.model.effects):
         say('rig.yaml is as it was: the verdict names no effect that it could hold')
     if apply and camera:

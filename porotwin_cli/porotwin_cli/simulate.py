@@ -7,6 +7,7 @@ import numpy as np
 import typer
 
 from porotwin_cli.output import Json, print_json, progress
+from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 
@@ -16,7 +17,12 @@ def command(
     output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
     grid: Annotated[str, typer.Option(help="Columns x rows; default: the recording's.")] = '',
     effect: Annotated[
-        list[str] | None, typer.Option(help='NAME:PARAM=VALUE,...; may be given several times.')
+        list[str] | None,
+        typer.Option(
+            help='NAME:PARAM=VALUE,...; may be given several times. '
+            f'Names: {", ".join(module_names("porotwin_solver.effects"))}. '
+            'docs/effects.md lists the parameters with their units.'
+        ),
     ] = None,
     times: Annotated[
         str, typer.Option(help="START:END:STEP in s; default: the recording's times.")

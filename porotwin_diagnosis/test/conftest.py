@@ -16,6 +16,6 @@ def quiet(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope='session')
 def denser_sand(tmp_path_factory) -> Path:
-    """A recording whose porosity is 12 % lower than believed."""
+    """A recording whose porosity is 12 % lower than nominal."""
     effect = EffectDescription(name='porosity', parameters={'factor': 0.88})
     return recorded(tmp_path_factory.mktemp('porosity') / 'recording', effect)

@@ -8,10 +8,10 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.model.candidate import Candidate, FitParameter
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 from porotwin_validation.blind_cases import SMALL
 
 COSTLY = ('buoyancy', 'viscosity', 'dual_porosity', 'background_flow', 'heterogeneity', 'leak')

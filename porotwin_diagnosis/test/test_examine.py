@@ -14,11 +14,11 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.examine import diagnose
-from porotwin_diagnosis.model.candidate import library
 from porotwin_diagnosis.model.fit import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.gap_map import _phases, map_gap
-from porotwin_diagnosis.search.scan import _leaks, starts
+from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.search.scan import starts
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
 
@@ -231,12 +231,6 @@ def test_measured_rates_count_where_there_are_any(quiet):
     assert sample.schedule.at(0.0) == recording.schedule.at(0.0)
     last = sample.schedule.at(2000.0)['injector'].rate
     assert last == pytest.approx(0.9 * recording.schedule.at(2000.0)['injector'].rate)
-
-
-def test_a_rig_at_rest_offers_no_size_for_a_leak(quiet):
-    sample = read_sample(open_recording(quiet))
-    with pytest.raises(InputError, match='no pump ever runs'):
-        _leaks(replace(sample, schedule=Schedule(())))
 
 
 def test_nothing_arises_while_all_pumps_rest(tmp_path):

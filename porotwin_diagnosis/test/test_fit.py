@@ -10,11 +10,12 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import read_sample
-from porotwin_diagnosis.model.candidate import Candidate, FitParameter, library, pumping_wells
 from porotwin_diagnosis.model.fit import Fitter
 from porotwin_diagnosis.model.forward import ROUGHNESS, Forward, on_rough_sand
+from porotwin_diagnosis.model.library import library, pumping_wells
 from porotwin_diagnosis.search.ranking import possible
 from porotwin_recording.recording import open_recording
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
 
 @pytest.fixture(scope='module')
@@ -24,15 +25,6 @@ def fitter(denser_sand):
 
 def candidate(fitter, label):
     return next(c for c in library(fitter.samples) if c.label == label)
-
-
-def test_knob_turns_and_values_are_inverse():
-    for parameter in (
-        FitParameter('a', 'm', 2.0, 0.3),
-        FitParameter('b', '-', 2.0, 0.3, low=0.1, log=True),
-    ):
-        assert parameter.value(parameter.scaled(3.7)) == pytest.approx(3.7)
-    assert FitParameter('c', '-', 1.0, 0.1, low=1.0).value(-5.0) == 1.0
 
 
 def test_porosity_is_found_in_data_of_another_simulator(fitter):

@@ -5,7 +5,7 @@ from diagnosis_examples import fit_of, recorded
 
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import read_sample
-from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.search.pairs import BASES, PairSearch, bases_of
 from porotwin_diagnosis.search.ranking import score

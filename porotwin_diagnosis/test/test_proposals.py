@@ -11,9 +11,9 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.proposals import SCHEDULES, propose
 from porotwin_diagnosis.data.sample import coarsened, read_sample
 from porotwin_diagnosis.decision.verdict import Verdict
-from porotwin_diagnosis.model.candidate import library
 from porotwin_diagnosis.model.fit import Fitter
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.search import Findings
 from porotwin_recording.recording import open_recording
 from porotwin_rig.experiment import make_experiment

@@ -6,7 +6,7 @@ from diagnosis_examples import fit_of
 
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.data.sample import read_sample
-from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.ranking import normalised_misfit
 from porotwin_diagnosis.search.search import WORTH_EXCHANGING, Findings, Search, worth_exchanging
 from porotwin_recording.recording import open_recording

@@ -7,9 +7,9 @@ import pytest
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.sample import coarsened, read_sample
-from porotwin_diagnosis.model.candidate import library
 from porotwin_diagnosis.model.fit import Fitter
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.model.library import library
 from porotwin_recording.recording import open_recording
 
 

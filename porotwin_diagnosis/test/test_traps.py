@@ -10,9 +10,9 @@ from scipy.ndimage import gaussian_filter, laplace
 
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import read_sample
-from porotwin_diagnosis.model.candidate import library
 from porotwin_diagnosis.model.fit import Fitter
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording, open_recording

@@ -24,6 +24,7 @@ from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_solver.adjoint_kernels import advection_adjoint, exchange_adjoint, weights_adjoint
 from porotwin_solver.compiled import tape_length
 from porotwin_solver.diffusion import Exchanges, diffuse, tensor, tensor_adjoint
+from porotwin_solver.effects import effect as effect_named
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.flow import FaceField
 from porotwin_solver.model import Model
@@ -132,23 +133,10 @@ def gradient(
 
 
 def _refuse(parameters: Sequence[tuple[str, str]], physics: Physics) -> None:
-    # the derivative runs over the pairs of cells that exchange: without diffusion there are none,
-    # and with spreading alike in all directions none aslant
-    resting = physics.diffusion + physics.model_diffusion == 0.0
-    alike = physics.longitudinal_dispersivity == physics.transverse_dispersivity
-    for effect, parameter in parameters:
-        if effect == 'clock':
-            raise InputError(f'gradient by {effect} {parameter}: not available; leave it out')
-        if resting and effect in ('dispersion', 'numerical_diffusion'):
-            raise InputError(
-                f'gradient by {effect} {parameter}: not available without any diffusion; '
-                'give a little, such as 1e-10 m2/s'
-            )
-        if alike and effect == 'dispersion' and parameter.endswith('dispersivity'):
-            raise InputError(
-                f'gradient by {effect} {parameter}: not available where both dispersivities are '
-                'equal; give the longitudinal one 1e-7 m more'
-            )
+    for name, parameter in parameters:
+        obstacle = effect_named(name).gradient_obstacle(physics, parameter)
+        if obstacle:
+            raise InputError(f'gradient by {name} {parameter}: {obstacle}')
 
 
 class _Varied:

@@ -1,17 +1,14 @@
-"""What the camera makes of a map, and the names that the diagnosis contract gives."""
+"""What the camera makes of a map."""
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import EffectDescription
 from porotwin_core.wells import Schedule
-from porotwin_solver.effects import EFFECTS, parse_effect
+from porotwin_solver.effects import EFFECTS
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.simulation import simulate
 
@@ -96,32 +93,3 @@ def test_effects_of_the_rig_act_like_given_ones(make_rig, rates) -> None:
         simulate(own, schedule, [90.0], grid=grid, preset='fast'),
         simulate(given, schedule, [90.0], grid=grid, preset='fast', effects=[effect]),
     )
-
-
-def test_an_effect_is_written_on_a_command_line() -> None:
-    found = parse_effect('dispersion:longitudinal_dispersivity=0.004,transverse_dispersivity=4e-4')
-    assert found.name == 'dispersion'
-    assert found.parameters == {
-        'longitudinal_dispersivity': 0.004,
-        'transverse_dispersivity': 0.0004,
-        'diffusion': 1e-9,
-    }
-    assert parse_effect('rate:well=producer,factor=0.99').parameters['well'] == 'producer'
-    for text, remark in (
-        ('decay:rate', 'write NAME:PARAM=VALUE,PARAM=VALUE'),
-        ('colour:x=1', "effect 'colour': unknown; choose from"),
-        ('decay:rate=fast', "rate = 'fast': give a number"),
-        ('decay', "parameter 'rate' .* is missing"),
-    ):
-        with pytest.raises(InputError, match=remark):
-            parse_effect(text)
-
-
-def test_every_effect_of_the_contract_is_here_by_its_names() -> None:
-    contract = Path(__file__).resolve().parents[3] / 'shared' / 'formats' / 'diagnosis.md'
-    if not contract.is_file():
-        pytest.skip(f'needs the diagnosis contract {contract}')
-    rows = re.findall(r'^\| `(\w+)` \|.*\| ([^|]*) \|$', contract.read_text(), flags=re.MULTILINE)
-    named = {name: set(re.findall(r'`(\w+)`', parameters)) for name, parameters in rows}
-    assert len(named) == 18
-    assert {name: set(effect.parameters) for name, effect in EFFECTS.items()} == named

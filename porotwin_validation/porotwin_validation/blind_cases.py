@@ -5,16 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
+from porotwin_core.blind_draw import DrawContext
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_solver.effects import EFFECTS
 from porotwin_validation.blind_effects import (
-    KINDRED,
+    EQUAL_TO_OUTSIDE,
     LIBRARY,
     OUTSIDE,
-    SAME_OUTSIDE,
-    Stage,
+    PAIR_GROUPS,
     drawn,
     equal_names,
 )
@@ -46,7 +47,7 @@ KINDS = (
 )
 """Kinds of cases as they take turns."""
 
-LEFT_OUT = tuple(name for name in LIBRARY if name not in ('porosity', 'retardation'))
+LEFT_OUT = tuple(name for name in LIBRARY if not EFFECTS[name].has_equals)
 """Effects that may be taken out of the library: none of the others is the same."""
 
 LARGE_EVERY = 11
@@ -81,13 +82,13 @@ def draw_case(number: int, seed: int) -> BlindCase:
     rig = large_rig() if large else SMALL
     schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
-    stage = Stage(rig, wells, duration, injected)
+    context = DrawContext(rig, wells, duration, injected)
     turn = number % len(KINDS)
     kind = KINDS[turn]
     # the turn of this case among those of its kind; another seed begins elsewhere
     index = number // len(KINDS) * KINDS.count(kind) + KINDS[:turn].count(kind) + 5 * seed
     names = _names(kind, index, generator)
-    effects = tuple(drawn(name, generator, stage) for name in names)
+    effects = tuple(drawn(name, generator, context) for name in names)
     return BlindCase(
         name=f'case_{number:03d}',
         kind=kind,
@@ -108,8 +109,8 @@ def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
     if kind == 'none':
         return ()
     if kind == 'pair':
-        groups = generator.choice(len(KINDRED), 2, replace=False)
-        first, second = (str(generator.choice(sorted(KINDRED[group]))) for group in groups)
+        groups = generator.choice(len(PAIR_GROUPS), 2, replace=False)
+        first, second = (str(generator.choice(PAIR_GROUPS[group])) for group in groups)
         return first, second
     turns = {'single': tuple(LIBRARY), 'outside': tuple(OUTSIDE), 'left out': LEFT_OUT}[kind]
     return (turns[index % len(turns)],)
@@ -121,7 +122,7 @@ def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]
     if kind == 'left out':
         return ('unexplained',)
     if kind == 'outside':
-        return ('unexplained', *SAME_OUTSIDE.get(effects[0].name, ()))
+        return ('unexplained', *EQUAL_TO_OUTSIDE.get(effects[0].name, ()))
     return tuple(name for effect in effects for name in equal_names(effect))
 
 

@@ -25,6 +25,8 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.effect import Effect
 from porotwin_validation.blind_cases import BlindCase, draw_case
 from porotwin_validation.blind_effects import equal_names
 from porotwin_validation.blind_truth import Truth, truth_of
@@ -248,19 +250,6 @@ def failed_score(case: BlindCase) -> Score:
     )
 
 
-_FROM_ONE = {
-    'factor',
-    'factor_centre',
-    'retardation_factor',
-    'viscosity_ratio',
-    'exponent',
-    'scale',
-}
-_NOT_COUNTED = {'x', 'z', 'radius', 'well', 'diffusion', 'rotation'}
-_TOGETHER = (('dx', 'dz'), ('x_velocity', 'z_velocity'))
-"""Components of vectors, whose error is relative to the vector's length."""
-
-
 def _parameters(case: BlindCase, said: dict[str, Any]) -> list[tuple[float, bool]]:
     """Return the relative error of every parameter of the effects that were found, and whether
     its interval holds the truth."""
@@ -272,25 +261,31 @@ def _parameters(case: BlindCase, said: dict[str, Any]) -> list[tuple[float, bool
         true = {
             name: value
             for name, value in effect.parameters.items()
-            if name not in _NOT_COUNTED and name in found and not isinstance(value, str)
+            if EFFECTS[effect.name].parameters[name].is_scored
+            and name in found
+            and not isinstance(value, str)
         }
         for name, value in true.items():
             said_of_it = found[name]
             low, high = said_of_it['low'], said_of_it['high']
             inside = low is not None and low <= value <= high
-            compared.append((_error(name, true, float(said_of_it['value'])), inside))
+            value_said = float(said_of_it['value'])
+            compared.append((_error(EFFECTS[effect.name], name, true, value_said), inside))
     return compared
 
 
-def _error(name: str, true: Mapping[str, float], value: float) -> float:
-    """Return how far `value` is off the true parameter `name`, relative to what counts."""
-    truth = true[name]
-    if name == 'permeability_factor':
+def _error(effect: Effect, name: str, true: Mapping[str, float], value: float) -> float:
+    """Return the error of `value` relative to the strength of the true parameter `name`.
+
+    The strength is the distance from the neutral value; of a vector, its length.
+    """
+    truth, parameter = true[name], effect.parameters[name]
+    if parameter.is_logarithmic:
         return float(abs(np.log(value / truth)) / abs(np.log(truth)))
-    size = abs(truth - 1) if name in _FROM_ONE else abs(truth)
-    for vector in _TOGETHER:
-        if name in vector:
-            size = float(np.linalg.norm([true[part] for part in vector]))
+    size = abs(truth - parameter.neutral)
+    if parameter.vector:
+        parts = [part for part, p in effect.parameters.items() if p.vector == parameter.vector]
+        size = float(np.linalg.norm([true[part] for part in parts]))
     return abs(value - truth) / max(size, 1e-12)
 
 

@@ -17,10 +17,14 @@ import numpy as np
 from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.model.gap_map import observed_maps
 from porotwin_recording.recording import Recording
+from porotwin_solver.effects import EFFECTS
 from porotwin_solver.model import Model
 
-EFFECT_OF_TERM = ('decay', 'porosity', 'background_flow', 'buoyancy', 'dispersion', 'dispersion')
-"""What a term of the regression would mean, in the order of the equation."""
+TERMS = ('c', 'dc/dt', 'dc/dx', 'dc/dz', 'd2c/dx2', 'd2c/dz2')
+"""The terms in the order of the equation."""
+
+EFFECT_OF_TERM = {term: name for name, e in EFFECTS.items() for term in e.residual_terms}
+"""The effect that explains a term."""
 
 THRESHOLD = 0.15
 """Terms whose normalised coefficient is below this share are dropped."""
@@ -95,4 +99,4 @@ def _named(features: FloatArray, target: FloatArray, regression: type) -> str:
     explained = 1.0 - float(np.sum((target.ravel() / size - scaled @ coefficients) ** 2))
     if explained < LEAST_SHARE or not coefficients.any():
         return 'none'
-    return EFFECT_OF_TERM[int(np.argmax(np.abs(coefficients)))]
+    return EFFECT_OF_TERM[TERMS[int(np.argmax(np.abs(coefficients)))]]

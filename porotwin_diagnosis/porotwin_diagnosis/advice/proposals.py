@@ -17,8 +17,9 @@ from porotwin_diagnosis.decision.verdict import Verdict, thresholds
 from porotwin_diagnosis.model.fit import Fit, Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.progress import Progress
-from porotwin_diagnosis.report.wording import CHECKS, spoken
+from porotwin_diagnosis.report.wording import spoken
 from porotwin_diagnosis.search.search import Findings
+from porotwin_solver.effects import EFFECTS
 
 STEPS = 2
 """Iterations in which the second explanation is fitted to the first."""
@@ -122,7 +123,10 @@ def _laboratory(names: tuple[str, str], one: Fit, other: Fit) -> list[Proposal]:
     effects = dict.fromkeys(
         effect for side in sides for label, effect in side.items() if label in apart
     )
-    return [Proposal(f'check {spoken(effect)}', CHECKS[effect], names) for effect in effects]
+    return [
+        Proposal(f'check {spoken(effect)}', EFFECTS[effect].laboratory_check, names)
+        for effect in effects
+    ]
 
 
 def _with(sample: Sample, rows: list[ScheduleRow]) -> Sample:

@@ -7,14 +7,13 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_diagnosis.data.sample import WIDTH
-from porotwin_diagnosis.model.candidate import LOCAL, Candidate, library, nominal_parameters
 from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.library import library, nominal_parameters
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.candidate import Candidate
 
 VISIBLE = 0.5
 """Whitened change per cell with tracer at which an effect begins to stand clear of the noise."""
-
-STARTS_AWAY = ('dispersion', 'dual_porosity')
-"""Effects whose first scaled are not those of no effect, at which the first parameter is zero."""
 
 
 def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
@@ -56,7 +55,7 @@ def _trial(candidate: Candidate, rig: Rig) -> tuple[int, list[float], float]:
     """Return the index of the parameter that is tried, scaled parameters with a small amount of
     the effect, and the value of that parameter without the effect."""
     scaled = list(candidate.first)
-    if candidate.effect in LOCAL:
+    if EFFECTS[candidate.effect].has_place:
         scaled[-1] = 1.0
         return len(scaled) - 1, scaled, candidate.parameters[-1].neutral
     parameter = candidate.parameters[0]
@@ -64,7 +63,6 @@ def _trial(candidate: Candidate, rig: Rig) -> tuple[int, list[float], float]:
         known = parameter.value(scaled[0])
         scaled[0] += 1.0
         return 0, scaled, known
-    if candidate.effect in STARTS_AWAY:
-        return 0, scaled, 0.0
-    scaled[0] = 1.0
-    return 0, scaled, parameter.neutral
+    if not parameter.is_never_absent:
+        scaled[0] = 1.0
+    return 0, scaled, parameter.absent

@@ -16,8 +16,13 @@ import numpy as np
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.ranking import normalised_misfit, score, worse
 from porotwin_diagnosis.search.search import Findings
+from porotwin_solver.effects import effects_of
+from porotwin_solver.effects.definition.effect import Scope
 
-NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
+NONE, UNEXPLAINED = 'none', 'unexplained'
+
+NUMERICAL = effects_of(Scope.MODEL)[0].name
+"""Name of the effect that the model's own smearing is."""
 
 LEFT_BEHIND = 3.0
 """Least log-odds against an effect that fell behind before the final judgement."""

@@ -16,8 +16,9 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import COARSE_WIDTH, WIDTH, misfit, noise_misfit
-from porotwin_diagnosis.model.candidate import IMAGE, Candidate, FitParameter
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
 TILE = 5
 """Compared cells per side of a tile whose residuals count as one observation."""
@@ -208,7 +209,7 @@ class Fitter:
         A thinner tracer fingers, and where it does is chance (Saffman and Taylor, Proc. R. Soc. A
         245 (1958) 312).
         """
-        if not any(_is_unstable(effect) for effect in effects):
+        if not any(EFFECTS[e.name].destabilises_fronts(e.parameters) for e in effects):
             return 1.0, 1.0
         with_them, without = self._on_rough_sand(effects), self._on_rough_sand(())
         fitted, held_out = np.maximum(with_them / np.maximum(without, 1e-9), 1.0)
@@ -394,14 +395,9 @@ def _impossible(members: Sequence[Candidate], scaled: FloatArray) -> Fit:
     return Fit(tuple(members), np.array(scaled, dtype=float), *unknown, np.zeros((size, size)))
 
 
-def _is_unstable(effect: EffectDescription) -> bool:
-    """Return whether `effect` lets a front finger: a tracer thinner than water."""
-    return float(effect.parameters.get('viscosity_ratio', 1.0)) < 1.0
-
-
 def _cheap(members: Sequence[Candidate]) -> bool:
     """Return whether all `members` are effects of the camera, which need no simulation."""
-    return all(member.effect in IMAGE for member in members)
+    return not any(EFFECTS[member.effect].needs_simulation for member in members)
 
 
 def _sum_of_squares(residuals: Sequence[FloatArray]) -> float:

@@ -10,8 +10,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, conservative_resample
 from porotwin_core.rig import EffectDescription, rig_from_maps
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.model.candidate import IMAGE
-from porotwin_solver.effects import apply_effects
+from porotwin_solver.effects import EFFECTS, apply_effects
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import nominal_physics
 from porotwin_solver.simulation import simulated_maps
@@ -48,8 +47,8 @@ class Forward:
 
         With `fitted_only` those of the fitted frames, for less.
         """
-        physics = tuple(effect for effect in effects if effect.name not in IMAGE)
-        image = [effect for effect in effects if effect.name in IMAGE]
+        physics = tuple(effect for effect in effects if EFFECTS[effect.name].needs_simulation)
+        image = [effect for effect in effects if not EFFECTS[effect.name].needs_simulation]
         maps = self._simulated(physics, fitted_only=fitted_only)
         if self.offset is not None:
             maps = np.clip(maps + self.offset[: len(maps)], 0.0, 1.0)
@@ -79,7 +78,7 @@ class Forward:
         What a coarse grid does wrong is nearly the same wherever fronts lie nearly the same.
         """
         shape = self.sample.grid.shape
-        physics = [effect for effect in effects if effect.name not in IMAGE]
+        physics = [effect for effect in effects if EFFECTS[effect.name].needs_simulation]
         sharp = [conservative_resample(frame, shape) for frame in finer.maps(physics)]
         self.offset = None
         self.offset = extrapolation * (np.stack(sharp) - self.maps(physics))

@@ -10,21 +10,14 @@ import netCDF4
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_diagnosis.decision.held_out import HeldOut, gap_closed, root_mean, together
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
-from porotwin_diagnosis.model.candidate import LOCAL
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import Phase, Spot
 from porotwin_diagnosis.search.ranking import overall, score
 from porotwin_diagnosis.search.search import Findings
+from porotwin_solver.effects import EFFECTS
 
 if TYPE_CHECKING:
     from porotwin_diagnosis.examine import Diagnosis
-
-FIXED_UNITS = {
-    'diffusion': 'm2/s',
-    'longitudinal_dispersivity': 'm',
-    'transverse_dispersivity': 'm',
-}
-"""Units of parameters that a candidate may hold fixed."""
 
 INTERVAL = 1.645 * 1.7
 """Standard deviations of a 90 % interval, widened: what the scheme does wrong shifts parameters as
@@ -135,7 +128,7 @@ def _centre(result: 'Diagnosis') -> dict[str, float] | None:
         if described.name != result.verdict.name:
             continue
         values = described.parameters
-        if described.name in LOCAL:
+        if EFFECTS[described.name].has_place:
             return {'x_m': round(float(values['x']), 4), 'z_m': round(float(values['z']), 4)}
         if 'well' in values:
             well = result.recordings[0].rig.wells[str(values['well'])]
@@ -252,7 +245,8 @@ def _parameters(fit: Fit, name: str) -> dict[str, Any]:
         for key, value in member.fixed.items():
             found[key] = {'value': value}
             if not isinstance(value, str):
-                found[key] |= {'low': None, 'high': None, 'unit': FIXED_UNITS[key]}
+                unit = EFFECTS[name].parameters[key].unit
+                found[key] |= {'low': None, 'high': None, 'unit': unit}
         for parameter, at, deviation in zip(member.parameters, scaled, deviations, strict=True):
             low, high = None, None
             if deviation > 0 and math.isfinite(deviation):

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_diagnosis.model.candidate import Candidate
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.search import Findings
+from porotwin_solver.effects.definition.candidate import Candidate
 
 
 def write_findings(path: Path, findings: Findings) -> None:

@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
 from porotwin_diagnosis.decision.held_out import WORSE, softened
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
-from porotwin_diagnosis.model.candidate import CAMERA, LOCAL
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report import figures as pictures
-from porotwin_diagnosis.report.diagnosis_json import FIXED_UNITS, error_left
-from porotwin_diagnosis.report.wording import CHECKS, interval, number, phrase, spoken, value
+from porotwin_diagnosis.report.diagnosis_json import error_left
+from porotwin_diagnosis.report.wording import interval, phrase, spoken, value
 from porotwin_diagnosis.search.ranking import beyond_noise, overall, score
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.words import number
 
 if TYPE_CHECKING:
     from porotwin_diagnosis.examine import Diagnosis
@@ -191,9 +192,9 @@ def _kept(result: 'Diagnosis') -> Iterator[str]:
         if row['name'] not in kept:
             continue
         for name, parameter in row['parameters'].items():
-            fixed = name in FIXED_UNITS and parameter['low'] is None
-            if not fixed:
-                middle, span = interval(name, parameter)
+            may_be_fixed = EFFECTS[row['name']].parameters[name].may_be_fixed
+            if not (may_be_fixed and parameter['low'] is None):
+                middle, span = interval(row['name'], name, parameter)
                 rows.append([spoken(row['name']), spoken(name), middle, span])
     if rows:
         yield _table(['effect', 'parameter', 'found', '90 % interval'], rows, {2, 3})
@@ -311,7 +312,7 @@ def _ranking(result: 'Diagnosis') -> str:
         length = 80 * min(max(left, floor) / before, 1.5)
         cells = [
             f'<b>{spoken(name)}</b>' if name in result.verdict.members else spoken(name),
-            'camera' if name in CAMERA else 'rig',
+            'camera' if EFFECTS[name].is_of_camera else 'rig',
             phrase(name, row['parameters']),
             f'<span class="bar" style="width:{length:.0f}px"></span>',
             _percent(left) if left > floor else f'≤ {_percent(floor)}',  # nothing shows in noise
@@ -380,7 +381,9 @@ def _checks(result: 'Diagnosis') -> str:
             'side, at a layer, at a reflection in the glass? Did anybody touch the rig while the '
             'gap arose?</p>'
         )
-    items = ''.join(f'<li><b>{spoken(name)}</b>: {CHECKS[name]}.</li>' for name in names)
+    items = ''.join(
+        f'<li><b>{spoken(name)}</b>: {EFFECTS[name].laboratory_check}.</li>' for name in names
+    )
     return f'<ul>{items}</ul>'
 
 
@@ -408,10 +411,9 @@ def _strengths(result: 'Diagnosis') -> str:
     rows = []
     for name, entry in sorted(result.strengths.items()):
         amount, parameter = float(entry['value']), str(entry['parameter'])
-        unit = str(entry['unit'])
-        factor = unit == '-' and parameter not in ('exponent', 'immobile_fraction')
-        least = f'{number(100 * amount, 2)} %' if factor else value(parameter, amount, unit, 2)
-        where = ', in the middle of the rig' if name in LOCAL else ''
+        is_factor = EFFECTS[name].parameters[parameter].is_factor
+        least = f'{number(100 * amount, 2)} %' if is_factor else value(name, parameter, amount, 2)
+        where = ', in the middle of the rig' if EFFECTS[name].has_place else ''
         rows.append([spoken(name), f'{spoken(parameter)}{where}', least])
     note = (
         '<p>Not seen is not absent: alone and weaker than this, an effect might not have stood out '

@@ -9,9 +9,9 @@ from scipy.optimize import minimize_scalar
 from porotwin_core.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import Sample, coarsened
-from porotwin_diagnosis.model.candidate import pumping_wells
 from porotwin_diagnosis.model.fit import Fit, Fitter
 from porotwin_diagnosis.model.forward import Forward, on_rough_sand
+from porotwin_diagnosis.model.library import pumping_wells
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.ranking import (
     NEARLY_CLOSED,
@@ -21,6 +21,7 @@ from porotwin_diagnosis.search.ranking import (
     ranked,
     score,
 )
+from porotwin_solver.effects import EFFECTS
 
 SCREENING, SCREENING_COLUMNS = 2, 40
 """Cells of the recording per screening cell, each way, as long as so many columns are left."""
@@ -29,8 +30,8 @@ JUDGING, FINEST = 2, 3
 """Cells per cell of the recording in the final judgement, each way, and in the one run of every
 judged model that tells what its cells do wrong."""
 
-SLOW, MOST_CELLS = 'dispersion', 250_000
-"""An effect of which a run on more than so many cells takes minutes, and is left out."""
+MOST_CELLS = 250_000
+"""Cells above which no effect is simulated that is slow on fine grids: it would take minutes."""
 
 EXTRAPOLATION = 1.6
 """How many times the change from judging to finest cells is taken off (Richardson): with errors
@@ -173,7 +174,11 @@ class Levels:
         """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
         sample = self.samples[0]
         pumping = [sample.rig.wells[name] for name in pumping_wells(self.samples)]
-        leaks = [effect.parameters for effect in fit.effects if effect.name == 'leak']
+        leaks = [
+            effect.parameters
+            for effect in fit.effects
+            if (places := EFFECTS[effect.name].places) and places.is_rate_at_a_well
+        ]
         return any(
             np.hypot(float(leak['x']) - well.x_m, float(leak['z']) - well.z_m)
             < well.radius_m + AT_A_WELL * sample.grid.dx
@@ -199,7 +204,8 @@ class Levels:
 def _is_quick(finest: Forward, effects: Sequence[EffectDescription]) -> bool:
     """Return whether a run of the `finest` cells with `effects` takes seconds."""
     cells = finest.sample.grid.nx * finest.sample.grid.nz * FINEST**2
-    return cells <= MOST_CELLS or all(effect.name != SLOW for effect in effects)
+    slow = any(EFFECTS[effect.name].is_slow_on_fine_grids for effect in effects)
+    return cells <= MOST_CELLS or not slow
 
 
 def _screening_factor(sample: Sample) -> int:

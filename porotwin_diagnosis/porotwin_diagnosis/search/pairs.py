@@ -11,7 +11,6 @@ import numpy as np
 
 from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.data.sample import WIDTH
-from porotwin_diagnosis.model.candidate import LOCAL, Candidate
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.levels import JUDGED, REFINED, Levels
 from porotwin_diagnosis.search.ranking import (
@@ -24,6 +23,8 @@ from porotwin_diagnosis.search.ranking import (
     score,
 )
 from porotwin_diagnosis.search.singles import Singles
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.candidate import Candidate
 
 BASES, PARTNERS = 3, 4
 """How many single effects pairs are made of at most, and with how many partners each."""
@@ -33,9 +34,6 @@ EXCHANGES = 4
 
 MOVED = 2
 """How many pairs with a leak or a zone have it put elsewhere, and to how many places."""
-
-LIKELY_SECONDS = ('saturation', 'illumination')
-"""Partners that are always tried: they cost no simulation, and their response is not linear."""
 
 BASE = 1.8
 """Fits whose misfit is above this many times the best one's are no base of a pair: the strongest
@@ -120,11 +118,11 @@ class PairSearch:
         """Return what is better of the best pairs in `fits` with a leak or a zone put where that
         explains most beside the other member: where it was found alone, it imitated both."""
         found: Pairs = {}
-        local = [fit for fit in fits.values() if any(m.effect in LOCAL for m in fit.members)]
+        local = [fit for fit in fits.values() if any(has_place(m) for m in fit.members)]
         for pair in sorted(local, key=score)[:MOVED]:
             parts = [(member, scaled) for member, scaled, _ in pair.parts()]
             for (member, _), (other, scaled) in (parts, parts[::-1]):
-                if member.effect not in LOCAL:
+                if not has_place(member):
                     continue
                 self._levels.progress(f'another place of {member.label}', 0.65)
                 base = self._levels.screening.judged((other,), scaled)
@@ -160,7 +158,7 @@ class PairSearch:
             candidate
             for place, candidate in enumerate(self._by_gain(base, screened))
             if place < PARTNERS
-            or candidate.effect in LIKELY_SECONDS
+            or EFFECTS[candidate.effect].is_tried_in_every_pair
             or (thorough and len(candidate.parameters) == 1 and 'well' not in candidate.fixed)
         ]
         if thorough:
@@ -177,7 +175,7 @@ class PairSearch:
         own = fitter.responses(base.members, base.scaled)
         gains: list[tuple[float, Candidate]] = []
         for candidate in (fit.members[0] for fit in screened):
-            if candidate.effect == base.members[0].effect or candidate.effect in LOCAL:
+            if candidate.effect == base.members[0].effect or has_place(candidate):
                 continue
             members = (*base.members, candidate)
             scaled = np.concatenate([base.scaled, candidate.first])
@@ -185,6 +183,11 @@ class PairSearch:
             gain = _gain(residuals, own, added) * PER_KNOB ** len(candidate.parameters)
             gains.append((gain, candidate))
         return [candidate for _, candidate in sorted(gains, key=lambda item: -item[0])]
+
+
+def has_place(candidate: Candidate) -> bool:
+    """Return whether the place of the candidate's effect must be found."""
+    return EFFECTS[candidate.effect].has_place
 
 
 def bases_of(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:

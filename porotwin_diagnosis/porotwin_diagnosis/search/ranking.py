@@ -5,16 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from porotwin_diagnosis.model.candidate import Candidate
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.candidate import Candidate
 
 NOISE_DOUBT = 1.1
 """By how much the noise may be stronger than measured."""
-
-VISCOUS = 1.5
-"""How much more a viscosity may leave, for the flow that it drives is solved on coarser cells (true
-ones left 0.26 to 0.69, other effects half of it); a thinner tracer as many times more as it
-magnifies what nobody knows of the sand."""
 
 EXPLAINED = 0.5
 """Excess below which a judged effect leaves nothing for a second one."""
@@ -47,10 +43,10 @@ def normalised_misfit(fit: Fit) -> float:
     """Return what `fit` leaves `beyond_noise` of the part where it leaves more, as a multiple of
     what a model that is right may leave: of a viscosity, and of one that magnifies how rough the
     sand is, that is more."""
-    viscous = any(member.effect == 'viscosity' for member in fit.members)
+    allowance = max((EFFECTS[m.effect].misfit_allowance for m in fit.members), default=1.0)
     parts = zip(beyond_noise(fit), fit.fingering_amplification, strict=True)
-    return max(left / fingering_amplification for left, fingering_amplification in parts) / (
-        VISCOUS if viscous else 1.0
+    return (
+        max(left / fingering_amplification for left, fingering_amplification in parts) / allowance
     )
 
 

@@ -17,11 +17,12 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription
-from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.model.candidate import Candidate, heterogeneity, leak
 from porotwin_diagnosis.model.fit import Fit, described
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.model.library import search_context
+from porotwin_solver.effects import effect as effect_named
+from porotwin_solver.effects.definition.candidate import Candidate, PlaceSearch
 from porotwin_solver.simulation import simulate
 
 COLUMNS = 46
@@ -32,16 +33,6 @@ COARSE_FRAMES = 8
 
 SPACING = 0.09
 """Distance of the places tried, as a share of the rig's longer side."""
-
-LEAK_SHARES = (0.05, -0.05)
-"""Leaks tried, as a share of the strongest pump: within the plume, water that enters makes a hole,
-and water that is lost does not."""
-
-ZONE_FACTORS = (0.25, 4.0)
-"""Permeability of a zone tried, relative to that believed."""
-
-ZONE_RADIUS = 0.06
-"""Radius of a zone tried, as a share of the rig's longer side."""
 
 KEPT = 3
 """Starts that are worth a fit."""
@@ -106,7 +97,7 @@ def starts(
     """
     given = beside.effects if beside else ()
     coarse = [_coarse(forward, given) for forward in forwards]
-    tried = _leaks(coarse[0].sample) if effect == 'leak' else _zones(coarse[0].sample)
+    tried = _trials(coarse[0].sample, effect)
     run = map if pool is None else pool.map
 
     def change(effects: Sequence[EffectDescription]) -> FloatArray:
@@ -162,21 +153,17 @@ def _places(sample: Sample) -> list[tuple[float, float]]:
     ]
 
 
-def _leaks(sample: Sample) -> list[Candidate]:
-    strongest = max((abs(row.rate.rate) for row in sample.schedule.rows), default=0.0)
-    if strongest == 0.0:
-        raise InputError('leak: no pump ever runs, so that no rate says how large one may be')
-    rates = [share * to_ml_h(strongest) for share in LEAK_SHARES]
-    return [leak(sample.rig, place, rate) for place in _places(sample) for rate in rates]
+def _trials(sample: Sample, effect: str) -> list[Candidate]:
+    """Return the candidates of `effect` that are tried, at all places."""
+    context, search = search_context([sample], sample), _place_search(effect)
+    return [trial for place in _places(sample) for trial in search.trials(context, place)]
 
 
-def _zones(sample: Sample) -> list[Candidate]:
-    radius = ZONE_RADIUS * max(sample.rig.width_m, sample.rig.height_m)
-    return [
-        heterogeneity(sample.rig, place, radius, factor)
-        for place in _places(sample)
-        for factor in ZONE_FACTORS
-    ]
+def _place_search(effect: str) -> PlaceSearch:
+    search = effect_named(effect).places
+    if search is None:
+        raise InputError(f'{effect}: has no place to be found')
+    return search
 
 
 def _distance(one: Candidate, other: Candidate) -> float:
@@ -189,6 +176,5 @@ def _distance(one: Candidate, other: Candidate) -> float:
 def _scaled(candidate: Candidate, effect: str, amplitude: float) -> Candidate:
     """Return `candidate` whose strength starts at what the projection asks for, within reason."""
     start = list(candidate.first)
-    limit = (0.0, 3.0) if effect == 'leak' else (0.3, 2.0)
-    start[-1] *= float(np.clip(amplitude, *limit))
+    start[-1] *= float(np.clip(amplitude, *_place_search(effect).strength_factors))
     return Candidate(candidate.effect, candidate.parameters, starts=(tuple(start),))

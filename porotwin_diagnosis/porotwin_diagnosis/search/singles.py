@@ -5,11 +5,14 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_diagnosis.model.candidate import LOCAL, Candidate, library
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.search.ranking import distinct, kind, possible, score
 from porotwin_diagnosis.search.scan import starts
+from porotwin_solver.effects import effects_of
+from porotwin_solver.effects.definition.candidate import Candidate
+from porotwin_solver.effects.definition.effect import Scope
 
 HOPELESS = 2.0
 """Fits of coarse residuals that leave this many times the best one's misfit are not finished."""
@@ -28,11 +31,12 @@ class Singles:
             InputError: no effect without a place is left.
         """
         self._levels = levels
-        self.local = sorted(set(LOCAL) - set(excluded))
+        local = {effect.name for effect in effects_of(Scope.PLACE)}
+        self.local = sorted(local - set(excluded))
         self._candidates = [
             candidate
             for candidate in library(levels.samples)
-            if candidate.effect not in {*excluded, *LOCAL}
+            if candidate.effect not in {*excluded, *local}
         ]
         if not self._candidates:
             raise InputError('all effects without a place are excluded; leave at least one in')

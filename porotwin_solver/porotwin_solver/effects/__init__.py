@@ -1,8 +1,14 @@
-"""The effects that a rig may have and its owner does not know; one file each (diagnosis contract).
+"""The catalogue of effects: one module each, found by itself (docs/extend/effect.md).
 
-A module of this package that defines `EFFECT` is found by itself: adding a file adds an effect.
+`definition` says what an effect consists of; every other module of this folder is an effect.
 """
 
-from porotwin_solver.effects.registry import EFFECTS, apply_effects, effect, parse_effect
+from porotwin_solver.effects.definition.registry import (
+    EFFECTS,
+    apply_effects,
+    effect,
+    effects_of,
+    parse_effect,
+)
 
-__all__ = ['EFFECTS', 'apply_effects', 'effect', 'parse_effect']
+__all__ = ['EFFECTS', 'apply_effects', 'effect', 'effects_of', 'parse_effect']

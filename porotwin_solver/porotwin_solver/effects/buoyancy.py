@@ -1,13 +1,64 @@
-"""The tracer's density differs from water's: q = -k/mu (grad p + density_difference c g e_z)."""
+"""The tracer's density differs from water's: q = -k/mu (grad p + density_difference c g e_z).
 
+`density_difference` is that at c = 1; positive where the tracer is denser.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.units import GRAVITY
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import direction
 from porotwin_solver.physics import Physics
 
 
-def _weigh(physics: Physics, values: Values) -> Physics:
+def weigh(physics: Physics, values: Values) -> Physics:
+    """Return `physics` with this density difference."""
     return replace(physics, density_difference=values['density_difference'])
 
 
-EFFECT = Effect('buoyancy', {'density_difference': Parameter('kg/m3')}, on_physics=_weigh)
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit the density difference in steps that sink the tracer by two cells."""
+    one_cell = (
+        context.front_speed
+        * context.porosity
+        * context.rig.viscosity_pa_s
+        / (context.permeability * GRAVITY)
+    )
+    parameter = FitParameter('density_difference', 'kg/m3', 0.0, 2 * one_cell)
+    return [Candidate('buoyancy', (parameter,))]
+
+
+def phrase(values: Values) -> str:
+    """Say whether the tracer is denser or lighter than water."""
+    difference = direction(values['density_difference'], 'denser', 'lighter', 'kg/m³', 1)
+    return f'the tracer is {difference} than water'
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw a difference that sinks or raises the tracer by 2 to 6.5 cm on the small rig."""
+    sign, distance = random_sign(generator), log_uniform(generator, 0.02, 0.065)
+    return {'density_difference': sign * distance * context.size * context.sinking}
+
+
+EFFECT = Effect(
+    name='buoyancy',
+    order=20,
+    scope=Scope.RIG,
+    parameters={'density_difference': Parameter(unit='kg/m3')},
+    on_physics=weigh,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check=(
+        'stop all pumps: the plume goes on sinking or rising; weigh a flask of the stock'
+    ),
+    blind_draw=draw,
+    appearance=Appearance.BENDING,
+    replaces_nominal=True,
+    residual_terms=('dc/dz',),
+)

@@ -1,13 +1,62 @@
 """The photograph stamped t shows the rig at pump time t + offset."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import time_span
 from porotwin_solver.observation_operator import ObservationOperator
+from porotwin_solver.physics import Physics
 
 
-def _shift(operator: ObservationOperator, values: Values) -> ObservationOperator:
+def shift(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    """Return `operator` with a larger clock offset."""
     return replace(operator, clock_offset=operator.clock_offset + values['offset'])
 
 
-EFFECT = Effect('clock', {'offset': Parameter('s')}, on_observation=_shift)
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit the offset in steps of 1 % of the recording."""
+    duration = context.duration
+    parameter = FitParameter('offset', 's', 0.0, 0.01 * duration, -0.9 * duration, duration)
+    return [Candidate('clock', (parameter,))]
+
+
+def phrase(values: Values) -> str:
+    """Say how early or late the photographs are."""
+    late = 'earlier' if values['offset'] < 0 else 'later'
+    return (
+        f'a photograph shows the rig {time_span(abs(values["offset"]))} {late} than its stamp says '
+        'by the pumps’ clock'
+    )
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw an offset of 1.2 to 7 % of the recording."""
+    return {
+        'offset': random_sign(generator) * log_uniform(generator, 0.012, 0.07) * context.duration
+    }
+
+
+def gradient_obstacle(_physics: Physics, _parameter: str) -> str:
+    """Refuse every gradient: the adjoint steps through fixed times."""
+    return 'not available; leave it out'
+
+
+EFFECT = Effect(
+    name='clock',
+    order=170,
+    scope=Scope.CAMERA,
+    parameters={'offset': Parameter(unit='s')},
+    on_observation=shift,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='photograph the clock of the pumps',
+    blind_draw=draw,
+    appearance=Appearance.DELAY,
+    gradient_obstacle=gradient_obstacle,
+)

@@ -1,15 +1,26 @@
 """A part of the pore water does not move: d c_im/dt = exchange_rate (c - c_im).
 
-The camera sees the mean of both, weighted by volume.
+The camera sees the mean of both parts, weighted by volume.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.effect_parameter import Parameter, Reading, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import number, time_span
 from porotwin_solver.physics import Physics
 
+MOST_IMMOBILE = 0.95
+"""Largest immobile fraction: the flow needs some mobile water."""
 
-def _divide(physics: Physics, values: Values) -> Physics:
+
+def divide(physics: Physics, values: Values) -> Physics:
+    """Return `physics` with mobile and immobile water."""
     return replace(
         physics,
         immobile_fraction=values['immobile_fraction'],
@@ -17,11 +28,47 @@ def _divide(physics: Physics, values: Values) -> Physics:
     )
 
 
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit both parameters, starting from exchange within the recording and 4.5 times faster."""
+    duration = context.duration
+    immobile = FitParameter('immobile_fraction', '-', 0.04, 0.3, 1e-4, 0.8, log=True)
+    exchange = FitParameter(
+        'exchange_rate', '1/s', 1.0 / duration, 0.5, 1e-3 / duration, 1.0, log=True
+    )
+    return [Candidate('dual_porosity', (immobile, exchange), starts=((0.0, 0.0), (0.0, 3.0)))]
+
+
+def phrase(values: Values) -> str:
+    """Say how much water is immobile, and how fast it exchanges."""
+    return (
+        f'{number(100 * values["immobile_fraction"], 2)} % of the pore water stand still and '
+        f'exchange tracer with the rest within {time_span(1 / values["exchange_rate"])}'
+    )
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw 2.5 to 10 % of immobile water, which exchanges 0.4 to 1.8 times in the recording."""
+    return {
+        'immobile_fraction': log_uniform(generator, 0.025, 0.1),
+        'exchange_rate': log_uniform(generator, 0.4, 1.8) / context.duration,
+    }
+
+
 EFFECT = Effect(
-    'dual_porosity',
-    {
-        'immobile_fraction': Parameter('-', low=0.0, high=0.95),
-        'exchange_rate': Parameter('1/s', low=0.0),
+    name='dual_porosity',
+    order=60,
+    scope=Scope.RIG,
+    parameters={
+        'immobile_fraction': Parameter(
+            unit='-', low=0.0, high=MOST_IMMOBILE, reading=Reading(100.0, '%')
+        ),
+        'exchange_rate': Parameter(unit='1/s', low=0.0, reading=Reading(3600.0, 'per hour')),
     },
-    on_physics=_divide,
+    on_physics=divide,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='chase with water and watch the tail at the producer',
+    blind_draw=draw,
+    appearance=Appearance.DELAY,
+    replaces_nominal=True,
 )

@@ -1,12 +1,20 @@
-"""The light changes: signal = c (1 + drift t + gradient (x - W/2)), kept within 0..1."""
+"""The light changes: signal = c (1 + drift t + gradient (x - W/2)), clipped to 0..1."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import direction, number
 from porotwin_solver.observation_operator import ObservationOperator
 
 
-def _light(operator: ObservationOperator, values: Values) -> ObservationOperator:
+def light(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    """Return `operator` with more drift and gradient."""
     return replace(
         operator,
         drift=operator.drift + values['drift'],
@@ -14,8 +22,51 @@ def _light(operator: ObservationOperator, values: Values) -> ObservationOperator
     )
 
 
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit both in steps that change the signal by 3 % at the end and at the sides."""
+    half = 0.5 * context.longer_side
+    return [
+        Candidate(
+            'illumination',
+            (
+                FitParameter('drift', '1/s', 0.0, 0.03 / context.duration),
+                FitParameter('gradient', '1/m', 0.0, 0.03 / half),
+            ),
+        )
+    ]
+
+
+def phrase(values: Values) -> str:
+    """Say how the signal changes in time and across the rig."""
+    return (
+        f'the tracer’s signal {"grows" if values["drift"] >= 0 else "falls"} by '
+        f'{number(3.6e5 * abs(values["drift"]), 2)} %/h, and is '
+        f'{direction(values["gradient"], "stronger", "weaker", "% per 10 cm", 10)} to the right'
+    )
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw light that fades by 8 to 30 %, with a gradient of 5 to 30 % per metre."""
+    return {
+        'drift': -log_uniform(generator, 0.08, 0.3) / context.duration,
+        'gradient': random_sign(generator) * log_uniform(generator, 0.05, 0.3) / context.size,
+    }
+
+
 EFFECT = Effect(
-    'illumination',
-    {'drift': Parameter('1/s', default=0.0), 'gradient': Parameter('1/m', default=0.0)},
-    on_observation=_light,
+    name='illumination',
+    order=150,
+    scope=Scope.CAMERA,
+    parameters={
+        'drift': Parameter(unit='1/s', default=0.0),
+        'gradient': Parameter(unit='1/m', default=0.0),
+    },
+    on_observation=light,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='photograph a grey card at the start and the end, left and right',
+    blind_draw=draw,
+    appearance=Appearance.FADING,
+    needs_simulation=False,
+    is_tried_in_every_pair=True,
 )

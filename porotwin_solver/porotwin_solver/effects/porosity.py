@@ -1,13 +1,57 @@
-"""The porosity is not what is believed: porosity * factor everywhere."""
+"""The porosity is not the nominal one: porosity * factor everywhere."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+import numpy as np
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import factor
 from porotwin_solver.physics import Physics
 
 
-def _scale(physics: Physics, values: Values) -> Physics:
+def scale(physics: Physics, values: Values) -> Physics:
+    """Return `physics` with another porosity."""
     return replace(physics, porosity=physics.porosity * values['factor'])
 
 
-EFFECT = Effect('porosity', {'factor': Parameter('-', above=0.0)}, on_physics=_scale)
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit the factor up to the one that makes the largest porosity 1."""
+    largest = 1.0 / float(np.max(np.asarray(context.rig.nominal_map('porosity'))))
+    parameter = FitParameter('factor', '-', 1.0, 0.015, 0.2, largest, log=True)
+    return [Candidate('porosity', (parameter,))]
+
+
+def phrase(values: Values) -> str:
+    """Say how much higher or lower the porosity is."""
+    return f'the porosity is {factor(values["factor"], "higher", "lower")} than nominal'
+
+
+def draw(generator: Generator, _context: DrawContext) -> DrawnValues:
+    """Draw a porosity that is 2 to 10 % higher or lower."""
+    return {'factor': factor_off_one(generator, 0.02, 0.1)}
+
+
+def equal_to(values: Values) -> tuple[str, ...]:
+    """A higher porosity is the same as sorption; a lower one is not."""
+    return ('retardation',) if float(values['factor']) > 1 else ()
+
+
+EFFECT = Effect(
+    name='porosity',
+    order=80,
+    scope=Scope.RIG,
+    parameters={'factor': Parameter(unit='-', above=0.0, neutral=1.0)},
+    on_physics=scale,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='weigh the water that fills the rig',
+    blind_draw=draw,
+    appearance=Appearance.DELAY,
+    equal_to=equal_to,
+    residual_terms=('dc/dt',),
+)

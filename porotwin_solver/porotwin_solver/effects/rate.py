@@ -1,20 +1,57 @@
-"""One pump delivers factor times what it is told, all the time."""
+"""One pump delivers factor times the commanded rate, all the time."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import number
 from porotwin_solver.physics import Physics
 
 
-def _misdeliver(physics: Physics, values: Values) -> Physics:
+def misdeliver(physics: Physics, values: Values) -> Physics:
+    """Return `physics` with another rate factor of the well."""
     well = physics.well(values['well'])
     factors = dict(physics.rate_factors)
     factors[well] = factors.get(well, 1.0) * values['factor']
     return replace(physics, rate_factors=factors)
 
 
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit the factor of a pumping well; a rig closed on all sides cannot have the effect."""
+    if context.rig.closed:
+        return []
+    factor = FitParameter('factor', '-', 1.0, 0.02, 0.0, 5.0)
+    return [Candidate('rate', (factor,), {'well': context.well})]
+
+
+def phrase(values: Values) -> str:
+    """Say what the pump delivers."""
+    delivered = number(100 * values['factor'], 3)
+    return f'pump {values["well"]} delivers {delivered} % of the commanded rate'
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw an injector that delivers 2.5 to 9 % too much or too little."""
+    return {'well': context.wells[0], 'factor': factor_off_one(generator, 0.025, 0.09)}
+
+
 EFFECT = Effect(
-    'rate',
-    {'well': Parameter('name', is_name=True), 'factor': Parameter('-', low=0.0)},
-    on_physics=_misdeliver,
+    name='rate',
+    order=100,
+    scope=Scope.WELL,
+    parameters={
+        'well': Parameter(unit='name', is_name=True, is_scored=False),
+        'factor': Parameter(unit='-', low=0.0, neutral=1.0),
+    },
+    on_physics=misdeliver,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='collect what the pump delivers in a measuring cylinder for ten minutes',
+    blind_draw=draw,
+    appearance=Appearance.DELAY,
 )

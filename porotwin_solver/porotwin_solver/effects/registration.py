@@ -1,14 +1,33 @@
-"""A point p of the rig appears at C + scale R(rotation) (p - C) + (dx, dz), C the rig's middle."""
+"""A point p of the rig appears at C + scale R(rotation) (p - C) + (dx, dz), C the rig's middle.
+
+R rotates counter-clockwise.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, displacement
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import direction, factor
 from porotwin_solver.observation_operator import ObservationOperator
 
+STEP_CELLS = 0.4
+"""Natural step: the displacement of a point 0.4 half-sides from the middle, in cells."""
 
-def _move(operator: ObservationOperator, values: Values) -> ObservationOperator:
-    """Move what `operator` shows already: two similarities in turn are one."""
+MOST_SHIFT = 0.1
+"""Largest fitted displacement, relative to half the longer side."""
+
+MOST_TURN = 0.1
+"""Largest fitted rotation [rad] and deviation of the scale from 1."""
+
+
+def move(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    """Return `operator` followed by the displacement: two similarities in a row are one."""
     scale, rotation = values['scale'], values['rotation']
     cosine, sine = math.cos(rotation), math.sin(rotation)
     return replace(
@@ -20,13 +39,56 @@ def _move(operator: ObservationOperator, values: Values) -> ObservationOperator:
     )
 
 
+def candidates(context: SearchContext) -> Sequence[Candidate]:
+    """Fit displacement, rotation and scale, starting from a picture in its place."""
+    half = 0.5 * context.longer_side
+    shift = STEP_CELLS * context.grid.dx
+    turn = shift / (0.4 * half)
+    parameters = (
+        FitParameter('dx', 'm', 0.0, shift, -MOST_SHIFT * half, MOST_SHIFT * half),
+        FitParameter('dz', 'm', 0.0, shift, -MOST_SHIFT * half, MOST_SHIFT * half),
+        FitParameter('rotation', 'rad', 0.0, turn, -MOST_TURN, MOST_TURN),
+        FitParameter('scale', '-', 1.0, turn, 1 - MOST_TURN, 1 + MOST_TURN),
+    )
+    return [Candidate('registration', parameters)]
+
+
+def phrase(values: Values) -> str:
+    """Say how the picture is displaced, rotated and scaled."""
+    rotated = direction(
+        values['rotation'], 'counter-clockwise', 'clockwise', 'degrees', 180 / math.pi
+    )
+    return (
+        f'the picture is shifted {direction(values["dx"], "right", "left")} and '
+        f'{direction(values["dz"], "up", "down")}, turned {rotated}, and '
+        f'{factor(values["scale"], "too large", "too small")}'
+    )
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw a picture displaced by 1.5 to 6 mm each way, rotated and scaled by up to 1.5 %."""
+    return {
+        **displacement(generator, context),
+        'rotation': float(generator.uniform(-0.015, 0.015)),
+        'scale': float(1.0 + generator.uniform(-0.015, 0.015)),
+    }
+
+
 EFFECT = Effect(
-    'registration',
-    {
-        'dx': Parameter('m', default=0.0),
-        'dz': Parameter('m', default=0.0),
-        'rotation': Parameter('rad', default=0.0),
-        'scale': Parameter('-', above=0.0, default=1.0),
+    name='registration',
+    order=160,
+    scope=Scope.CAMERA,
+    parameters={
+        'dx': Parameter(unit='m', default=0.0, vector='displacement'),
+        'dz': Parameter(unit='m', default=0.0, vector='displacement'),
+        'rotation': Parameter(unit='rad', default=0.0, is_scored=False),
+        'scale': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
     },
-    on_observation=_move,
+    on_observation=move,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='photograph a scale in the rig and mark its corners again',
+    blind_draw=draw,
+    appearance=Appearance.SHIFT,
+    needs_simulation=False,
 )

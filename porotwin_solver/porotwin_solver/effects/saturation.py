@@ -1,13 +1,53 @@
 """The camera's signal is c ** exponent."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from porotwin_solver.effects.effect import Effect, Parameter, Values
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform, random_sign
+from porotwin_core.effect_parameter import Parameter, Reading, Values
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.words import number
 from porotwin_solver.observation_operator import ObservationOperator
 
 
-def _bend(operator: ObservationOperator, values: Values) -> ObservationOperator:
+def bend(operator: ObservationOperator, values: Values) -> ObservationOperator:
+    """Return `operator` with another exponent."""
     return replace(operator, exponent=operator.exponent * values['exponent'])
 
 
-EFFECT = Effect('saturation', {'exponent': Parameter('-', above=0.0)}, on_observation=_bend)
+def candidates(_context: SearchContext) -> Sequence[Candidate]:
+    """Fit the exponent, starting from a linear response."""
+    return [
+        Candidate('saturation', (FitParameter('exponent', '-', 1.0, 0.1, 0.1, 10.0, log=True),))
+    ]
+
+
+def phrase(values: Values) -> str:
+    """Say the exponent."""
+    return f'the camera’s signal is the concentration to the power of {number(values["exponent"])}'
+
+
+def draw(generator: Generator, _context: DrawContext) -> DrawnValues:
+    """Draw an exponent of 1.4 to 2, or its inverse."""
+    return {'exponent': log_uniform(generator, 1.4, 2.0) ** random_sign(generator)}
+
+
+EFFECT = Effect(
+    name='saturation',
+    order=140,
+    scope=Scope.CAMERA,
+    parameters={
+        'exponent': Parameter(unit='-', above=0.0, neutral=1.0, reading=Reading(1.0, '')),
+    },
+    on_observation=bend,
+    candidates=candidates,
+    phrase=phrase,
+    laboratory_check='photograph three bottles of stock diluted to known concentrations',
+    blind_draw=draw,
+    appearance=Appearance.FADING,
+    needs_simulation=False,
+    is_tried_in_every_pair=True,
+)

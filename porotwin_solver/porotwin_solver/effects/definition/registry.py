@@ -1,41 +1,57 @@
 """Every effect by name, and how descriptions of effects change the model."""
 
-import importlib
-import pkgutil
+import sys
 from collections.abc import Iterable
-from pathlib import Path
 
+from porotwin_core.discovery import discovered
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
-from porotwin_solver.effects.effect import Effect
+from porotwin_solver.effects.definition.effect import GUIDE, Effect, Scope
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import Physics, check
 
+PACKAGE = __package__.removesuffix('.definition')
+"""The package whose modules are effects."""
+
 
 def _found() -> dict[str, Effect]:
-    effects = {}
-    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
-        found = importlib.import_module(f'{__package__}.{module.name}').__dict__.get('EFFECT')
-        if isinstance(found, Effect):
-            effects[found.name] = found
-    return effects
+    """Return the effects of the package in their order.
+
+    Raises:
+        InputError: a module is incomplete, or named otherwise than its effect.
+    """
+    effects = discovered(PACKAGE, 'EFFECT', Effect, GUIDE)
+    for module, found in effects.items():
+        if found.name != module:
+            raise InputError(f"{PACKAGE}.{module}: its effect is named '{found.name}'; see {GUIDE}")
+    return dict(sorted(effects.items(), key=lambda item: (item[1].order, item[0])))
 
 
 def effect(name: str) -> Effect:
     """Return the effect `name`.
 
     Raises:
-        InputError: there is none; the message lists those there are.
+        InputError: there is none; the message lists all effects.
     """
     if name not in EFFECTS:
         raise InputError(f"effect '{name}': unknown; choose from {', '.join(sorted(EFFECTS))}")
     return EFFECTS[name]
 
 
+def effects_of(*scopes: Scope) -> list[Effect]:
+    """Return the effects that belong to one of `scopes`, in their order."""
+    return [found for found in EFFECTS.values() if found.scope in scopes]
+
+
+def summary(found: Effect) -> str:
+    """Return the first line of the docstring of the effect's module."""
+    return (sys.modules[f'{PACKAGE}.{found.name}'].__doc__ or '').strip().splitlines()[0]
+
+
 def apply_effects(
     physics: Physics, operator: ObservationOperator, descriptions: Iterable[EffectDescription]
 ) -> tuple[Physics, ObservationOperator]:
-    """Return `physics` and `operator` changed by every effect in turn.
+    """Return `physics` and `operator` changed by every described effect in turn.
 
     Raises:
         InputError: an unknown effect or parameter, a value out of range, an unknown well.
@@ -69,4 +85,4 @@ def parse_effect(text: str) -> EffectDescription:
 
 
 EFFECTS: dict[str, Effect] = _found()
-"""All effects of this package by name."""
+"""All effects by name, in their order."""

@@ -1,0 +1,52 @@
+"""Extension points: every module of a package folder is found by itself."""
+
+import importlib
+import importlib.util
+import pkgutil
+from typing import TypeVar
+
+from porotwin_core.errors import InputError
+
+T = TypeVar('T')
+
+
+def module_names(package: str) -> list[str]:
+    """Return the names of the modules in the folder of `package`, sorted, without importing them.
+
+    Sub-packages and modules whose name begins with an underscore hold helpers and are left out.
+    """
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.submodule_search_locations is None:
+        raise InputError(f'{package}: not a package')
+    return sorted(
+        module.name
+        for module in pkgutil.iter_modules(spec.submodule_search_locations)
+        if not module.ispkg and not module.name.startswith('_')
+    )
+
+
+def discovered(package: str, attribute: str, kind: type[T], guide: str) -> dict[str, T]:
+    """Return the object `attribute` of every module in the folder of `package`, by module name.
+
+    Args:
+        package: dotted name of the package.
+        attribute: name of the object that every module defines.
+        kind: class of these objects.
+        guide: the document that explains how to write such a module.
+
+    Raises:
+        InputError: a module does not define the object, or defines it incompletely; one line that
+            names the module, the fault and the guide.
+    """
+    found: dict[str, T] = {}
+    for name in module_names(package):
+        try:
+            value = getattr(importlib.import_module(f'{package}.{name}'), attribute, None)
+        except TypeError as error:  # a required argument of `kind` is missing
+            raise InputError(f'{package}.{name}: {error}; see {guide}') from error
+        if not isinstance(value, kind):
+            raise InputError(
+                f'{package}.{name}: must define {attribute} = {kind.__name__}(...); see {guide}'
+            )
+        found[name] = value
+    return found

@@ -1,0 +1,107 @@
+"""Parameters of effects: unit, range, default and neutral value, and how a report states them."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from porotwin_core.errors import InputError
+
+Values = Mapping[str, Any]
+"""Parameters of one effect by name: floats in the declared units, or the name of a well."""
+
+
+class Reading(NamedTuple):
+    """The unit in which a person reads a parameter: shown = `factor` * value, in `unit`."""
+
+    factor: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Args:
+        unit: the unit of its values; `-` without unit, `name` for the name of a well.
+        above: values must be greater.
+        low: least value.
+        high: greatest value.
+        default: value where none is given; None where one must be given.
+        neutral: value at which the effect changes nothing; 1 for a factor.
+        reading: unit of the report where the usual one for `unit` does not suit.
+        is_name: the value is the name of a well.
+        may_be_fixed: some candidates of a search hold it fixed instead of fitting it.
+        is_logarithmic: errors of the value are errors of its logarithm.
+        is_scored: the blind check compares the value with the truth. Places are scored by their
+            distance instead.
+        vector: components of one vector share this name; errors are relative to its length.
+    """
+
+    unit: str
+    above: float = -math.inf
+    low: float = -math.inf
+    high: float = math.inf
+    default: float | None = None
+    neutral: float = 0.0
+    reading: Reading | None = None
+    is_name: bool = False
+    may_be_fixed: bool = False
+    is_logarithmic: bool = False
+    is_scored: bool = True
+    vector: str = ''
+
+    @property
+    def is_factor(self) -> bool:
+        """Whether the value multiplies a nominal one, so that a report states per cent."""
+        return self.unit == '-' and self.neutral == 1.0 and self.reading is None
+
+    def checked(self, where: str, value: object) -> float | str:
+        """Return `value` as a float, or as text where the parameter is a name.
+
+        Raises:
+            InputError: not a finite number, not a name, or out of range. The message starts with
+                `where`.
+        """
+        if self.is_name:
+            if not isinstance(value, str):
+                raise InputError(f'{where} = {value}: give a name')
+            return value
+        try:
+            number = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise InputError(f'{where} = {value!r}: give a number [{self.unit}]') from None
+        if not math.isfinite(number):
+            raise InputError(f'{where} = {number}: give a finite number [{self.unit}]')
+        if number <= self.above:
+            raise InputError(f'{where} = {number:.6g}: must be greater than {self.above:g}')
+        if not self.low <= number <= self.high:
+            bound = f'at least {self.low:g}' if number < self.low else f'at most {self.high:g}'
+            raise InputError(f'{where} = {number:.6g}: must be {bound}')
+        return number
+
+
+def checked_values(
+    effect: str, parameters: Mapping[str, Parameter], given: Mapping[str, object]
+) -> dict[str, float | str]:
+    """Return the values of all `parameters` of the effect named `effect`, in range.
+
+    Parameters that are not `given` take their default.
+
+    Raises:
+        InputError: an unknown, missing or impossible parameter, by name, value and remedy.
+    """
+    known = ', '.join(parameters)
+    for name in given:
+        if name not in parameters:
+            raise InputError(f"effect {effect}: unknown parameter '{name}'; known: {known}")
+    values: dict[str, float | str] = {}
+    for name, parameter in parameters.items():
+        value = given.get(name, parameter.default)
+        if value is None:
+            raise InputError(
+                f"effect {effect}: parameter '{name}' [{parameter.unit}] is missing; "
+                f'it needs {known}'
+            )
+        values[name] = parameter.checked(f'effect {effect}: {name}', value)
+    return values

@@ -1,0 +1,52 @@
+"""Extension points: modules of a folder found by themselves."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from porotwin_core.discovery import discovered, module_names
+from porotwin_core.errors import InputError
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A function that makes a package of modules and returns its name."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def make(name: str, **modules: str) -> str:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / '__init__.py').write_text('')
+        for module, text in modules.items():
+            (tmp_path / name / f'{module}.py').write_text(text)
+        return name
+
+    yield make
+    for name in [name for name in sys.modules if name.startswith('made_up')]:
+        del sys.modules[name]
+
+
+def test_every_module_is_found_by_its_name(package) -> None:
+    name = package('made_up_whole', two='THING = 2', one='THING = 1', _helper='')
+    assert module_names(name) == ['one', 'two']
+    assert discovered(name, 'THING', int, 'the guide') == {'one': 1, 'two': 2}
+
+
+@pytest.mark.parametrize(
+    ('text', 'complaint'),
+    [
+        ('', r'bad: must define THING = int\(...\); see the guide'),
+        ("THING = 'text'", 'bad: must define THING'),
+        ('THING = complex(1, 2, 3)', 'bad: .*argument.*; see the guide'),
+    ],
+)
+def test_an_incomplete_module_is_refused_in_one_line(package, text, complaint) -> None:
+    name = package('made_up_broken', bad=text)
+    with pytest.raises(InputError, match=complaint) as refusal:
+        discovered(name, 'THING', int, 'the guide')
+    assert '\n' not in str(refusal.value)
+
+
+def test_what_is_no_package_is_refused() -> None:
+    with pytest.raises(InputError, match='not a package'):
+        module_names('porotwin_core.errors')

@@ -1,0 +1,41 @@
+"""Parameters of effects: ranges, defaults, refusals."""
+
+import pytest
+
+from porotwin_core.effect_parameter import Parameter, Reading, checked_values
+from porotwin_core.errors import InputError
+
+PARAMETERS = {
+    'well': Parameter(unit='name', is_name=True),
+    'factor': Parameter(unit='-', above=0.0, high=5.0, neutral=1.0),
+    'delay': Parameter(unit='s', low=0.0, default=3.0),
+}
+
+
+def test_missing_parameters_take_their_default() -> None:
+    values = checked_values('slow', PARAMETERS, {'well': 'a', 'factor': '0.5'})
+    assert values == {'well': 'a', 'factor': 0.5, 'delay': 3.0}
+
+
+@pytest.mark.parametrize(
+    ('given', 'complaint'),
+    [
+        ({'speed': 1.0}, "effect slow: unknown parameter 'speed'; known: well, factor, delay"),
+        ({'well': 'a'}, r"effect slow: parameter 'factor' \[-\] is missing"),
+        ({'well': 1.0, 'factor': 1.0}, 'effect slow: well = 1.0: give a name'),
+        ({'well': 'a', 'factor': 'big'}, "factor = 'big': give a number"),
+        ({'well': 'a', 'factor': float('nan')}, 'factor = nan: give a finite number'),
+        ({'well': 'a', 'factor': 0.0}, 'factor = 0: must be greater than 0'),
+        ({'well': 'a', 'factor': 6.0}, 'factor = 6: must be at most 5'),
+        ({'well': 'a', 'factor': 1.0, 'delay': -1.0}, 'delay = -1: must be at least 0'),
+    ],
+)
+def test_wrong_parameters_are_refused_by_name_value_and_remedy(given, complaint) -> None:
+    with pytest.raises(InputError, match=complaint):
+        checked_values('slow', PARAMETERS, given)
+
+
+def test_a_factor_has_no_unit_and_is_neutral_at_one() -> None:
+    assert PARAMETERS['factor'].is_factor
+    assert not PARAMETERS['delay'].is_factor
+    assert not Parameter(unit='-', neutral=1.0, reading=Reading(1.0, '')).is_factor

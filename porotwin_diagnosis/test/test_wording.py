@@ -1,0 +1,29 @@
+"""Parameters of effects in the units of a report, and effects in words."""
+
+from porotwin_diagnosis.report.wording import interval, phrase, value
+
+
+def test_parameters_are_stated_in_units_of_the_laboratory():
+    assert value('decay', 'rate', 1e-5) == '3.6 %/h'
+    assert value('well_position', 'dx', -0.0051) == '−5.1 mm'
+    assert value('dual_porosity', 'exchange_rate', 1e-3) == '3.6 per hour'
+    assert value('leak', 'rate', 12.0) == '12 ml/h'
+
+
+def test_an_interval_is_written_to_two_digits_of_its_width():
+    entry = {'value': 0.0494, 'low': 0.0471, 'high': 0.0518, 'unit': 'm'}
+    assert interval('heterogeneity', 'radius', entry) == ('49.4 mm', '47.1 … 51.8 mm')
+    assert interval('rate', 'well', {'value': 'a<b'}) == ('a&lt;b', '')
+
+
+def test_directions_follow_the_sign():
+    assert 'lighter' in phrase('buoyancy', {'density_difference': {'value': -0.4}})
+    assert '18 s earlier' in phrase('clock', {'offset': {'value': -18.0}})
+    lost = phrase('leak', {'x': {'value': 0.1}, 'z': {'value': 0.2}, 'rate': {'value': -20.0}})
+    assert lost.startswith('water is lost at x = 0.100 m, z = 0.200 m: 20 ml/h')
+
+
+def test_names_of_wells_are_escaped():
+    said = phrase('rate', {'well': {'value': '<b>'}, 'factor': {'value': 0.9}})
+    assert '&lt;b&gt;' in said
+    assert '<b>' not in said

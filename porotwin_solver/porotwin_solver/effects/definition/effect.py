@@ -1,0 +1,169 @@
+"""What an effect is: everything that the simulation, the search and the reports need of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from porotwin_core.blind_draw import Draw
+from porotwin_core.effect_parameter import Parameter, Values, checked_values
+from porotwin_core.errors import InputError
+from porotwin_solver.effects.definition.candidate import Candidates, PlaceSearch
+from porotwin_solver.observation_operator import ObservationOperator
+from porotwin_solver.physics import Physics
+
+GUIDE = 'docs/extend/effect.md'
+"""The document that explains how to write an effect."""
+
+LAST = 1000
+"""Position of effects that do not ask for another one: behind all that do."""
+
+
+class Scope(Enum):
+    """What an effect belongs to."""
+
+    MODEL = 'model'
+    """The numerical scheme itself; found by comparing schemes, not by a search."""
+    RIG = 'rig'
+    """The whole rig."""
+    WELL = 'well'
+    """One well; the search tries every pumping well."""
+    PLACE = 'place'
+    """An unknown place in the rig, which the search finds first."""
+    CAMERA = 'camera'
+    """The camera."""
+
+
+class Appearance(Enum):
+    """How an effect shows in the maps. The blind check draws the two effects of a pair from two
+    different groups; effects of one group imitate each other."""
+
+    DELAY = 'fronts arrive early or late'
+    FADING = 'the plume is paler or darker'
+    SHIFT = 'the plume is displaced'
+    BENDING = 'the plume takes another path'
+    SPREADING = 'fronts are wider'
+
+
+def _no_candidates(_context: object) -> tuple[()]:
+    return ()
+
+
+def _equal_to_none(_values: Values) -> tuple[str, ...]:
+    return ()
+
+
+def _never(_values: Values) -> bool:
+    return False
+
+
+def _no_obstacle(_physics: Physics, _parameter: str) -> str:
+    return ''
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """One effect that a rig, its camera or the model may have and `rig.yaml` does not describe.
+
+    The effect acts either through `on_physics` or through `on_observation`.
+
+    Args:
+        name: name of the effect and of its module.
+        scope: what it belongs to.
+        parameters: its parameters by name.
+        on_physics: returns the changed physics.
+        on_observation: returns the changed observation operator.
+        candidates: returns the candidates of a search. With `Scope.WELL` it is called once per
+            pumping well, `context.well`.
+        places: how the search finds the place; for `Scope.PLACE` only.
+        phrase: states as HTML what the effect with these values says about the rig.
+        laboratory_check: how to check the effect without the camera.
+        blind_draw: draws parameters for the blind check; None where it draws no such case.
+        appearance: how it shows; None where the blind check draws no pair with it.
+        equal_to: returns the names of the effects that no map can tell from this one.
+        order: position in lists, in searches and in the draws of the blind check.
+        replaces_nominal: it replaces what `rig.yaml` says of it; other effects add to that.
+        needs_simulation: without, it acts on maps that are simulated already.
+        is_slow_on_fine_grids: a simulation on a large fine grid takes minutes.
+        destabilises_fronts: whether fronts finger with these values.
+        misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
+            model computes the effect on coarser cells.
+        is_tried_in_every_pair: the search tries it beside every effect, because it costs no
+            simulation and its response is not linear.
+        residual_terms: terms of the one-step residual that the effect explains: `c`, `dc/dt`,
+            `dc/dx`, `dc/dz`, `d2c/dx2`, `d2c/dz2`.
+        gradient_obstacle: returns why the adjoint cannot differentiate by a parameter, with the
+            remedy; empty where it can.
+
+    Raises:
+        InputError: the definition is not complete.
+    """
+
+    name: str
+    scope: Scope
+    parameters: Mapping[str, Parameter]
+    phrase: Callable[[Values], str]
+    laboratory_check: str
+    on_physics: Callable[[Physics, Values], Physics] | None = None
+    on_observation: Callable[[ObservationOperator, Values], ObservationOperator] | None = None
+    candidates: Candidates = _no_candidates
+    places: PlaceSearch | None = None
+    blind_draw: Draw | None = None
+    appearance: Appearance | None = None
+    equal_to: Callable[[Values], tuple[str, ...]] = _equal_to_none
+    order: int = LAST
+    replaces_nominal: bool = False
+    needs_simulation: bool = True
+    is_slow_on_fine_grids: bool = False
+    destabilises_fronts: Callable[[Values], bool] = _never
+    misfit_allowance: float = 1.0
+    is_tried_in_every_pair: bool = False
+    residual_terms: tuple[str, ...] = ()
+    gradient_obstacle: Callable[[Physics, str], str] = _no_obstacle
+
+    def __post_init__(self) -> None:
+        """Refuse an incomplete definition."""
+        faults = {
+            'parameters: give at least one': not self.parameters,
+            'on_physics, on_observation: give one of the two': (
+                (self.on_physics is None) == (self.on_observation is None)
+            ),
+            'scope: an effect has on_observation exactly if it is of the camera': (
+                self.is_of_camera != (self.on_observation is not None)
+            ),
+            'laboratory_check: say how to check it': not self.laboratory_check,
+            'candidates: without them no diagnosis finds it': (
+                self.scope is not Scope.MODEL and self.candidates is _no_candidates
+            ),
+            'places: needed for an effect with a place, and only for one': (
+                self.has_place != (self.places is not None)
+            ),
+            "parameters: an effect of a well needs 'well'": (
+                self.scope is Scope.WELL and 'well' not in self.parameters
+            ),
+        }
+        found = '; '.join(fault for fault, present in faults.items() if present)
+        if found:
+            raise InputError(f"effect '{self.name}' is incomplete: {found}; see {GUIDE}")
+
+    @property
+    def is_of_camera(self) -> bool:
+        """Whether the camera has the effect, not the rig."""
+        return self.scope is Scope.CAMERA
+
+    @property
+    def has_equals(self) -> bool:
+        """Whether there are values at which no map can tell another effect from this one."""
+        return self.equal_to is not _equal_to_none
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the search must find a place in the rig."""
+        return self.scope is Scope.PLACE
+
+    def checked(self, given: Mapping[str, object]) -> dict[str, float | str]:
+        """Return all parameters, in range, where `given` names some of them.
+
+        Raises:
+            InputError: an unknown, missing or impossible parameter, by name, value and remedy.
+        """
+        return checked_values(self.name, self.parameters, given)

@@ -1,0 +1,67 @@
+"""Numbers and directions in words, for the phrases with which effects describe a rig."""
+
+import math
+
+from porotwin_core.effect_parameter import Parameter, Reading, Values
+
+READINGS = {
+    'm': Reading(1e3, 'mm'),
+    '1/s': Reading(3.6e5, '%/h'),
+    '1/m': Reading(10.0, '% per 10 cm'),
+    'm/s': Reading(3.6e6, 'mm/h'),
+    'rad': Reading(180 / math.pi, '°'),
+    'kg/m3': Reading(1.0, 'kg/m³'),
+    'm2/s': Reading(1.0, 'm²/s'),
+    '-': Reading(1.0, ''),
+}
+"""The unit of the report by the unit of a parameter; other units stay as they are."""
+
+MOST_PERCENT = 2.0
+"""Factors from this on are stated as a multiple instead of per cent; so are their inverses."""
+
+LONGEST_IN_SECONDS = 90.0
+"""Times from this on are stated in minutes [s]."""
+
+
+def reading(parameter: Parameter) -> Reading:
+    """Return the unit in which a report states `parameter`."""
+    return parameter.reading or READINGS.get(parameter.unit, Reading(1.0, parameter.unit))
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return `value` with `digits` significant digits as HTML, powers of ten as exponents."""
+    text = f'{value:.{digits}g}'
+    if 1e2 <= abs(value) < 1e5:
+        text = f'{float(text):.0f}'
+    if 'e' not in text:
+        return text.replace('-', '−')
+    mantissa, exponent = text.split('e')
+    return f'{mantissa}·10<sup>{int(exponent)}</sup>'.replace('-', '−')
+
+
+def factor(value: float, more: str, less: str) -> str:
+    """Return how many per cent, or how many times, a quantity multiplied by `value` is `more` or
+    `less`."""
+    if not 1 / MOST_PERCENT < value < MOST_PERCENT:
+        times = value if value > 1 else 1 / max(value, 1e-9)
+        return f'{number(times, 2)} times {more if value > 1 else less}'
+    return f'{number(100 * abs(value - 1), 2)} % {more if value >= 1 else less}'
+
+
+def direction(
+    value: float, plus: str, minus: str, unit: str = 'mm', unit_factor: float = 1e3
+) -> str:
+    """Return the size of `value` in `unit` and `plus` or `minus` for its sign."""
+    return f'{number(unit_factor * abs(value), 2)} {unit} {plus if value >= 0 else minus}'
+
+
+def time_span(seconds: float) -> str:
+    """Return a time in seconds or minutes."""
+    if seconds < LONGEST_IN_SECONDS:
+        return f'{number(seconds, 2)} s'
+    return f'{number(seconds / 60, 2)} min'
+
+
+def place(values: Values) -> str:
+    """Return the place `x`, `z` [m] of an effect."""
+    return f'x = {values["x"]:.3f} m, z = {values["z"]:.3f} m'

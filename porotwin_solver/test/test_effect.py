@@ -1,0 +1,138 @@
+"""The definition of an effect: complete, and consistent with its search, words and draws."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.blind_draw import DrawContext
+from porotwin_core.effect_parameter import Parameter
+from porotwin_core.errors import InputError
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.candidate import SearchContext
+from porotwin_solver.effects.definition.effect import Effect, Scope
+
+WORKING = {
+    'name': 'brine',
+    'scope': Scope.RIG,
+    'parameters': {'salt': Parameter(unit='kg/m3')},
+    'on_physics': lambda physics, _values: physics,
+    'candidates': lambda _context: (),
+    'phrase': lambda _values: 'the water is salt',
+    'laboratory_check': 'taste it',
+}
+"""A complete definition."""
+
+KNOWN = (
+    *('numerical_diffusion', 'dispersion', 'buoyancy', 'viscosity', 'retardation', 'decay'),
+    *('dual_porosity', 'heterogeneity', 'porosity', 'depth', 'rate', 'well_position', 'leak'),
+    *('background_flow', 'saturation', 'illumination', 'registration', 'clock'),
+)
+"""Effects whose conventions the diagnosis relies on."""
+
+
+@pytest.fixture
+def context(rig) -> SearchContext:
+    """An hour on the small rig, with two pumping wells."""
+    grid = rig.grid(187, 112)
+    return SearchContext(rig, grid, 3600.0, ('injector', 'producer'), 1.4e-7, well='injector')
+
+
+def test_a_complete_definition_is_taken() -> None:
+    brine = Effect(**WORKING)
+    assert brine.checked({'salt': '2'}) == {'salt': 2.0}
+    assert not brine.is_of_camera and not brine.has_place and not brine.has_equals
+
+
+@pytest.mark.parametrize(
+    ('changes', 'fault'),
+    [
+        ({'on_physics': None}, 'on_physics, on_observation: give one of the two'),
+        ({'on_observation': lambda operator, _: operator}, 'give one of the two'),
+        ({'scope': Scope.CAMERA}, 'on_observation exactly if it is of the camera'),
+        ({'laboratory_check': ''}, 'laboratory_check: say how to check it'),
+        ({'scope': Scope.PLACE}, 'places: needed for an effect with a place'),
+        ({'scope': Scope.WELL}, "an effect of a well needs 'well'"),
+        ({'parameters': {}}, 'parameters: give at least one'),
+    ],
+)
+def test_an_incomplete_definition_is_refused_in_one_line(changes, fault) -> None:
+    with pytest.raises(InputError, match="effect 'brine' is incomplete: ") as refusal:
+        Effect(**{**WORKING, **changes})
+    assert fault in str(refusal.value)
+    assert '\n' not in str(refusal.value)
+
+
+def test_an_effect_without_candidates_is_refused() -> None:
+    without = {key: value for key, value in WORKING.items() if key != 'candidates'}
+    with pytest.raises(InputError, match='candidates: without them no diagnosis finds it'):
+        Effect(**without)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_candidates_fit_or_fix_every_parameter_in_its_unit_and_range(name, context) -> None:
+    effect = EFFECTS[name]
+    for candidate in effect.candidates(context):
+        assert candidate.effect == name
+        fitted = {parameter.name: parameter for parameter in candidate.parameters}
+        assert fitted.keys() | candidate.fixed.keys() == effect.parameters.keys()
+        for key, parameter in fitted.items():
+            assert parameter.unit == effect.parameters[key].unit
+        for key in candidate.fixed.keys() - {'well'}:
+            assert effect.parameters[key].may_be_fixed
+        for start in candidate.starts or (candidate.first,):
+            effect.checked(candidate.described(start).parameters)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_every_effect_states_its_parameters_in_one_phrase(name, context) -> None:
+    effect = EFFECTS[name]
+    for candidate in effect.candidates(context):
+        said = effect.phrase(candidate.described(candidate.first).parameters)
+        assert len(said) > 20
+        assert not said.endswith('.')
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_drawn_parameters_are_complete_and_in_range(name, rig) -> None:
+    effect = EFFECTS[name]
+    if effect.blind_draw is None:
+        assert effect.scope is Scope.MODEL
+        return
+    context = DrawContext(rig, ('injector', 'control1'), 3600.0, 450.0)
+    for seed in range(20):
+        drawn = effect.blind_draw(np.random.default_rng(seed), context)
+        assert drawn.keys() == effect.parameters.keys()
+        effect.checked(drawn)
+
+
+def test_equality_of_effects_is_mutual_where_it_holds() -> None:
+    denser = {'factor': 0.9}
+    assert EFFECTS['porosity'].equal_to(denser) == ()
+    assert EFFECTS['porosity'].equal_to({'factor': 1.1}) == ('retardation',)
+    assert EFFECTS['retardation'].equal_to({'retardation_factor': 1.1}) == ('porosity',)
+
+
+def test_conventions_of_the_effects() -> None:
+    """The general rules of the diagnosis are about these effects."""
+
+    def those(has) -> set[str]:
+        return {name for name in KNOWN if has(EFFECTS[name])}
+
+    cheap = {'saturation', 'illumination', 'registration'}
+    assert those(lambda e: not e.needs_simulation) == cheap
+    assert those(lambda e: e.is_of_camera) == {*cheap, 'clock'}
+    assert those(lambda e: e.replaces_nominal) == {
+        'dispersion',
+        'buoyancy',
+        'viscosity',
+        'dual_porosity',
+    }
+    assert those(lambda e: e.has_place) == {'heterogeneity', 'leak'}
+    assert those(lambda e: e.places and e.places.is_rate_at_a_well) == {'leak'}
+    assert those(lambda e: e.is_slow_on_fine_grids) == {'dispersion'}
+    assert those(lambda e: e.is_tried_in_every_pair) == {'saturation', 'illumination'}
+    assert those(lambda e: e.has_equals) == {'porosity', 'retardation'}
+    assert those(lambda e: e.misfit_allowance == 1.5) == {'viscosity'}
+    assert those(lambda e: e.misfit_allowance == 1.0) == set(KNOWN) - {'viscosity'}
+    fingers = EFFECTS['viscosity'].destabilises_fronts
+    assert fingers({'viscosity_ratio': 0.9})
+    assert not fingers({'viscosity_ratio': 1.0})
