@@ -10,7 +10,7 @@ from porotwin_core.errors import InputError
 
 BENCHES = {
     'imaging': 'porotwin_imaging.bench',
-    'solver': 'porotwin_solver.bench',
+    'solver': 'porotwin_solver.solver_bench',
     'costa': 'porotwin_cli.bench_costa',
     'loop': 'porotwin_cli.bench_loop',
     'diagnosis': 'porotwin_validation.diagnosis_bench',

@@ -63,7 +63,7 @@ def command(
     Example: ./porotwin demo --minutes 20
     """
     from porotwin_rig.session import parse_pace
-    from porotwin_solver.model import preset_named
+    from porotwin_solver.presets import preset_named
 
     parse_pace(speed)
     preset_named(preset)

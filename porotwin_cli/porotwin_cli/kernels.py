@@ -12,7 +12,7 @@ from porotwin_imaging.chain import Imaging
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
-from porotwin_solver.model import PRESETS
+from porotwin_solver.presets import PRESETS
 from porotwin_solver.simulation import simulate
 
 

@@ -106,7 +106,7 @@ def _refuse_early(
     from porotwin_costa.model import CorrectiveModel
     from porotwin_imaging.calibration import load_calibration
     from porotwin_page.address import listen
-    from porotwin_solver.model import preset_named
+    from porotwin_solver.presets import preset_named
 
     preset_named(preset)
     if calibration is not None:

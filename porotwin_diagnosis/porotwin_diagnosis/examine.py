@@ -28,7 +28,7 @@ from porotwin_diagnosis.report.page import write_report
 from porotwin_diagnosis.search.levels import EDGE_BLUR, Levels
 from porotwin_diagnosis.search.search import Findings, Search
 from porotwin_recording.recording import Recording, open_recording
-from porotwin_solver.model import preset_named
+from porotwin_solver.presets import preset_named
 
 FEWEST_COLUMNS, SCANT_CONFIDENCE = 80, 0.7
 """Columns of a recording below which no verdict is surer than this: on 47 columns a shifted picture

@@ -1,4 +1,4 @@
-"""Many simulations at once: the same call on one machine's cores and on a Dask cluster."""
+"""Many simulations at once, on the cores of one machine or on a Dask cluster."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -24,7 +24,11 @@ class Job:
     effects: tuple[EffectDescription, ...] = ()
 
     def run(self) -> FloatArray:
-        """Return the maps (nt, nz, nx) of this simulation."""
+        """Return the maps (nt, nz, nx) of this simulation.
+
+        Raises:
+            InputError: as `simulate`.
+        """
         return simulate(
             self.rig,
             self.schedule,
@@ -36,25 +40,25 @@ class Job:
 
 
 class Client(Protocol):
-    """What of `distributed.Client` is used here."""
+    """The part of `distributed.Client` that `simulate_many` uses."""
 
     def map(self, function: object, *iterables: object, **options: object) -> list[object]:
-        """Submit one call per item."""
+        """Submit one call per item and return their futures."""
 
     def gather(self, futures: list[object]) -> list[FloatArray]:
-        """Wait for all of them."""
+        """Wait for all futures and return their results, in the same order."""
 
 
 def simulate_many(
     jobs: Iterable[Job], *, client: Client | None = None, workers: int | None = None
 ) -> list[FloatArray]:
-    """Return the maps (nt, nz, nx) of every job, in their order.
+    """Return the maps (nt, nz, nx) of every job, in the order of the jobs.
 
-    Without a `client`, threads on `workers` cores (all of them by default): the kernels run
-    without the interpreter's lock. With a `distributed.Client`, the workers of its cluster.
+    Without a `client`, the jobs run in threads on `workers` cores, by default on all of them; the
+    kernels release the interpreter's lock. With a `distributed.Client` they run on its cluster.
 
     Raises:
-        InputError: that of the first job that is refused.
+        InputError: the first job that is refused, as `simulate`.
     """
     listed = list(jobs)
     if client is not None:

@@ -1,4 +1,4 @@
-"""Flow that the tracer itself moves: buoyancy and viscosity.
+"""Flow that depends on the tracer: buoyancy and viscosity.
 
 q = -k / mu(c) (grad p + density_difference c g e_z),    mu(c) = mu_water viscosity_ratio^c
 """
@@ -12,9 +12,10 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import GRAVITY
 from porotwin_core.wells import WellRates
+from porotwin_solver.face_field import FaceField
 from porotwin_solver.flow import (
-    FaceField,
-    flow_of,
+    SHARED_FLOWS,
+    pressure_flux,
     transmissibilities,
     transmissibilities_adjoint,
 )
@@ -22,32 +23,32 @@ from porotwin_solver.physics import Physics
 from porotwin_solver.sources_and_sinks import SourcesAndSinks
 
 TOLERANCE = 1e-8
-"""Relative residual of the pressure; pure water carries what remains (see `Coupling.flux`)."""
+"""Relative residual of the pressure; the flow of pure water absorbs the rest (`Coupling.flux`)."""
 
-MOST_ITERATIONS = 1000
+MAX_ITERATIONS = 1000
 """Enough for viscosity ratios from 1 / 1000 to 1000."""
 
 
 class Coupling:
     """The part of the flow that the tracer drives, for the coefficients of one grid."""
 
-    def __init__(self, physics: Physics) -> None:
+    def __init__(self, physics: Physics, *, max_iterations: int = MAX_ITERATIONS) -> None:
         """Factorise the flow of pure water on the grid of `physics`."""
         self.physics = physics
         self.grid = physics.grid
         self.sources_and_sinks = SourcesAndSinks(physics)
-        self._water = flow_of(
-            self.grid, physics.depth * physics.permeability / physics.viscosity, physics.boundaries
-        )
+        self._max_iterations = max_iterations
+        self._water = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
 
     def flux(self, rates: WellRates, concentration: FloatArray) -> FaceField:
-        """Return the flux [m^3/s] with tracer less that of pure water under the same `rates`.
+        """Return the flux [m^3/s] with tracer minus the flux of pure water at the same `rates`.
 
-        Free of divergence to round-off. Where the viscosity varies, the factor of pure water
-        preconditions conjugate gradients, and the flow of pure water carries what they leave.
+        `concentration` is (nz, nx). The divergence is zero to round-off. With a varying viscosity,
+        conjugate gradients are preconditioned by the factor of pure water, and a flow of pure water
+        removes the divergence that they leave.
 
         Raises:
-            InputError: the viscosities differ too much for that.
+            InputError: the iteration does not converge because the viscosities differ too much.
         """
         physics, water = self.physics, self._water
         if physics.viscosity_ratio == 1.0:
@@ -57,40 +58,43 @@ class Coupling:
         trans = self._transmissibility(concentration)
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
-        difference = water.pressure_flux(pressure, trans) + driven + water.flux(source) * -1.0
+        difference = pressure_flux(pressure, trans) + driven + water.flux(source) * -1.0
         return difference + water.flux(-difference.divergence())
 
     def flux_adjoint(
         self, rates: WellRates, concentration: FloatArray, bar: FaceField
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives by `concentration` and by the wells' source of every cell.
+        """Return dJ/dconcentration and dJ/dsource, (nz, nx) each, of a cost J.
 
-        `bar` holds those of a cost by `flux`. The pressure's matrix is symmetric: its adjoint is
-        one more solution.
+        `bar` is dJ/dflux. `source` is the net injection of the wells [m^3/s]. The matrix of the
+        pressure is symmetric, so its adjoint is one more solution.
+
+        Raises:
+            InputError: as `flux`.
         """
         physics, ones = self.physics, FaceField.zeros(self.grid)
         ones.x[:], ones.z[:] = 1.0, 1.0
         trans = self._transmissibility(concentration)
-        back = self._pressure(trans, (trans * bar).divergence())
-        left = bar + self._water.pressure_flux(back, ones) * -1.0
+        adjoint_pressure = self._pressure(trans, (trans * bar).divergence())
+        by_flux = bar + pressure_flux(adjoint_pressure, ones) * -1.0
         weight = -physics.density_difference * GRAVITY * self.grid.dz
-        on_faces = 0.5 * weight * trans.z * left.z
+        on_faces = 0.5 * weight * trans.z * by_flux.z
         by_concentration = on_faces[:-1] + on_faces[1:]
         if physics.viscosity_ratio == 1.0:
             return by_concentration, np.zeros(self.grid.shape)
         source = self.sources_and_sinks.sources(rates).net
         driven = buoyant_flux(physics, trans, concentration)
         pressure = self._pressure(trans, source - driven.divergence())
-        by_trans = self._water.pressure_flux(pressure, ones) * left
-        by_trans.z[:] += buoyant_flux(physics, ones, concentration).z * left.z
-        conductance = self._conductance(concentration)
-        by_conductance = transmissibilities_adjoint(self.grid, conductance, trans, by_trans)
-        by_concentration -= by_conductance * conductance * math.log(physics.viscosity_ratio)
+        by_trans = pressure_flux(pressure, ones) * by_flux
+        by_trans.z[:] += buoyant_flux(physics, ones, concentration).z * by_flux.z
+        mobility_thickness = self._mobility_thickness(concentration)
+        by_mobility = transmissibilities_adjoint(self.grid, mobility_thickness, trans, by_trans)
+        by_concentration -= by_mobility * mobility_thickness * math.log(physics.viscosity_ratio)
         water = (self._water.transmissibility * bar).divergence()
-        by_source = back - self._water.solve(water.ravel()).reshape(self.grid.shape)
+        by_source = adjoint_pressure - self._water.solve(water.ravel()).reshape(self.grid.shape)
         return by_concentration, by_source
 
-    def _conductance(self, concentration: FloatArray) -> FloatArray:
+    def _mobility_thickness(self, concentration: FloatArray) -> FloatArray:
         physics = self.physics
         viscosity = physics.viscosity * physics.viscosity_ratio**concentration
         return physics.depth * physics.permeability / viscosity
@@ -99,7 +103,7 @@ class Coupling:
         if self.physics.viscosity_ratio == 1.0:
             return self._water.transmissibility
         return transmissibilities(
-            self.grid, self._conductance(concentration), self.physics.boundaries
+            self.grid, self._mobility_thickness(concentration), self.physics.boundaries
         )
 
     def _pressure(self, trans: FaceField, source: FloatArray) -> FloatArray:
@@ -108,28 +112,32 @@ class Coupling:
             return water.solve(source.ravel()).reshape(shape)
 
         def outflow(pressure: FloatArray) -> FloatArray:
-            flux = water.pressure_flux(pressure.reshape(shape), trans)
+            flux = pressure_flux(pressure.reshape(shape), trans)
             result = flux.divergence().ravel()
             result[0] += water.pin * pressure.ravel()[0]
             return result
 
-        pressure, unfinished = cg(
+        pressure, unconverged = cg(
             LinearOperator((source.size,) * 2, matvec=outflow, dtype=float),
             source.ravel(),
             rtol=TOLERANCE,
-            maxiter=MOST_ITERATIONS,
+            maxiter=self._max_iterations,
             M=LinearOperator((source.size,) * 2, matvec=water.solve, dtype=float),
         )
-        if unfinished:
+        if unconverged:
             raise InputError(
-                f'viscosity_ratio {self.physics.viscosity_ratio:g}: the pressure is not found in '
-                f'{MOST_ITERATIONS} iterations; choose a ratio closer to 1'
+                f'viscosity_ratio {self.physics.viscosity_ratio:g}: the pressure does not converge '
+                f'in {self._max_iterations} iterations; choose a ratio closer to 1'
             )
         return np.asarray(pressure).reshape(shape)
 
 
 def buoyant_flux(physics: Physics, trans: FaceField, concentration: FloatArray) -> FaceField:
-    """Return -T dz density_difference g c on level faces [m^3/s]; outside an open side is water."""
+    """Return -T dz density_difference g c on horizontal faces [m^3/s].
+
+    `trans` is the transmissibility T [m^3/(s Pa)], `concentration` (nz, nx). Pure water lies beyond
+    an open side.
+    """
     grid = physics.grid
     flux = FaceField.zeros(grid)
     if physics.density_difference == 0.0:

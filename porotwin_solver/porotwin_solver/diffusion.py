@@ -2,12 +2,13 @@
 
     D = (a_T |v| + D_m) I + (a_L - a_T) v v^T / |v|        v: pore velocity (Scheidegger)
 
-A full tensor on a Cartesian grid makes negative weights in the usual nine-point schemes. Here D is
-decomposed, cell by cell, into a sum of exchanges with non-negative weights between cells that may
-lie a few columns and rows apart (Selling's formula for obtuse superbases; Fehrenbach and Mirebeau,
-J. Math. Imaging Vis. 49 (2014) 123-147). Every exchange takes from one cell what it gives to the
-other: linear, symmetric, conservative, second order, and bounded without a limiter. As in
-`transport`, every cell steps at its own pace; an exchange goes at that of its faster cell.
+(Bear, Dynamics of Fluids in Porous Media, sec. 10.4.) The usual nine-point schemes for a full
+tensor on a Cartesian grid have negative weights. Here D is decomposed, cell by cell, into exchanges
+with non-negative weights between cells that may lie several columns and rows apart: Selling's
+formula for obtuse superbases (Fehrenbach and Mirebeau, J. Math. Imaging Vis. 49 (2014) 123-147).
+Each exchange adds to one cell the amount that it takes from the other. The scheme is linear,
+symmetric, conservative, second order, and bounded without a limiter. The cells take local time
+steps as in `transport`; an exchange runs at the level of its faster cell.
 """
 
 from typing import NamedTuple
@@ -16,48 +17,62 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import FloatArray
-from porotwin_solver.compiled import NO_TAPE
-from porotwin_solver.diffusion_kernels import exchange, list_exchanges
-from porotwin_solver.flow import FaceField
+from porotwin_solver.diffusion_kernels import exchange, pair_cells
+from porotwin_solver.face_field import FaceField
+from porotwin_solver.local_time_steps import NO_TAPE, TimeStepLevels
 from porotwin_solver.physics import Physics
 
-LARGEST_SHARE = 0.5
-"""Largest share of a cell's volume that it exchanges within one of its steps."""
+EXCHANGE_LIMIT = 0.5
+"""Largest fraction of its storage [-] that a cell exchanges in one substep; monotone up to 1."""
+
+LEAST_SPEED = 1e-300
+"""Speed [m/s] that replaces zero, so that the direction v / |v| of still water is finite."""
+
+
+class DispersionTensor(NamedTuple):
+    """The symmetric tensor D of every cell; each component (nz, nx) [m^2/s]."""
+
+    xx: FloatArray
+    xz: FloatArray
+    zz: FloatArray
 
 
 class Exchanges(NamedTuple):
-    """Pairs of cells and the volume that they exchange per time [m^3/s], listed by faster cell.
+    """Pairs of cells and the volume that they exchange per time, listed by faster cell.
 
-    Cell k owns the pairs `start[k]:start[k + 1]` with the cells `other` and weights `weight`, and
-    takes 2**level[k] steps in `time_step` [s]; `order` and `reach` as in `transport.Pace`.
+    levels: local time step levels for this exchange.
+    start: (nz * nx + 1,); cell k owns the pairs start[k] to start[k + 1] - 1.
+    other: (pairs,); flat index of the other cell.
+    weight: (pairs,) [m^3/s]; exchanged volume.
     """
 
-    time_step: float
+    levels: TimeStepLevels
     start: NDArray[np.int32]
     other: NDArray[np.int32]
     weight: FloatArray
-    level: NDArray[np.int8]
-    order: NDArray[np.int32]
-    reach: NDArray[np.int64]
 
 
-def tensor(physics: Physics, flux: FaceField) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return D_xx, D_xz, D_zz [m^2/s] of every cell, (nz, nx), for the flux through its faces."""
+def dispersion_tensor(physics: Physics, flux: FaceField) -> DispersionTensor:
+    """Return D of every cell for the water flux [m^3/s] through its faces."""
     isotropic = physics.diffusion + physics.model_diffusion
     along, across = physics.longitudinal_dispersivity, physics.transverse_dispersivity
     shape = physics.grid.shape
     if not physics.disperses:
-        return np.full(shape, isotropic), np.zeros(shape), np.full(shape, isotropic)
+        return DispersionTensor(
+            np.full(shape, isotropic), np.zeros(shape), np.full(shape, isotropic)
+        )
     vx, vz, speed = _pore_velocity(physics, flux)
     stretch = (along - across) / speed
     round_part = across * speed + isotropic
-    return round_part + stretch * vx * vx, stretch * vx * vz, round_part + stretch * vz * vz
+    return DispersionTensor(
+        round_part + stretch * vx * vx, stretch * vx * vz, round_part + stretch * vz * vz
+    )
 
 
-def tensor_adjoint(
-    physics: Physics, flux: FaceField, bar: tuple[FloatArray, FloatArray, FloatArray]
+def dispersion_tensor_adjoint(
+    physics: Physics, flux: FaceField, bar: DispersionTensor
 ) -> FaceField:
-    """Return the derivative by the flux of a cost with the derivatives `bar` by the tensor."""
+    """Return dJ/dflux of a cost J with the derivatives `bar` = dJ/dD."""
     faces = FaceField.zeros(physics.grid)
     along, across = physics.longitudinal_dispersivity, physics.transverse_dispersivity
     if not physics.disperses:
@@ -80,53 +95,45 @@ def tensor_adjoint(
 
 
 def _pore_velocity(physics: Physics, flux: FaceField) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the components of the pore velocity and its magnitude [m/s], never quite zero."""
+    """Return v_x, v_z and |v| [m/s] in the cells, (nz, nx) each; |v| is positive."""
     grid = physics.grid
     pores = physics.mobile_water / grid.cell_area
     vx = 0.5 * (flux.x[:, :-1] + flux.x[:, 1:]) / (grid.dz * pores)
     vz = 0.5 * (flux.z[:-1] + flux.z[1:]) / (grid.dx * pores)
-    return vx, vz, np.maximum(np.hypot(vx, vz), 1e-300)
+    return vx, vz, np.maximum(np.hypot(vx, vz), LEAST_SPEED)
 
 
-def exchanges(physics: Physics, flux: FaceField, time_step: float) -> Exchanges:
-    """Return the exchanges of all cells for the flux through their faces, over `time_step` [s]."""
+def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> Exchanges:
+    """Return the exchanges of all cells for the water flux [m^3/s], over `duration` [s]."""
+    level, order, count_at_least, start, other, weight = pair_cells(
+        _per_cell_size(dispersion_tensor(physics, flux), physics),
+        physics.mobile_water,
+        physics.storage * (1.0 - physics.immobile_fraction),
+        duration,
+        EXCHANGE_LIMIT,
+    )
+    levels = TimeStepLevels(duration, level, order, count_at_least)
+    return Exchanges(levels, start, other, weight)
+
+
+def _per_cell_size(tensor: DispersionTensor, physics: Physics) -> DispersionTensor:
+    """Return the components divided by the squared cell sizes [1/s]: D in units of cells."""
     grid = physics.grid
-    xx, xz, zz = tensor(physics, flux)
-    return Exchanges(
-        time_step,
-        *list_exchanges(
-            xx / grid.dx**2,
-            xz / (grid.dx * grid.dz),
-            zz / grid.dz**2,
-            physics.mobile_water,
-            physics.storage * (1.0 - physics.immobile_fraction),
-            time_step,
-            LARGEST_SHARE,
-        ),
+    return DispersionTensor(
+        tensor.xx / grid.dx**2, tensor.xz / (grid.dx * grid.dz), tensor.zz / grid.dz**2
     )
 
 
 def diffuse(
     concentration: FloatArray,
     storage: FloatArray,
-    pairs: Exchanges,
+    exchanges: Exchanges,
     *,
-    tape: FloatArray | None = None,
+    tape: FloatArray = NO_TAPE,
 ) -> None:
-    """Advance `concentration` (nz, nx) in place by `pairs.time_step`.
+    """Advance `concentration` (nz, nx) in place by `exchanges.levels.duration`.
 
-    `storage` (nz, nx) [m^3] is the volume of every cell that holds tracer. `tape` of
-    `tape_length(pairs.reach)` records what the adjoint needs.
+    `storage` (nz, nx) [m^3] is the volume of every cell that stores tracer. `tape`, of length
+    `tape_length(exchanges.levels)`, records the values that the adjoint needs.
     """
-    exchange(
-        concentration.ravel(),
-        storage.ravel(),
-        pairs.time_step,
-        pairs.start,
-        pairs.other,
-        pairs.weight,
-        pairs.level.ravel(),
-        pairs.order,
-        pairs.reach,
-        NO_TAPE if tape is None else tape,
-    )
+    exchange(concentration.ravel(), storage.ravel(), exchanges, tape)

@@ -1,22 +1,34 @@
-"""Compiled kernels of `diffusion`: pairs of cells, and what they exchange."""
+"""Compiled kernels of `diffusion`: pairs of cells, and the tracer that they exchange."""
 
 # mypy: disable-error-code="no-untyped-def"
 
 import numpy as np
 
-from porotwin_solver.compiled import DRY, compiled, sort_by_pace, starting_level
+from porotwin_solver.compiled import NEGLIGIBLE, compiled
+from porotwin_solver.local_time_steps import assign_levels, lowest_starting_level
+
+MAX_SUPERBASE_STEPS = 100
+"""Bound on the reductions of a superbase; it suffices for anisotropies beyond 1e20."""
+
+OBTUSE_TOLERANCE = 1e-14
+"""Scalar product, relative to the trace of the tensor, that counts as zero."""
 
 
 @compiled
 def superbase(xx, xz, zz, offset, weight):
-    """Fill the three offsets (column, row) and weights with sum of weight offset offset^T = D."""
+    """Fill three offsets (column, row) and weights >= 0 with sum of weight offset offset^T = D.
+
+    `offset` (3, 2), `weight` (3,). Selling's formula: a superbase e0 + e1 + e2 = 0 is reduced until
+    all products e_i D e_j are <= 0; these are the negative weights, and the offsets are the vectors
+    perpendicular to the superbase.
+    """
     ax, az, bx, bz = 1, 0, 0, 1
     cx, cz = -1, -1
-    for _ in range(100):
+    for _ in range(MAX_SUPERBASE_STEPS):
         ab = ax * (xx * bx + xz * bz) + az * (xz * bx + zz * bz)
         bc = bx * (xx * cx + xz * cz) + bz * (xz * cx + zz * cz)
         ca = cx * (xx * ax + xz * az) + cz * (xz * ax + zz * az)
-        tiny = 1e-14 * (xx + zz)
+        tiny = OBTUSE_TOLERANCE * (xx + zz)
         if ab > tiny:
             ax, az, cx, cz = -ax, -az, ax - bx, az - bz
         elif bc > tiny:
@@ -34,12 +46,32 @@ def superbase(xx, xz, zz, offset, weight):
 
 
 @compiled
-def list_exchanges(xx, xz, zz, water, storage, time_step, largest):
-    nz, nx = xx.shape
+def pair_cells(tensor, water, storage, duration, limit):
+    """Return level, order, count_at_least, start, other and weight of `diffusion.Exchanges`.
+
+    `tensor`: DispersionTensor per squared cell size [1/s]; `water` and `storage` (nz, nx) [m^3].
+    """
+    nz, nx = water.shape
+    first, second, volume, total = named_pairs(tensor, water)
+    level = np.empty((nz, nx), np.int8)
+    flat = level.ravel()
+    order, count_at_least = assign_levels(total / storage.ravel(), duration, limit, flat)
+    start, other, weight = sort_pairs(first, second, volume, flat)
+    return level, order, count_at_least, start, other, weight
+
+
+@compiled
+def named_pairs(tensor, water):
+    """Return the pairs that the cells name: both cells, exchanged volume [m^3/s], sum per cell.
+
+    Every cell gives half of its own weights to the pairs on both sides of it. Most pairs are named
+    twice, once by each cell.
+    """
+    nz, nx = water.shape
+    xx, xz, zz = tensor
     size = nz * nx
     offset = np.empty((3, 2), np.int64)
     weight = np.empty(3)
-    # Each cell gives half of its own weights to the pairs on both sides of it.
     first = np.empty(6 * size, np.int32)
     second = np.empty(6 * size, np.int32)
     volume = np.empty(6 * size)
@@ -60,40 +92,43 @@ def list_exchanges(xx, xz, zz, water, storage, time_step, largest):
                         total[first[count]] += volume[count]
                         total[second[count]] += volume[count]
                         count += 1
-    level = np.empty((nz, nx), np.int8)
-    flat = level.ravel()
-    order, reach = sort_by_pace(total / storage.ravel(), time_step, largest, flat)
-    # the two cells of a pair usually both name it: it is listed once, by its faster cell
+    return first[:count], second[:count], volume[:count], total
+
+
+@compiled
+def sort_pairs(first, second, volume, level):
+    """Return `start`, `other`, `weight` of Exchanges: each pair once, listed by its faster cell."""
+    size, count = len(level), len(first)
     room = np.zeros(size + 1, np.int32)
     for k in range(count):
-        room[faster(first[k], second[k], flat) + 1] += 1
+        room[faster(first[k], second[k], level) + 1] += 1
     for k in range(size):
         room[k + 1] += room[k]
     stop = room[:-1].copy()
     other = np.empty(count, np.int32)
-    sorted_volume = np.empty(count)
+    weight = np.empty(count)
     for k in range(count):
-        owner = faster(first[k], second[k], flat)
+        owner = faster(first[k], second[k], level)
         partner = first[k] + second[k] - owner
         place = find(other, room[owner], stop[owner], partner)
         if place == stop[owner]:
             other[place] = partner
-            sorted_volume[place] = 0.0
+            weight[place] = 0.0
             stop[owner] += 1
-        sorted_volume[place] += volume[k]
+        weight[place] += volume[k]
     start = np.zeros(size + 1, np.int32)
     for k in range(size):
         start[k + 1] = start[k] + stop[k] - room[k]
         for place in range(stop[k] - room[k]):
             other[start[k] + place] = other[room[k] + place]
-            sorted_volume[start[k] + place] = sorted_volume[room[k] + place]
+            weight[start[k] + place] = weight[room[k] + place]
     pairs = start[size]
-    return start, other[:pairs].copy(), sorted_volume[:pairs].copy(), level, order, reach
+    return start, other[:pairs].copy(), weight[:pairs].copy()
 
 
 @compiled
 def faster(one, another, level):
-    """Return the one of two cells that has the higher level; of equals the first by number."""
+    """Return the cell with the higher level; at equal levels the one with the lower index."""
     if level[one] != level[another]:
         return one if level[one] > level[another] else another
     return min(one, another)
@@ -101,7 +136,7 @@ def faster(one, another, level):
 
 @compiled
 def find(other, begin, end, partner):
-    """Return where `partner` stands in `other[begin:end]`, or `end`."""
+    """Return the index of `partner` in `other[begin:end]`, or `end` where it is absent."""
     for place in range(begin, end):
         if other[place] == partner:
             return place
@@ -109,24 +144,31 @@ def find(other, begin, end, partner):
 
 
 @compiled
-def exchange(c, storage, time_step, start, other, weight, level, order, reach, tape):
-    """Advance `c` in place; what every cell held before each of its steps goes onto `tape`."""
+def exchange(c, storage, exchanges, tape):
+    """Advance the flat `c` in place by `exchanges.levels.duration`.
+
+    `storage` is flat too. `tape` receives the concentration of every cell before each of its
+    substeps, unless it has no room at all.
+    """
     gain = np.zeros(len(c))
-    top = len(reach) - 1
+    levels, start, other, weight = exchanges
+    duration, level_2d, order, count_at_least = levels
+    level = level_2d.ravel()
+    highest = len(count_at_least) - 1
     taped = 0
-    for step in range(1 << top):
-        for place in range(reach[starting_level(step, top)]):
+    for substep in range(1 << highest):
+        for place in range(count_at_least[lowest_starting_level(substep, highest)]):
             k = order[place]
             here = c[k]
-            length = time_step / (1 << level[k])
+            length = duration / (1 << level[k])
             for pair in range(start[k], start[k + 1]):
                 partner = other[pair]
                 difference = c[partner] - here
-                if abs(difference) > DRY:
+                if abs(difference) > NEGLIGIBLE:
                     moved = length * weight[pair] * difference
                     gain[k] += moved
                     gain[partner] -= moved
-        for place in range(reach[starting_level(step + 1, top)]):
+        for place in range(count_at_least[lowest_starting_level(substep + 1, highest)]):
             k = order[place]
             if len(tape) > 0:
                 tape[taped] = c[k]

@@ -1,4 +1,4 @@
-"""How the disc of a well, at its true position, shares out over the cells of a grid."""
+"""Distribution of a well's disc, at its true position, over the cells of a grid."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,14 @@ from porotwin_core.grid import FloatArray, Grid
 CellArray = NDArray[np.integer]
 """Flat indices of cells."""
 
+LEAST_OVERLAP = 1e-12
+"""Overlap, relative to the squared radius, that counts as zero: above round-off."""
+
 
 def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray:
-    """Return the area of {0 <= s <= x, 0 <= t <= z} within the disc about the origin (x, z >= 0).
+    """Return the area of {0 <= s <= x, 0 <= t <= z} inside the disc about the origin (x, z >= 0).
 
-    The area under min(z, sqrt(radius^2 - s^2)) up to s = x, in closed form.
+    It is the area under min(z, sqrt(radius^2 - s^2)) from s = 0 to x, in closed form.
     """
     x, z = np.minimum(x, radius), np.minimum(z, radius)
     flat = np.minimum(x, np.sqrt(radius**2 - z**2))
@@ -25,11 +28,11 @@ def _quadrant_overlap(x: FloatArray, z: FloatArray, radius: float) -> FloatArray
     return flat * z + under_arc(x) - under_arc(flat)
 
 
-def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[CellArray, FloatArray]:
-    """Return the cells that the disc about (`x`, `z`) [m] touches and their shares of its area.
+def disc_fractions(grid: Grid, x: float, z: float, radius: float) -> tuple[CellArray, FloatArray]:
+    """Return the cells that the disc about (`x`, `z`) [m] overlaps, and the fraction in each.
 
-    The shares are exact areas of overlap of circle and cell, relative to the part of the disc that
-    lies within the rig, and add up to one. Cells are flat indices into a field (nz, nx).
+    The fractions are exact areas of overlap divided by the area of the disc inside the rig. They
+    add up to one. The cells are flat indices into a field (nz, nx).
 
     Raises:
         InputError: the centre lies outside the rig.
@@ -39,8 +42,8 @@ def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[CellArra
             f'well at ({x:.6g}, {z:.6g}) m lies outside the rig of {grid.width} x {grid.height} m; '
             'correct its position'
         )
-    columns = _touched(x, radius, grid.dx, grid.nx)
-    rows = _touched(z, radius, grid.dz, grid.nz)
+    columns = _overlapped(x, radius, grid.dx, grid.nx)
+    rows = _overlapped(z, radius, grid.dz, grid.nz)
     edges_x = np.append(columns, columns[-1] + 1) * grid.dx - x
     edges_z = np.append(rows, rows[-1] + 1) * grid.dz - z
     corner_x, corner_z = np.meshgrid(edges_x, edges_z)
@@ -51,11 +54,11 @@ def disc_shares(grid: Grid, x: float, z: float, radius: float) -> tuple[CellArra
     )
     area = signed[1:, 1:] - signed[:-1, 1:] - signed[1:, :-1] + signed[:-1, :-1]
     cells = rows[:, None] * grid.nx + columns[None, :]
-    touched = area > 1e-12 * radius**2
-    return cells[touched], area[touched] / area[touched].sum()
+    overlapped = area > LEAST_OVERLAP * radius**2
+    return cells[overlapped], area[overlapped] / area[overlapped].sum()
 
 
-def _touched(centre: float, radius: float, size: float, count: int) -> CellArray:
+def _overlapped(centre: float, radius: float, size: float, count: int) -> CellArray:
     low = max(int(np.floor((centre - radius) / size)), 0)
     high = min(int(np.floor((centre + radius) / size)), count - 1)
     return np.arange(low, high + 1)

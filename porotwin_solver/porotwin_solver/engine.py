@@ -1,8 +1,10 @@
-"""Flow and transport put together: a state, advanced under constant rates, on one grid."""
+"""Flow and transport combined: advances a state on one grid under constant rates."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,76 +12,124 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
-from porotwin_solver.background import background_flux
+from porotwin_solver.background_flux import background_flux
 from porotwin_solver.coupling import Coupling
-from porotwin_solver.diffusion import Exchanges, diffuse, exchanges
-from porotwin_solver.flow import FaceField, flow_of
+from porotwin_solver.diffusion import Exchanges, diffuse, dispersive_exchanges
+from porotwin_solver.face_field import FaceField
+from porotwin_solver.flow import SHARED_FLOWS
+from porotwin_solver.local_time_steps import NO_TAPE, TimeStepLevels, tape_length
 from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import coarsen, coarsen_adjoint
+from porotwin_solver.scheme import Scheme
 from porotwin_solver.sources_and_sinks import SourcesAndSinks
-from porotwin_solver.transport import Carried, Pace, Sources, advect, pace
+from porotwin_solver.transport import FluxAccumulators, Sources, advect, advection_levels
 
 LONGEST_STEP = 60.0
-"""Longest step [s] of the slowest cells, between advection and diffusion, and between two flows
-where the tracer moves the water."""
+"""Longest splitting step [s]: between advection, diffusion and reaction, and between two solutions
+of the flow where the tracer changes it. The splitting error is second order in it."""
 
-STEPS_KEPT = 4
-"""Lengths of step whose diffusion is kept: photographs at even times ask for few."""
+STEP_ROUND_OFF = 1e-9
+"""Excess over a whole number of LONGEST_STEP that adds no step: round-off of the times."""
+
+BALANCE_TOLERANCE = 1e-9
+"""Net rate, relative to the sum of all, that counts as balanced in a rig with closed sides."""
+
+EXCHANGES_KEPT = 4
+"""Step lengths whose diffusion is kept; photographs at regular intervals need few."""
 
 
 @dataclass
 class State:
-    """Concentrations (nz, nx), 0 water, 1 stock: of the water that moves, and of what does not.
+    """Concentrations (nz, nx), 0 water and 1 stock, of the mobile and the immobile pore water.
 
-    `left`: volume of tracer stock [m^3] that left the rig through wells, leaks and open sides.
+    `tracer_lost` (2,): volume of tracer stock [m^3] that left the rig through wells and leaks, and
+    through open sides.
     """
 
     mobile: FloatArray
     immobile: FloatArray
-    left: FloatArray = field(default_factory=lambda: np.zeros(2))
+    tracer_lost: FloatArray = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
-    def at_rest(cls, concentration: FloatArray) -> 'State':
-        """Return the state in which moving and immobile water have the same concentration."""
+    def equilibrium(cls, concentration: FloatArray) -> 'State':
+        """Return the state with `concentration` (nz, nx) in both mobile and immobile water."""
         return cls(concentration.copy(), concentration.copy())
 
     def copy(self) -> 'State':
-        """Return a state of its own."""
-        return State(self.mobile.copy(), self.immobile.copy(), self.left.copy())
+        """Return an independent copy."""
+        return State(self.mobile.copy(), self.immobile.copy(), self.tracer_lost.copy())
+
+
+class StepCoefficients(NamedTuple):
+    """The coefficients of one splitting step; `exchanges` covers half of it."""
+
+    flux: FaceField
+    sources: Sources
+    levels: TimeStepLevels
+    exchanges: Exchanges
+
+
+class StepTapes(NamedTuple):
+    """Concentrations before every substep of the three parts of `Engine.transport`."""
+
+    first_diffusion: FloatArray = NO_TAPE
+    advection: FloatArray = NO_TAPE
+    second_diffusion: FloatArray = NO_TAPE
+
+    @classmethod
+    def empty(cls, coefficients: StepCoefficients) -> 'StepTapes':
+        """Return tapes with room for one step."""
+        diffusion = tape_length(coefficients.exchanges.levels)
+        advection = tape_length(coefficients.levels)
+        return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
+
+
+NO_TAPES = StepTapes()
+"""The tapes of a step that records nothing."""
 
 
 class Engine:
-    """Advances a state of `physics` with one of the schemes of `transport`.
+    """Advances a state of `physics` with one of the advection schemes.
 
-    Where the tracer moves the water, that part of the flow is solved on the grid of `coupled`, as
-    fine or coarser by a whole factor, and shared out to the faces within (see `coupling`).
+    Where the tracer changes the flow, that part of the flow is solved on the grid of
+    `coupled_physics` and interpolated to the faces of the finer grid (see `coupling`).
+
+    It owns work arrays, so one engine serves one thread at a time.
     """
 
-    def __init__(self, physics: Physics, *, scheme: int, coupled: Physics | None = None) -> None:
-        """Factorise the flow of `physics`; rates change nothing of that."""
+    def __init__(
+        self, physics: Physics, *, scheme: Scheme, coupled_physics: Physics | None = None
+    ) -> None:
+        """Factorise the flow of `physics`, which does not depend on the rates.
+
+        The grid of `coupled_physics` equals the grid of `physics` or is coarser by a whole factor;
+        by default it is the same.
+        """
         self.physics = physics
         self.scheme = scheme
         self.grid = physics.grid
-        conductance = physics.depth * physics.permeability / physics.viscosity
-        self.flow = flow_of(self.grid, conductance, physics.boundaries)
+        self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
         self.sources_and_sinks = SourcesAndSinks(physics)
         self.storage = physics.storage * (1.0 - physics.immobile_fraction)
-        self.background = background_flux(physics, conductance)
-        self.coupling = Coupling(coupled or physics) if physics.is_coupled else None
-        self.coupled_factor = self.grid.nx // (coupled or physics).grid.nx
-        self._scratch = Carried.zeros(FaceField.zeros(self.grid))
-        self._still: dict[float, Exchanges] = {}
+        self.background = background_flux(physics)
+        coupled = coupled_physics or physics
+        self.coupling = Coupling(coupled) if physics.is_coupled else None
+        self._coupling_refinement = self.grid.nx // coupled.grid.nx
+        self._accumulators = FluxAccumulators.zeros(self.grid)
+        self._kept_exchanges: dict[float, Exchanges] = {}
 
-    def seen(self, state: State) -> FloatArray:
-        """Return the concentration that the camera sees: the mean of moving and immobile water."""
-        share = self.physics.immobile_fraction
-        return state.mobile if share == 0 else (1 - share) * state.mobile + share * state.immobile
+    def mean_concentration(self, state: State) -> FloatArray:
+        """Return the mean over mobile and immobile water, (nz, nx): the camera sees this."""
+        immobile = self.physics.immobile_fraction
+        if immobile == 0:
+            return state.mobile
+        return (1 - immobile) * state.mobile + immobile * state.immobile
 
     @cached_property
     def unit_fluxes(self) -> FaceField:
-        """The flux [m^3/s] that 1 m^3/s into each of `sources_and_sinks.all` drives in pure water.
+        """The flux [m^3/s] of 1 m^3/s of pure water into each of `sources_and_sinks.all`.
 
-        Faces as in any `FaceField`, after one axis for the sources and sinks.
+        The sources and sinks are the first axis: `x` is (count, nz, nx + 1).
         """
         units = [self.flow.unit_flux(source_sink) for source_sink in self.sources_and_sinks.all]
         grid, count = self.grid, len(units)
@@ -88,131 +138,197 @@ class Engine:
             np.array([unit.z for unit in units]).reshape(count, grid.nz + 1, grid.nx),
         )
 
-    def flux(self, rates: WellRates) -> FaceField:
-        """Return the flux [m^3/s] in pure water: a superposition of unit flows.
+    def water_flux(self, rates: WellRates) -> FaceField:
+        """Return the flux [m^3/s] of pure water: a superposition of unit flows.
 
         Raises:
             InputError: an unknown well, or rates that do not balance in a rig without open side.
         """
-        told = self.sources_and_sinks.told(rates)
-        net = math.fsum(rate for _, rate, _ in told)
-        total = math.fsum(abs(rate) for _, rate, _ in told)
-        if self.flow.closed and abs(net) > 1e-9 * total:
+        active = self.sources_and_sinks.active(rates)
+        net = math.fsum(source.rate for source in active)
+        total = math.fsum(abs(source.rate) for source in active)
+        if self.flow.closed and abs(net) > BALANCE_TOLERANCE * total:
             raise InputError(
                 f'rates add up to {to_ml_h(net):.6g} ml/h in a rig whose sides are all closed; '
                 'balance injection and production, or open a side in rig.yaml'
             )
         pumped = np.zeros(len(self.sources_and_sinks.all))
-        for source_sink, rate, _ in told:
-            pumped[self.sources_and_sinks.all.index(source_sink)] += rate
-        units = self.unit_fluxes
-        flux = FaceField(np.tensordot(pumped, units.x, 1), np.tensordot(pumped, units.z, 1))
+        for source in active:
+            pumped[self.sources_and_sinks.all.index(source.source_sink)] += source.rate
+        flux = FaceField(*(_weighted_sum(pumped, units) for units in self.unit_fluxes))
         return flux if self.background is None else flux + self.background
 
-    def steps(self, duration: float) -> tuple[int, float]:
-        """Return into how many steps of what length [s] a `duration` [s] is divided."""
-        count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
+    def coupled_flux(self, water: FaceField, rates: WellRates, mobile: FloatArray) -> FaceField:
+        """Return the flux [m^3/s] with the tracer `mobile` (nz, nx), from the flux of pure `water`.
+
+        Raises:
+            InputError: the pressure does not converge (see `Coupling.flux`).
+        """
+        if self.coupling is None:
+            return water
+        coarse = coarsen(mobile, self.coupling.grid.shape)
+        return water + self.coupling.flux(rates, coarse).refined(self._coupling_refinement)
+
+    def coupled_flux_adjoint(
+        self, rates: WellRates, mobile: FloatArray, bar: FaceField
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return dJ/dmobile (nz, nx) and dJ/dsource, through the tracer-driven part of the flux.
+
+        `bar` is dJ/dflux of `coupled_flux`. The sources [m^3/s] are those on the coupling's grid.
+        """
+        assert self.coupling is not None
+        coarse = coarsen(mobile, self.coupling.grid.shape)
+        by_flux = bar.refined_adjoint(self._coupling_refinement)
+        by_coarse, by_source = self.coupling.flux_adjoint(rates, coarse, by_flux)
+        return coarsen_adjoint(by_coarse, self.grid.shape), by_source
+
+    def splitting(self, duration: float) -> tuple[int, float]:
+        """Return the number of splitting steps in `duration` [s] and their length [s]."""
+        count = max(1, math.ceil(duration / LONGEST_STEP - STEP_ROUND_OFF))
         return count, duration / count
+
+    def coefficients(
+        self,
+        state: State,
+        rates: WellRates,
+        length: float,
+        *,
+        sources: Sources | None = None,
+        water: FaceField | None = None,
+    ) -> StepCoefficients:
+        """Return the coefficients of a step of `length` [s] from `state`.
+
+        `sources` and `water`, the flux of pure water, follow from `rates` where they are not given.
+
+        Raises:
+            InputError: as `water_flux` and `coupled_flux`.
+        """
+        sources = self.sources_and_sinks.sources(rates) if sources is None else sources
+        water = self.water_flux(rates) if water is None else water
+        flux = self.coupled_flux(water, rates, state.mobile)
+        return StepCoefficients(
+            flux,
+            sources,
+            advection_levels(flux, sources, self.storage, length),
+            self.exchanges(flux, 0.5 * length),
+        )
+
+    def interval(
+        self, state: State, rates: WellRates, duration: float
+    ) -> Iterator[StepCoefficients]:
+        """Yield the coefficients of every splitting step in `duration` [s] under constant `rates`.
+
+        The caller advances `state` by `step` before it takes the next ones. They change from step
+        to step only where the tracer changes the flow.
+        """
+        sources, water = self.sources_and_sinks.sources(rates), self.water_flux(rates)
+        count, length = self.splitting(duration)
+        for index in range(count):
+            if index == 0 or self.coupling is not None:
+                current = self.coefficients(state, rates, length, sources=sources, water=water)
+            yield current
 
     def advance(self, state: State, rates: WellRates, duration: float) -> None:
         """Advance `state` in place by `duration` [s] under constant `rates`.
 
+        Raises:
+            InputError: as `water_flux` and `coupled_flux`.
+        """
+        for coefficients in self.interval(state, rates, duration):
+            self.step(state, coefficients)
+
+    def step(self, state: State, coefficients: StepCoefficients) -> None:
+        """Advance `state` in place by one splitting step.
+
         Half a step of reaction and diffusion, a step of advection, half a step of diffusion and
-        reaction (Strang, SIAM J. Numer. Anal. 5 (1968) 506-517). Where the tracer moves the water,
-        the flow is renewed before every step.
+        reaction (Strang, SIAM J. Numer. Anal. 5 (1968) 506-517).
         """
-        sources, water = self.sources_and_sinks.sources(rates), self.flux(rates)
-        count, step = self.steps(duration)
-        for index in range(count):
-            if index == 0 or self.coupling is not None:
-                flux = self.moving(water, rates, state.mobile)
-                paces = pace(flux, sources, self.storage, step)
-                pairs = self.exchanges(flux, 0.5 * step)
-            self.step(state, flux, sources, steps=paces, pairs=pairs)
+        half = coefficients.exchanges.levels.duration
+        self.react(state, half)
+        self.transport(state, coefficients)
+        self.react(state, half)
 
-    def moving(self, water: FaceField, rates: WellRates, mobile: FloatArray) -> FaceField:
-        """Return the flux [m^3/s]: that of pure `water`, and what the tracer `mobile` adds."""
-        if self.coupling is None:
-            return water
-        coarse = coarsen(mobile, self.coupling.grid.shape)
-        return water + self.coupling.flux(rates, coarse).refined(self.coupled_factor)
-
-    def moving_adjoint(
-        self, rates: WellRates, mobile: FloatArray, bar: FaceField
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives by `mobile` and by the sources on the grid of the coupling.
-
-        `bar` holds those by the flux that `moving` returns; both through the tracer's part of it.
-        """
-        assert self.coupling is not None
-        coarse = coarsen(mobile, self.coupling.grid.shape)
-        by_flux = bar.refined_adjoint(self.coupled_factor)
-        by_coarse, by_source = self.coupling.flux_adjoint(rates, coarse, by_flux)
-        return coarsen_adjoint(by_coarse, self.grid.shape), by_source
-
-    def step(
-        self, state: State, flux: FaceField, sources: Sources, *, steps: Pace, pairs: Exchanges
+    def transport(
+        self, state: State, coefficients: StepCoefficients, tapes: StepTapes = NO_TAPES
     ) -> None:
-        """Advance `state` in place by one step; `pairs` are those for half of it."""
-        self.react(state, pairs.time_step)
-        diffuse(state.mobile, self.storage, pairs)
+        """Advance the mobile water in place: diffusion, advection, diffusion."""
+        flux, sources, levels, exchanges = coefficients
+        diffuse(state.mobile, self.storage, exchanges, tape=tapes.first_diffusion)
         advect(
             state.mobile,
             flux,
             sources=sources,
-            pore_volume=self.storage,
-            steps=steps,
+            storage=self.storage,
+            levels=levels,
             scheme=self.scheme,
-            scratch=self._scratch,
-            left=state.left,
+            accumulators=self._accumulators,
+            tracer_lost=state.tracer_lost,
+            tape=tapes.advection,
         )
-        diffuse(state.mobile, self.storage, pairs)
-        self.react(state, pairs.time_step)
+        diffuse(state.mobile, self.storage, exchanges, tape=tapes.second_diffusion)
 
-    def exchanges(self, flux: FaceField, step: float) -> Exchanges:
-        """Return the diffusion for `step` [s]; that without dispersion is kept for a few steps."""
+    def exchanges(self, flux: FaceField, duration: float) -> Exchanges:
+        """Return the diffusive exchanges over `duration` [s].
+
+        Without dispersion they do not depend on `flux`, and those of the latest few durations are
+        kept.
+        """
         physics = self.physics
         if physics.disperses:
-            return exchanges(physics, flux, step)
-        found = self._still.pop(step, None) or exchanges(physics, flux, step)
-        self._still[step] = found
-        if len(self._still) > STEPS_KEPT:
-            del self._still[next(iter(self._still))]
+            return dispersive_exchanges(physics, flux, duration)
+        found = self._kept_exchanges.pop(duration, None)
+        if found is None:
+            found = dispersive_exchanges(physics, flux, duration)
+        self._kept_exchanges[duration] = found
+        if len(self._kept_exchanges) > EXCHANGES_KEPT:
+            del self._kept_exchanges[next(iter(self._kept_exchanges))]
         return found
 
-    @property
-    def _exchanges_with_rest(self) -> bool:
-        """Whether immobile water follows: also a share of 0, by which one may ask the gradient."""
-        return self.physics.immobile_fraction > 0.0 or self.physics.exchange_rate > 0.0
-
     def react(self, state: State, duration: float) -> None:
-        """Exchange with the immobile water and decay, both exactly, by `duration` [s]."""
-        left, kept = self._reaction(duration)
-        share = self.physics.immobile_fraction
-        if self._exchanges_with_rest:
-            mean = (1.0 - share) * state.mobile + share * state.immobile
-            gap = (state.mobile - state.immobile) * kept
-            state.mobile[:] = left * (mean + share * gap)
-            state.immobile[:] = left * (mean - (1.0 - share) * gap)
-        elif left < 1.0:
-            state.mobile *= left
-            state.immobile *= left
+        """Advance exchange with the immobile water and decay in place by `duration` [s], exactly.
+
+        With the mean m, the gap g = mobile - immobile and the immobile fraction b:
+        mobile = s (m + b e g), immobile = s (m - (1 - b) e g), s and e as `_reaction_factors`.
+        """
+        survival, gap_factor = self._reaction_factors(duration)
+        immobile = self.physics.immobile_fraction
+        if self._has_immobile_water:
+            mean = (1.0 - immobile) * state.mobile + immobile * state.immobile
+            gap = (state.mobile - state.immobile) * gap_factor
+            state.mobile[:] = survival * (mean + immobile * gap)
+            state.immobile[:] = survival * (mean - (1.0 - immobile) * gap)
+        elif survival < 1.0:
+            state.mobile *= survival
+            state.immobile *= survival
 
     def react_adjoint(self, bar: State, duration: float) -> None:
-        """Turn `bar`, the derivative by the state after `react`, into that by the one before."""
-        left, kept = self._reaction(duration)
-        share = self.physics.immobile_fraction
-        if self._exchanges_with_rest:
+        """Turn `bar` in place from dJ/d(state after `react`) into dJ/d(state before it)."""
+        survival, gap_factor = self._reaction_factors(duration)
+        immobile = self.physics.immobile_fraction
+        if self._has_immobile_water:
             mean = bar.mobile + bar.immobile
-            gap = kept * (share * bar.mobile - (1.0 - share) * bar.immobile)
-            bar.mobile[:] = left * ((1.0 - share) * mean + gap)
-            bar.immobile[:] = left * (share * mean - gap)
-        elif left < 1.0:
-            bar.mobile *= left
-            bar.immobile *= left
+            gap = gap_factor * (immobile * bar.mobile - (1.0 - immobile) * bar.immobile)
+            bar.mobile[:] = survival * ((1.0 - immobile) * mean + gap)
+            bar.immobile[:] = survival * (immobile * mean - gap)
+        elif survival < 1.0:
+            bar.mobile *= survival
+            bar.immobile *= survival
 
-    def _reaction(self, duration: float) -> tuple[float, float]:
-        """Return what decay leaves, and what exchange leaves of the gap to the immobile water."""
+    @property
+    def _has_immobile_water(self) -> bool:
+        """Whether immobile water is tracked; also at a fraction of 0, for the gradient there."""
+        return self.physics.immobile_fraction > 0.0 or self.physics.exchange_rate > 0.0
+
+    def _reaction_factors(self, duration: float) -> tuple[float, float]:
+        """Return the factors by which decay reduces the tracer and exchange reduces the gap."""
         physics = self.physics
         exchanged = physics.exchange_rate * duration / (1.0 - physics.immobile_fraction)
         return math.exp(-physics.decay_rate * duration), math.exp(-exchanged)
+
+
+def _weighted_sum(weights: FloatArray, fields: FloatArray) -> FloatArray:
+    """Return the sum of weight times field over the first axis (a lean np.tensordot)."""
+    count = len(weights)
+    rows = fields.reshape(count, math.prod(fields.shape[1:]))
+    total: FloatArray = np.dot(weights.reshape(1, count), rows)
+    return total.reshape(fields.shape[1:])

@@ -1,4 +1,4 @@
-"""What the model believes of the rig, in SI on the cells of one grid: the subject of effects."""
+"""The coefficients of flow and transport, in SI on the cells of one grid; effects change them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from porotwin_core.units import MOLECULAR_DIFFUSION
 
 @dataclass(frozen=True)
 class SourceSink:
-    """Where water enters or leaves: a disc of `radius` about (`x`, `z`) [m]."""
+    """The place where water enters or leaves: a disc of `radius` about (`x`, `z`), all in m."""
 
     x: float
     z: float
@@ -30,9 +30,28 @@ class Leak:
 
 @dataclass(frozen=True)
 class Physics:
-    """Coefficients of flow and transport; fields are (nz, nx) on `grid`, everything in SI.
+    """Coefficients of flow and transport. Fields are (nz, nx) on `grid`, everything is in SI.
 
-    An effect returns a copy with some of these replaced (`dataclasses.replace`).
+    An effect returns a copy with some of them replaced (`dataclasses.replace`).
+
+    depth: distance between the plates [m].
+    porosity: [-].
+    permeability: [m^2].
+    viscosity: of water [Pa s].
+    boundaries: which sides are open (constant potential) or closed.
+    wells: place of every well by name.
+    rate_factors: delivered rate of a well divided by the commanded one [-]; 1 where absent.
+    diffusion: molecular diffusion of the tracer in the pores [m^2/s].
+    longitudinal_dispersivity, transverse_dispersivity: Scheidegger's a_L and a_T [m].
+    model_diffusion: artificial isotropic diffusion [m^2/s].
+    density_difference: density of the tracer stock minus the density of water [kg/m^3].
+    viscosity_ratio: viscosity of the tracer stock divided by the viscosity of water [-].
+    retardation_factor: linear sorption, R >= 1 [-].
+    decay_rate: first-order decay [1/s].
+    immobile_fraction: fraction of the pore water that does not move [-].
+    exchange_rate: d c_immobile / dt = exchange_rate (c_mobile - c_immobile) [1/s].
+    leaks: unknown sources and sinks.
+    background_flux: Darcy flux (x, z) imposed on the sides [m/s].
     """
 
     grid: Grid
@@ -62,30 +81,35 @@ class Physics:
         return self.depth * self.grid.cell_area
 
     @property
+    def mobility_thickness(self) -> FloatArray:
+        """d k / mu of pure water [m^3/(Pa s)], (nz, nx): the coefficient of the pressure."""
+        return self.depth * self.permeability / self.viscosity
+
+    @property
     def storage(self) -> FloatArray:
-        """Volume that stores tracer at the concentration the camera sees [m^3], (nz, nx)."""
+        """Tracer of a cell per unit of concentration [m^3], (nz, nx): volume * porosity * R."""
         return self.volume * self.porosity * self.retardation_factor
 
     @property
     def mobile_water(self) -> FloatArray:
-        """Volume of the water that moves [m^3], (nz, nx)."""
+        """Volume of the moving pore water [m^3], (nz, nx)."""
         return self.volume * self.porosity * (1.0 - self.immobile_fraction)
 
     @property
     def disperses(self) -> bool:
-        """Whether the spreading of the tracer depends on the flow."""
+        """Whether the dispersion of the tracer depends on the flow."""
         return self.longitudinal_dispersivity != 0.0 or self.transverse_dispersivity != 0.0
 
     @property
     def is_coupled(self) -> bool:
-        """Whether the flow depends on where the tracer is."""
+        """Whether the flow depends on the concentration."""
         return self.density_difference != 0.0 or self.viscosity_ratio != 1.0
 
     def well(self, name: str) -> str:
-        """Return `name` where it is a well.
+        """Return `name` if it is a well.
 
         Raises:
-            InputError: the rig has no such well; the message lists those it has.
+            InputError: the rig has no such well; the message lists its wells.
         """
         if name not in self.wells:
             raise InputError(f"unknown well '{name}'; known: {', '.join(self.wells)}")
@@ -93,10 +117,10 @@ class Physics:
 
 
 def nominal_physics(rig: Rig, grid: Grid) -> Physics:
-    """Return what `rig.yaml` says, on the cells of `grid`, without any effect.
+    """Return the coefficients of `rig.yaml` on the cells of `grid`, without any effect.
 
     Raises:
-        InputError: the grid does not cover the rig, or a map is not positive (porosity above 1).
+        InputError: the grid does not cover the rig, or as `check`.
     """
     if not np.allclose((grid.width, grid.height), (rig.width_m, rig.height_m), rtol=1e-9):
         raise InputError(
@@ -119,10 +143,11 @@ def nominal_physics(rig: Rig, grid: Grid) -> Physics:
 
 
 def check(physics: Physics) -> None:
-    """Refuse fields that no rig can have.
+    """Refuse coefficients that no rig can have.
 
     Raises:
-        InputError: names the field, the offending value and the remedy.
+        InputError: depth, porosity or permeability not finite or not positive, porosity above 1, or
+            a well or leak outside the rig; names the field, the value and the remedy.
     """
     fields = {
         'depth': physics.depth,

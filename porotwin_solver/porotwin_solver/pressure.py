@@ -1,4 +1,4 @@
-"""Solvers for the pressure: by the factor of its matrix, or of one with a quarter of the rows."""
+"""Solvers for the pressure: a sparse factor, or for large grids an iteration on two grids."""
 
 from collections.abc import Callable
 
@@ -10,23 +10,41 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 
 PressureSolver = Callable[[FloatArray], FloatArray]
-"""From the source of every cell to its pressure, both flat."""
+"""From the source of every cell [m^3/s] to its pressure [Pa], both flat (nz * nx,)."""
+
+SolverFactory = Callable[[csc_matrix, tuple[int, int]], PressureSolver]
+"""From the pressure matrix and the shape (nz, nx) of the grid to a solver."""
 
 LARGEST_FACTOR = 200_000
 """Cells up to which the matrix itself is factorised; a factor takes about 1 kB per cell."""
 
 TOLERANCE = 1e-9
-"""Relative residual of the iteration; `flow.Flow.flux` solves twice and ends at round-off."""
+"""Relative residual of the iteration. `flow.Flow.flux` solves twice and so reaches round-off."""
 
-MOST_ITERATIONS = 500
-"""Ten are usual, 50 where the permeability of neighbours differs by decades."""
+MAX_ITERATIONS = 500
+"""Ten iterations are usual, 50 where the permeability of neighbours differs by decades."""
+
+JACOBI_DAMPING = 0.7
+"""Damping [-] of the Jacobi smoother; it damps the upper half of the five-point spectrum most."""
+
+OVERCORRECTION = 1.8
+"""Factor [-] of the coarse correction: constant blocks are too stiff by about a factor of two."""
 
 
-def pressure_solver(matrix: csc_matrix, shape: tuple[int, int]) -> PressureSolver:
-    """Return a solver for the symmetric positive definite `matrix` of cells (nz, nx) = `shape`."""
-    if matrix.shape[0] <= LARGEST_FACTOR:
+def pressure_solver(
+    matrix: csc_matrix,
+    shape: tuple[int, int],
+    *,
+    largest_factor: int = LARGEST_FACTOR,
+    max_iterations: int = MAX_ITERATIONS,
+) -> PressureSolver:
+    """Return a solver for the symmetric positive definite `matrix` of (nz, nx) = `shape` cells.
+
+    Up to `largest_factor` cells the matrix is factorised; beyond, `two_grid` iterates.
+    """
+    if matrix.shape[0] <= largest_factor:
         return factorised(matrix)
-    return two_grid(matrix, shape)
+    return two_grid(matrix, shape, largest_factor=largest_factor, max_iterations=max_iterations)
 
 
 def factorised(matrix: csc_matrix) -> PressureSolver:
@@ -40,14 +58,20 @@ def factorised(matrix: csc_matrix) -> PressureSolver:
     return factor.solve
 
 
-def two_grid(matrix: csc_matrix, shape: tuple[int, int]) -> PressureSolver:
-    """Return a solver by conjugate gradients with two grids: for matrices too large to factorise.
+def two_grid(
+    matrix: csc_matrix,
+    shape: tuple[int, int],
+    *,
+    largest_factor: int = LARGEST_FACTOR,
+    max_iterations: int = MAX_ITERATIONS,
+) -> PressureSolver:
+    """Return a solver by preconditioned conjugate gradients, for matrices too large to factorise.
 
     The preconditioner smooths by damped Jacobi before and after a correction on 2 x 2 blocks of
-    cells, whose matrix is factorised. Blocks of constant pressure are too stiff by about a factor
-    of two, which the correction makes up for (Braess, Computing 55 (1995) 379-393).
+    cells, whose matrix is factorised. The correction is scaled up because blocks of constant
+    pressure are too stiff (Braess, Computing 55 (1995) 379-393).
 
-    The solver raises InputError where the iteration does not get there.
+    The solver raises InputError when it does not converge within `max_iterations`.
     """
     rows, columns = np.indices(shape)
     coarse_columns = (shape[1] + 1) // 2
@@ -55,29 +79,33 @@ def two_grid(matrix: csc_matrix, shape: tuple[int, int]) -> PressureSolver:
     cells = np.arange(block.size)
     spread = csc_matrix((np.ones(block.size), (cells, block)))
     solve_blocks = pressure_solver(
-        csc_matrix(spread.T @ matrix @ spread), ((shape[0] + 1) // 2, coarse_columns)
+        csc_matrix(spread.T @ matrix @ spread),
+        ((shape[0] + 1) // 2, coarse_columns),
+        largest_factor=largest_factor,
+        max_iterations=max_iterations,
     )
-    damped = 0.7 / matrix.diagonal()
+    damped = JACOBI_DAMPING / matrix.diagonal()
 
-    def smoothed(residual: FloatArray) -> FloatArray:
+    def preconditioned(residual: FloatArray) -> FloatArray:
         pressure = damped * residual
         pressure += damped * (residual - matrix @ pressure)
-        pressure += 1.8 * solve_blocks(spread.T @ (residual - matrix @ pressure))[block]
+        coarse = solve_blocks(spread.T @ (residual - matrix @ pressure))
+        pressure += OVERCORRECTION * coarse[block]
         for _ in range(2):
             pressure += damped * (residual - matrix @ pressure)
         return pressure
 
     def solve(source: FloatArray) -> FloatArray:
-        pressure, unfinished = cg(
+        pressure, unconverged = cg(
             matrix,
             source,
             rtol=TOLERANCE,
-            maxiter=MOST_ITERATIONS,
-            M=LinearOperator(matrix.shape, matvec=smoothed, dtype=float),
+            maxiter=max_iterations,
+            M=LinearOperator(matrix.shape, matvec=preconditioned, dtype=float),
         )
-        if unfinished:
+        if unconverged:
             raise InputError(
-                f'pressure on {shape[1]} x {shape[0]} cells: not found in {MOST_ITERATIONS} '
+                f'pressure on {shape[1]} x {shape[0]} cells: no convergence in {max_iterations} '
                 'iterations; the permeability varies too much for so fine a grid, make it coarser'
             )
         return np.asarray(pressure)

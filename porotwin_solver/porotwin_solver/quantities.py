@@ -1,4 +1,4 @@
-"""Numbers that sum up a concentration map: how much tracer, where, how far."""
+"""Quantities of interest of a concentration map, such as the tracer volume and the centroid."""
 
 from collections.abc import Callable
 
@@ -9,31 +9,31 @@ from porotwin_core.grid import FloatArray
 from porotwin_solver.physics import Physics
 
 PLUME_THRESHOLD = 0.05
-"""A cell belongs to the plume from this concentration on."""
+"""Concentration [-] above which a cell belongs to the plume: above the usual noise of a map."""
 
 
 def tracer_volume(physics: Physics, concentration: FloatArray) -> float:
-    """Return the volume of tracer stock that the rig holds, sorbed tracer included [m^3]."""
+    """Return the volume of tracer stock in the rig [m^3], sorbed tracer included."""
     return float(np.sum(physics.storage * concentration))
 
 
 def plume_centroid_x(physics: Physics, concentration: FloatArray) -> float:
-    """Return the distance of the tracer's centre of mass from the left side [m]; NaN without."""
+    """Return the distance of the tracer's centroid from the left side [m]; NaN without tracer."""
     return _centroid(physics, concentration, physics.grid.x[None, :])
 
 
 def plume_centroid_z(physics: Physics, concentration: FloatArray) -> float:
-    """Return the height of the tracer's centre of mass [m]; NaN without tracer."""
+    """Return the height of the tracer's centroid above the bottom [m]; NaN without tracer."""
     return _centroid(physics, concentration, physics.grid.z[:, None])
 
 
 def plume_area(physics: Physics, concentration: FloatArray) -> float:
-    """Return the area of all cells above PLUME_THRESHOLD [m^2]."""
+    """Return the area of all cells above PLUME_THRESHOLD, in the plane of the rig [m^2]."""
     return float(np.count_nonzero(concentration > PLUME_THRESHOLD) * physics.grid.cell_area)
 
 
 def max_concentration(physics: Physics, concentration: FloatArray) -> float:  # noqa: ARG001
-    """Return the largest concentration."""
+    """Return the largest concentration [-]."""
     return float(concentration.max())
 
 
@@ -54,10 +54,10 @@ QUANTITIES: dict[str, tuple[str, Callable[[Physics, FloatArray], float]]] = {
 
 
 def quantity_of_interest(name: str, physics: Physics, concentration: FloatArray) -> float:
-    """Return the quantity `name` of a map (nz, nx).
+    """Return the quantity `name` of a map (nz, nx), in its SI unit (see QUANTITIES).
 
     Raises:
-        InputError: no such quantity; the message lists those there are.
+        InputError: there is no such quantity; the message lists the known ones.
     """
     if name not in QUANTITIES:
         raise InputError(f"quantity '{name}': unknown; choose from {', '.join(QUANTITIES)}")

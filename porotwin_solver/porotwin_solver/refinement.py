@@ -1,4 +1,4 @@
-"""From a coarse map to a finer one and back: conservative both ways, and sharp."""
+"""Interpolation of a map to a finer grid and averaging back: conservative, and sharp at fronts."""
 
 import numpy as np
 
@@ -6,18 +6,18 @@ from porotwin_core.grid import FloatArray
 
 
 def refine(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Return `field` (nz, nx) on a grid of whole multiples of its cells, as limited planes.
+    """Return `field` (nz, nx) on a finer grid of `shape`, whole multiples of its own shape.
 
-    Slopes are Roe's superbee (LeVeque, Finite Volume Methods for Hyperbolic Problems, sec. 6.9),
-    which keep fronts steep, one direction after the other: averaging back returns the field to
-    round-off, and no value leaves the range of a cell and its neighbours.
+    Each direction in turn uses limited linear slopes, Roe's superbee, which keep fronts steep
+    (LeVeque, Finite Volume Methods for Hyperbolic Problems, sec. 6.9). `coarsen` returns the field
+    to round-off. No value leaves the range of a cell and its neighbours.
     """
     rows = _refine_rows(field, shape[0] // field.shape[0])
     return _refine_rows(rows.T, shape[1] // field.shape[1]).T.copy()
 
 
 def coarsen(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Return the means of `field` (nz, nx) over the cells of a grid that it refines."""
+    """Return the means of `field` (nz, nx) over the cells of a coarser grid of `shape`."""
     (nz, nx), (rows, columns) = field.shape, shape
     if (nz, nx) == (rows, columns):
         return field.copy()
@@ -25,7 +25,7 @@ def coarsen(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
 
 
 def coarsen_adjoint(bar: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return the derivative by the fine map, (nz, nx) = `shape`, from `bar`, that by its means."""
+    """Return dJ/dfield on the fine grid of `shape`, from `bar` = dJ/dmeans of `coarsen`."""
     rows, columns = shape[0] // bar.shape[0], shape[1] // bar.shape[1]
     return np.repeat(np.repeat(bar, rows, axis=0), columns, axis=1) / (rows * columns)
 

@@ -1,4 +1,4 @@
-"""Free-running simulations: rates in, maps out, nothing of the observations in between."""
+"""Free-running simulations: from rates to maps, without observations in between."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -24,9 +24,12 @@ def simulate(
     initial: FloatArray | None = None,
     start: float = 0.0,
 ) -> FloatArray:
-    """Return the maps at `times` [s] as the camera would show them, (nt, nz, nx).
+    """Return the maps at `times` [s] as the camera shows them, (nt, nz, nx).
 
-    See `simulated_maps`.
+    The arguments are those of `simulated_maps`.
+
+    Raises:
+        InputError: as `simulated_maps`.
     """
     maps = simulated_maps(
         rig,
@@ -51,34 +54,36 @@ def simulated_maps(
     effects: Iterable[EffectDescription] = (),
     initial: FloatArray | None = None,
     start: float = 0.0,
-    divisions: int | None = None,
+    refinement: int | None = None,
 ) -> Iterator[FloatArray]:
-    """Return an iterator of the maps (nz, nx) at `times` [s] as the camera would show them.
+    """Return an iterator of the maps (nz, nx) at `times` [s] as the camera shows them.
 
-    The model runs from `initial` (nz, nx; no tracer where not given) at `start` [s] through the
-    `schedule`, keeping its finer inner state all along. Effects of the rig and further `effects`
-    act on physics and picture; a time before `start` shows the initial state. `divisions` are those
-    of `Model`.
+    The model runs from `initial` (nz, nx; default: no tracer) at `start` [s] through the
+    `schedule`. It keeps its state on the refined grid between the maps. The effects of the rig and
+    further `effects` act on physics and picture. A time before `start` shows the initial state.
+    `preset` and `refinement` are those of `Model`.
 
     Raises:
-        InputError: times that decrease, NaN in `initial`, and all that `Model` refuses.
+        InputError: times that decrease or are not finite, NaN in `initial`, or as `Model`.
     """
     moments = np.asarray(times, dtype=float)
     if moments.ndim != 1 or not np.isfinite(moments).all() or (np.diff(moments) < 0).any():
         raise InputError('times: give finite seconds that do not decrease')
-    model = Model(rig, grid, preset=preset, effects=effects, divisions=divisions)
-    begin = model.initial_condition() if initial is None else model.checked(initial, 'initial')
-    state = State.at_rest(refine(begin, model.engine.grid.shape))
-    return _run(model, state, schedule, moments, start)
+    model = Model(rig, grid, preset=preset, effects=effects, refinement=refinement)
+    begin = (
+        model.initial_condition() if initial is None else model.validated_map(initial, 'initial')
+    )
+    state = State.equilibrium(refine(begin, model.engine.grid.shape))
+    return _maps(model, state, schedule, moments, start)
 
 
-def _run(
+def _maps(
     model: Model, state: State, schedule: Schedule, times: FloatArray, start: float
 ) -> Iterator[FloatArray]:
-    engine, operator, now = model.engine, model.operator, start
+    engine, operator, now = model.engine, model.observation_operator, start
     for time in times:
         target = time + operator.clock_offset
         for low, high, rates in schedule.intervals(now, target):
             engine.advance(state, rates, high - low)
         now = max(now, target)
-        yield operator.shown(engine.seen(state), model.grid, float(time))
+        yield operator.apply(engine.mean_concentration(state), model.grid, float(time))

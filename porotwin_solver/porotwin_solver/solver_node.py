@@ -1,4 +1,4 @@
-"""The physics-based model as services: `solver/predict` and its kin (paper sec. 2.3)."""
+"""The node that offers the physics-based model as services (paper sec. 2.3)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -32,26 +32,28 @@ from porotwin_msgs.srv import (
     Residual,
 )
 from porotwin_solver.model import Model
+from porotwin_solver.presets import PRESETS
 from porotwin_solver.quantities import QUANTITIES
 
 Handler = Callable[[Any, Any], None]
 
 
 class SolverNode(Node):
-    """Answers for the rig of the parameter `rig` on `grid` with the scheme of `preset`.
+    """Offers `solver/predict`, `residual`, `correct` and more for one rig, grid and preset.
 
-    A request that cannot be answered gets its reason in `outcome` and one line in the log.
+    The parameters `rig`, `grid` and `preset` choose them. A request that fails gets its reason in
+    `outcome`, and the log gets one line.
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters, factorise the flow, offer the services.
+        """Read the parameters, factorise the flow, offer the services.
 
         Raises:
             InputError: a parameter or the rig is wrong.
         """
         super().__init__('solver', **kwargs)
         rig = declare_rig(self)
-        preset = declare(self, 'preset', 'fast', 'fast, accurate or upwind')
+        preset = declare(self, 'preset', 'fast', f'numerical preset: {", ".join(PRESETS)}')
         grid = declare_grid(self, rig)
         self.model = Model(rig, grid, preset=preset)
         self.model.prepare()
@@ -102,7 +104,7 @@ class SolverNode(Node):
         predicted = self.model.predict(
             self._map(request.previous), rates_from_msg(request.wells), request.time_step
         )
-        response.predicted = tracer_to_msg(predicted, self.model.grid, _end(request))
+        response.predicted = tracer_to_msg(predicted, self.model.grid, _end_time(request))
 
     def _residual(self, request: Any, response: Any) -> None:
         residual = self.model.residual(
@@ -111,7 +113,7 @@ class SolverNode(Node):
             rates_from_msg(request.wells),
             request.time_step,
         )
-        response.residual = source_to_msg(residual, self.model.grid, _end(request))
+        response.residual = source_to_msg(residual, self.model.grid, _end_time(request))
 
     def _correct(self, request: Any, response: Any) -> None:
         corrected = self.model.correct(
@@ -120,7 +122,7 @@ class SolverNode(Node):
             rates_from_msg(request.wells),
             request.time_step,
         )
-        response.corrected = tracer_to_msg(corrected, self.model.grid, _end(request))
+        response.corrected = tracer_to_msg(corrected, self.model.grid, _end_time(request))
 
     def _quantity(self, request: Any, response: Any) -> None:
         state = self._map(request.state)
@@ -144,12 +146,12 @@ class SolverNode(Node):
         return values
 
 
-def _end(request: Any) -> float:
+def _end_time(request: Any) -> float:
     return time_from_msg(request.previous.header.stamp) + request.time_step
 
 
 def main() -> None:
-    """Run the node until it is told to stop."""
+    """Run the node until it is interrupted."""
     run(SolverNode)
 
 

@@ -1,44 +1,65 @@
-"""Compiled kernels of `transport`: the steps of the cells, and what crosses their faces."""
+"""Compiled kernels of `transport`: the levels of the cells, and the tracer across their faces.
+
+Arguments that recur: `c` concentration (nz, nx), `flux` a FaceField of water [m^3/s], `sources` as
+`transport.Sources`, `storage` (nz, nx) [m^3], `levels` as `TimeStepLevels`, `accumulators` as
+`transport.FluxAccumulators`.
+"""
 
 # mypy: disable-error-code="no-untyped-def"
 
+from typing import NamedTuple
+
 import numpy as np
 
-from porotwin_solver.compiled import DRY, compiled, sort_by_pace, starting_level
+from porotwin_solver.compiled import NEGLIGIBLE, compiled
+from porotwin_solver.local_time_steps import assign_levels, lowest_starting_level
+from porotwin_solver.scheme import Scheme
+
+
+class Sides(NamedTuple):
+    """One number for each side of a cell."""
+
+    west: float
+    east: float
+    south: float
+    north: float
 
 
 @compiled
-def paces(flux_x, flux_z, inflow, outflow, volume, time_step, courant):
-    nz, nx = volume.shape
+def level_cells(flux, sources, storage, duration, limit):
+    """Return `level`, `order` and `count_at_least` of TimeStepLevels for advection."""
+    nz, nx = storage.shape
+    flux_x, flux_z = flux
+    inflow, _, outflow = sources
     rate = np.empty((nz, nx))
     for i in range(nz):
         for j in range(nx):
-            west, east, south, north = (
-                flux_x[i, j],
-                flux_x[i, j + 1],
-                flux_z[i, j],
-                flux_z[i + 1, j],
-            )
+            west, east = flux_x[i, j], flux_x[i, j + 1]
+            south, north = flux_z[i, j], flux_z[i + 1, j]
             leaving = max(east, 0.0) - min(west, 0.0) + max(north, 0.0) - min(south, 0.0)
-            coming = max(west, 0.0) - min(east, 0.0) + max(south, 0.0) - min(north, 0.0)
-            rate[i, j] = max(leaving + outflow[i, j], coming + inflow[i, j]) / volume[i, j]
+            entering = max(west, 0.0) - min(east, 0.0) + max(south, 0.0) - min(north, 0.0)
+            rate[i, j] = max(leaving + outflow[i, j], entering + inflow[i, j]) / storage[i, j]
     level = np.empty((nz, nx), np.int8)
-    order, reach = sort_by_pace(rate.ravel(), time_step, courant, level.ravel())
-    return level, order, reach
+    order, count_at_least = assign_levels(rate.ravel(), duration, limit, level.ravel())
+    return level, order, count_at_least
 
 
 @compiled
-def slope(behind, ahead, courant, scheme):
-    """Return the limited increment from cell to face; `behind`, `ahead`: differences of cells."""
-    if scheme == 0 or behind * ahead <= 0.0:
+def slope(behind, ahead, cfl, scheme):
+    """Return the limited increment from a cell's mean to its face.
+
+    `behind` and `ahead` are the differences to the neighbours: this cell minus the one upstream,
+    the one downstream minus this cell. `cfl` is the CFL number of the face.
+    """
+    if scheme == Scheme.UPWIND or behind * ahead <= 0.0:
         return 0.0
     sign = 1.0 if ahead > 0.0 else -1.0
     a, b = abs(ahead), abs(behind)
     superbee = max(min(a, 2.0 * b), min(2.0 * a, b))
-    if scheme == 2:
-        third = ((2.0 - courant) * a + (1.0 + courant) * b) / 3.0
-        return sign * 0.5 * (1.0 - courant) * min(third, superbee)
-    return sign * 0.5 * (1.0 - courant) * superbee
+    if scheme == Scheme.THIRD_ORDER:
+        third = ((2.0 - cfl) * a + (1.0 + cfl) * b) / 3.0
+        return sign * 0.5 * (1.0 - cfl) * min(third, superbee)
+    return sign * 0.5 * (1.0 - cfl) * superbee
 
 
 @compiled
@@ -48,191 +69,128 @@ def between(value, end):
 
 
 @compiled
-def corrections(
-    c,
-    west,
-    east,
-    south,
-    north,
-    out_w,
-    out_e,
-    out_s,
-    out_n,
-    in_w,
-    in_e,
-    in_s,
-    in_n,
-    in_well,
-    well,
-    low,
-    high,
-    scheme,
-):
-    """Return what is added to `c` on the west, east, south and north face where they let out.
+def corrections(c, near, cfl_out, cfl_in, cfl_well, well, low, high, scheme):
+    """Return the corrections to `c` on the four faces through which the cell lets water out.
 
-    out_*, in_*: share of the cell's volume that leaves or enters in one step through that face, and
-    through a well, which injects the concentration `well`. `low`, `high`: range of the upstream
-    values, the well's excepted.
+    `near`: concentrations of the neighbours. `cfl_out` and `cfl_in`: fraction of the cell's storage
+    that leaves and enters through each side in one substep; `cfl_well`: the same through a well,
+    which injects the concentration `well`. `low` and `high`: range of the cell and its upstream
+    neighbours. The corrections are scaled such that the cell stays within that range.
     """
-    half_x = -0.5 * (in_s * (c - south) + in_n * (c - north))
-    half_z = -0.5 * (in_w * (c - west) + in_e * (c - east))
-    to_w = (
-        between(slope(c - east, west - c, out_w, scheme) + half_x, west - c) if out_w > 0.0 else 0.0
-    )
-    to_e = (
-        between(slope(c - west, east - c, out_e, scheme) + half_x, east - c) if out_e > 0.0 else 0.0
-    )
-    to_s = (
-        between(slope(c - north, south - c, out_s, scheme) + half_z, south - c)
-        if out_s > 0.0
+    half_x = -0.5 * (cfl_in.south * (c - near.south) + cfl_in.north * (c - near.north))
+    half_z = -0.5 * (cfl_in.west * (c - near.west) + cfl_in.east * (c - near.east))
+    west = (
+        between(slope(c - near.east, near.west - c, cfl_out.west, scheme) + half_x, near.west - c)
+        if cfl_out.west > 0.0
         else 0.0
     )
-    to_n = (
-        between(slope(c - south, north - c, out_n, scheme) + half_z, north - c)
-        if out_n > 0.0
+    east = (
+        between(slope(c - near.west, near.east - c, cfl_out.east, scheme) + half_x, near.east - c)
+        if cfl_out.east > 0.0
+        else 0.0
+    )
+    south = (
+        between(
+            slope(c - near.north, near.south - c, cfl_out.south, scheme) + half_z, near.south - c
+        )
+        if cfl_out.south > 0.0
+        else 0.0
+    )
+    north = (
+        between(
+            slope(c - near.south, near.north - c, cfl_out.north, scheme) + half_z, near.north - c
+        )
+        if cfl_out.north > 0.0
         else 0.0
     )
     fall = (
-        out_w * max(to_w, 0.0)
-        + out_e * max(to_e, 0.0)
-        + out_s * max(to_s, 0.0)
-        + out_n * max(to_n, 0.0)
+        cfl_out.west * max(west, 0.0)
+        + cfl_out.east * max(east, 0.0)
+        + cfl_out.south * max(south, 0.0)
+        + cfl_out.north * max(north, 0.0)
     )
     rise = -(
-        out_w * min(to_w, 0.0)
-        + out_e * min(to_e, 0.0)
-        + out_s * min(to_s, 0.0)
-        + out_n * min(to_n, 0.0)
+        cfl_out.west * min(west, 0.0)
+        + cfl_out.east * min(east, 0.0)
+        + cfl_out.south * min(south, 0.0)
+        + cfl_out.north * min(north, 0.0)
     )
-    if in_well > 0.0:
+    if cfl_well > 0.0:
         low, high = min(low, well), max(high, well)
-    room = max(1.0 - (in_w + in_e + in_s + in_n + in_well), 0.0)
+    room = max(1.0 - (cfl_in.west + cfl_in.east + cfl_in.south + cfl_in.north + cfl_well), 0.0)
     down, up = 1.0, 1.0
     if fall > (c - low) * room:
         down = (c - low) * room / fall
     if rise > (high - c) * room:
         up = (high - c) * room / rise
-    to_w *= down if to_w > 0.0 else up
-    to_e *= down if to_e > 0.0 else up
-    to_s *= down if to_s > 0.0 else up
-    to_n *= down if to_n > 0.0 else up
-    return to_w, to_e, to_s, to_n
+    west *= down if west > 0.0 else up
+    east *= down if east > 0.0 else up
+    south *= down if south > 0.0 else up
+    north *= down if north > 0.0 else up
+    return Sides(west, east, south, north)
 
 
 @compiled
-def advection(
-    c,
-    flux_x,
-    flux_z,
-    inflow,
-    tracer,
-    outflow,
-    volume,
-    time_step,
-    level,
-    order,
-    reach,
-    scheme,
-    rate_x,
-    rate_z,
-    amount_x,
-    amount_z,
-    left,
-    tape,
-):
-    """Advance `c` in place; what every cell held before each of its steps goes onto `tape`."""
-    top = len(reach) - 1
+def advection(c, flux, sources, storage, levels, scheme, accumulators, tracer_lost, tape):
+    """Advance `c` in place by `levels.duration`.
+
+    `tape` receives the concentration of every cell before each of its substeps, unless it has no
+    room at all. `tracer_lost` as in `update_cells`.
+    """
+    highest = len(levels.count_at_least) - 1
     taped = 0
-    rate_x[:] = 0.0
-    rate_z[:] = 0.0
-    wet = reached_cells(c, tracer)
-    for step in range(1 << top):
-        leave(
-            c,
-            wet,
-            flux_x,
-            flux_z,
-            inflow,
-            tracer,
-            volume,
-            time_step,
-            level,
-            order,
-            reach[starting_level(step, top)],
-            scheme,
-            rate_x,
-            rate_z,
-            amount_x,
-            amount_z,
-        )
-        ending = reach[starting_level(step + 1, top)]
+    accumulators.rate.x[:] = 0.0
+    accumulators.rate.z[:] = 0.0
+    reached = cells_with_tracer(c, sources)
+    for substep in range(1 << highest):
+        starting = levels.count_at_least[lowest_starting_level(substep, highest)]
+        evaluate_faces(c, reached, flux, sources, storage, levels, starting, scheme, accumulators)
+        ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
         if len(tape) > 0:
             for place in range(ending):
-                i, j = divmod(order[place], c.shape[1])
+                i, j = divmod(levels.order[place], c.shape[1])
                 tape[taped] = c[i, j]
                 taped += 1
-        arrive(
-            c,
-            wet,
-            flux_x,
-            flux_z,
-            tracer,
-            outflow,
-            volume,
-            time_step,
-            level,
-            order,
-            ending,
-            rate_x,
-            rate_z,
-            amount_x,
-            amount_z,
-            left,
-        )
+        update_cells(c, reached, flux, sources, storage, levels, ending, accumulators, tracer_lost)
 
 
 @compiled
-def reached_cells(c, tracer):
-    """Return, flat, 1 where tracer is or comes in; `leave` adds the cells that it goes on to."""
+def cells_with_tracer(c, sources):
+    """Return a flat array: 1 where a cell holds or receives tracer, 0 elsewhere.
+
+    `evaluate_faces` adds the cells that the tracer reaches. The kernels skip all others.
+    """
     nz, nx = c.shape
-    wet = np.zeros(nz * nx, np.uint8)
+    reached = np.zeros(nz * nx, np.uint8)
     for i in range(nz):
         for j in range(nx):
-            if c[i, j] >= DRY or tracer[i, j] > 0.0:
-                wet[i * nx + j] = 1
-    return wet
+            if c[i, j] >= NEGLIGIBLE or sources.tracer[i, j] > 0.0:
+                reached[i * nx + j] = 1
+    return reached
 
 
 @compiled
-def leave(
-    c,
-    wet,
-    flux_x,
-    flux_z,
-    inflow,
-    tracer,
-    volume,
-    time_step,
-    level,
-    order,
-    active,
-    scheme,
-    rate_x,
-    rate_z,
-    amount_x,
-    amount_z,
-):
-    """Evaluate the faces through which the first `active` cells let out, for one of their steps."""
+def evaluate_faces(c, reached, flux, sources, storage, levels, active, scheme, accumulators):
+    """Compute the tracer flux through the outflow faces of the first `active` cells.
+
+    The upstream cell of a face sets its rate, once per substep of that cell. Where the downstream
+    cell has a lower level, the volume of tracer is accumulated until that cell is updated.
+    """
     nz, nx = c.shape
+    duration, level, order, _ = levels
+    flux_x, flux_z = flux
+    rate, amount = accumulators
+    rate_x, rate_z = rate
+    amount_x, amount_z = amount
     for place in range(active):
         k = order[place]
-        if wet[k] == 0:
+        if reached[k] == 0:
             continue
         i = k // nx
         j = k - i * nx
         here = c[i, j]
         fw, fe, fs, fn = flux_x[i, j], flux_x[i, j + 1], flux_z[i, j], flux_z[i + 1, j]
-        if here < DRY:
+        if here < NEGLIGIBLE:
             if fw < 0.0:
                 rate_x[i, j] = 0.0
             if fe > 0.0:
@@ -243,41 +201,45 @@ def leave(
                 rate_z[i + 1, j] = 0.0
             continue
         own = level[i, j]
-        length = time_step / (1 << own)
-        to_w, to_e, to_s, to_n = 0.0, 0.0, 0.0, 0.0
-        if scheme != 0:
-            to_w, to_e, to_s, to_n = cell_corrections(
-                c, i, j, fw, fe, fs, fn, inflow, tracer, length / volume[i, j], scheme
+        length = duration / (1 << own)
+        added = Sides(0.0, 0.0, 0.0, 0.0)
+        if scheme != Scheme.UPWIND:
+            added = cell_corrections(
+                c, i, j, Sides(fw, fe, fs, fn), sources, length / storage[i, j], scheme
             )
         if fw < 0.0:
-            rate_x[i, j] = fw * (here + to_w)
+            rate_x[i, j] = fw * (here + added.west)
             if j > 0:
-                wet[k - 1] = 1
+                reached[k - 1] = 1
                 if level[i, j - 1] < own:
                     amount_x[i, j] += length * rate_x[i, j]
         if fe > 0.0:
-            rate_x[i, j + 1] = fe * (here + to_e)
+            rate_x[i, j + 1] = fe * (here + added.east)
             if j < nx - 1:
-                wet[k + 1] = 1
+                reached[k + 1] = 1
                 if level[i, j + 1] < own:
                     amount_x[i, j + 1] += length * rate_x[i, j + 1]
         if fs < 0.0:
-            rate_z[i, j] = fs * (here + to_s)
+            rate_z[i, j] = fs * (here + added.south)
             if i > 0:
-                wet[k - nx] = 1
+                reached[k - nx] = 1
                 if level[i - 1, j] < own:
                     amount_z[i, j] += length * rate_z[i, j]
         if fn > 0.0:
-            rate_z[i + 1, j] = fn * (here + to_n)
+            rate_z[i + 1, j] = fn * (here + added.north)
             if i < nz - 1:
-                wet[k + nx] = 1
+                reached[k + nx] = 1
                 if level[i + 1, j] < own:
                     amount_z[i + 1, j] += length * rate_z[i + 1, j]
 
 
 @compiled
-def cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):
-    """Return the corrections of cell (i, j); a side of the rig mirrors the cell itself."""
+def cell_corrections(c, i, j, flux, sources, cfl_per_flux, scheme):
+    """Return the corrections of cell (i, j); beyond a side of the rig lies a copy of the cell.
+
+    `flux`: the water flux through its four sides [m^3/s]; `cfl_per_flux`: substep length divided by
+    storage [s/m^3].
+    """
     nz, nx = c.shape
     here = c[i, j]
     west = c[i, j - 1] if j > 0 else here
@@ -285,36 +247,38 @@ def cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):
     south = c[i - 1, j] if i > 0 else here
     north = c[i + 1, j] if i < nz - 1 else here
     if west == here and east == here and south == here and north == here:
-        return 0.0, 0.0, 0.0, 0.0
+        return Sides(0.0, 0.0, 0.0, 0.0)
     low, high = here, here
-    if fw > 0.0:
-        beyond = west if j > 0 else 0.0
-        low, high = min(low, beyond), max(high, beyond)
-    if fe < 0.0:
-        beyond = east if j < nx - 1 else 0.0
-        low, high = min(low, beyond), max(high, beyond)
-    if fs > 0.0:
-        beyond = south if i > 0 else 0.0
-        low, high = min(low, beyond), max(high, beyond)
-    if fn < 0.0:
-        beyond = north if i < nz - 1 else 0.0
-        low, high = min(low, beyond), max(high, beyond)
-    well = tracer[i, j] / inflow[i, j] if inflow[i, j] > 0.0 else 0.0
+    if flux.west > 0.0:
+        upstream = west if j > 0 else 0.0
+        low, high = min(low, upstream), max(high, upstream)
+    if flux.east < 0.0:
+        upstream = east if j < nx - 1 else 0.0
+        low, high = min(low, upstream), max(high, upstream)
+    if flux.south > 0.0:
+        upstream = south if i > 0 else 0.0
+        low, high = min(low, upstream), max(high, upstream)
+    if flux.north < 0.0:
+        upstream = north if i < nz - 1 else 0.0
+        low, high = min(low, upstream), max(high, upstream)
+    inflow = sources.inflow[i, j]
+    well = sources.tracer[i, j] / inflow if inflow > 0.0 else 0.0
     return corrections(
         here,
-        west,
-        east,
-        south,
-        north,
-        max(-fw, 0.0) * share,
-        max(fe, 0.0) * share,
-        max(-fs, 0.0) * share,
-        max(fn, 0.0) * share,
-        max(fw, 0.0) * share,
-        max(-fe, 0.0) * share,
-        max(fs, 0.0) * share,
-        max(-fn, 0.0) * share,
-        inflow[i, j] * share,
+        Sides(west, east, south, north),
+        Sides(
+            max(-flux.west, 0.0) * cfl_per_flux,
+            max(flux.east, 0.0) * cfl_per_flux,
+            max(-flux.south, 0.0) * cfl_per_flux,
+            max(flux.north, 0.0) * cfl_per_flux,
+        ),
+        Sides(
+            max(flux.west, 0.0) * cfl_per_flux,
+            max(-flux.east, 0.0) * cfl_per_flux,
+            max(flux.south, 0.0) * cfl_per_flux,
+            max(-flux.north, 0.0) * cfl_per_flux,
+        ),
+        inflow * cfl_per_flux,
         well,
         low,
         high,
@@ -323,47 +287,37 @@ def cell_corrections(c, i, j, fw, fe, fs, fn, inflow, tracer, share, scheme):
 
 
 @compiled
-def arrive(
-    c,
-    wet,
-    flux_x,
-    flux_z,
-    tracer,
-    outflow,
-    volume,
-    time_step,
-    level,
-    order,
-    active,
-    rate_x,
-    rate_z,
-    amount_x,
-    amount_z,
-    left,
-):
-    """End one step of the first `active` cells: book what came and went.
+def update_cells(c, reached, flux, sources, storage, levels, active, accumulators, tracer_lost):
+    """End one substep of the first `active` cells: add the tracer that entered and left.
 
-    `left`: tracer that left the rig, through wells, leaks and through open sides.
+    `tracer_lost` (2,) [m^3] grows by the tracer that left the rig: first through wells and leaks,
+    second through open sides.
     """
     nz, nx = c.shape
+    duration, level, order, _ = levels
+    flux_x, flux_z = flux
+    _, tracer, outflow = sources
+    rate, amount = accumulators
+    rate_x, rate_z = rate
+    amount_x, amount_z = amount
     for place in range(active):
         k = order[place]
-        if wet[k] == 0:
+        if reached[k] == 0:
             continue
         i = k // nx
         j = k - i * nx
         own = level[i, j]
-        length = time_step / (1 << own)
+        length = duration / (1 << own)
         gain = length * (tracer[i, j] - outflow[i, j] * c[i, j])
-        left[0] += length * outflow[i, j] * c[i, j]
+        tracer_lost[0] += length * outflow[i, j] * c[i, j]
         if j == 0:
-            left[1] -= length * rate_x[i, j]
+            tracer_lost[1] -= length * rate_x[i, j]
         if j == nx - 1:
-            left[1] += length * rate_x[i, j + 1]
+            tracer_lost[1] += length * rate_x[i, j + 1]
         if i == 0:
-            left[1] -= length * rate_z[i, j]
+            tracer_lost[1] -= length * rate_z[i, j]
         if i == nz - 1:
-            left[1] += length * rate_z[i + 1, j]
+            tracer_lost[1] += length * rate_z[i + 1, j]
         if flux_x[i, j] > 0.0 and j > 0 and level[i, j - 1] > own:
             gain += amount_x[i, j]
             amount_x[i, j] = 0.0
@@ -385,4 +339,4 @@ def arrive(
         else:
             gain -= length * rate_z[i + 1, j]
         if gain != 0.0:
-            c[i, j] += gain / volume[i, j]
+            c[i, j] += gain / storage[i, j]

@@ -60,7 +60,7 @@ class Forward:
         )
         return np.stack(
             [
-                operator.shown(frame, sample.grid, float(time))
+                operator.apply(frame, sample.grid, float(time))
                 for frame, time in zip(maps, sample.times, strict=False)
             ]
         )
@@ -102,7 +102,7 @@ class Forward:
             effects=physics,
             initial=sample.initial,
             start=sample.model_start,
-            divisions=self.refinement,
+            refinement=self.refinement,
         )
         maps = np.stack([frame.astype(np.float32) for frame in frames])
         with self._lock:

@@ -1,8 +1,8 @@
-"""Speed and accuracy of the solver on this machine, beside two rivals in the same run.
+"""Speed and accuracy of the solver on this machine, with two baselines in the same run.
 
-80 min of the paper's small rig with rates that change at every photograph. The rivals are a plain
-model, written here as one would first write it (two-point flux, implicit first-order upwind, a
-sparse LU factor for each), and FiPy, where it is installed.
+The case is 80 min of the paper's small rig with rates that change at every photograph. The
+baselines are a textbook model, written here (two-point flux, implicit first-order upwind, a sparse
+LU factor for each step), and FiPy, where it is installed.
 """
 
 import resource
@@ -20,17 +20,27 @@ from porotwin_core.rig import Rig, Well
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.flow import FaceField, pressure_matrix, transmissibilities
+from porotwin_solver.face_field import FaceField
+from porotwin_solver.flow import pressure_matrix, transmissibilities
 from porotwin_solver.model import Model
 from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.simulation import simulate
 from porotwin_solver.sources_and_sinks import SourcesAndSinks
 
 INTERVAL = 30.0
+"""Time between two photographs and between two changes of the rates [s]."""
+
 FRAMES = 160
-CHECKED = (2100.0, 4800.0)
-REFERENCE = (748, 448)
+"""Photographs in 80 min."""
+
+ERROR_TIMES = (2100.0, 4800.0)
+"""Times [s] of the maps whose error is measured: 35 and 80 min."""
+
+REFERENCE_CELLS = (748, 448)
+"""Columns and rows of the reference solution: four times as fine as the default grid."""
+
 FIPY_FRAMES = 4
+"""Intervals that FiPy is timed for; all 160 would take minutes."""
 
 Row = dict[str, Any]
 
@@ -59,28 +69,30 @@ def bench_rig() -> Rig:
 def bench_schedule() -> Schedule:
     """Return rates that change at every photograph, the same in every run."""
     rng = np.random.default_rng(2022)
-    told = []
+    commanded = []
     for frame in range(FRAMES):
         water = rng.random(3) * 150.0
         rates = {f'control{k + 1}': WellRate(from_ml_h(rate), 0.0) for k, rate in enumerate(water)}
         rates['injector'] = WellRate(from_ml_h(500.0), 1.0)
         rates['producer'] = WellRate(from_ml_h(-500.0 - water.sum()))
-        told.append((frame * INTERVAL, rates))
-    return Schedule.from_rates(told)
+        commanded.append((frame * INTERVAL, rates))
+    return Schedule.from_rates(commanded)
 
 
 class PlainModel:
-    """Two-point flux, implicit upwind, sparse LU: a new factor for every new flow."""
+    """Baseline: two-point flux, implicit upwind, a new sparse LU factor for every new flow."""
 
     def __init__(self, physics: Physics) -> None:
-        self.physics, self._openings = physics, SourcesAndSinks(physics)
-        conductance = physics.depth * physics.permeability / physics.viscosity
-        self._trans = transmissibilities(physics.grid, conductance, physics.boundaries)
+        """Factorise the pressure of `physics`; its top must be open, its other sides closed."""
+        self.physics, self._sources_and_sinks = physics, SourcesAndSinks(physics)
+        self._trans = transmissibilities(
+            physics.grid, physics.mobility_thickness, physics.boundaries
+        )
         self._pressure = splu(pressure_matrix(self._trans, pin=0.0))
 
     def flux(self, rates: WellRates) -> FaceField:
-        """Return the flux [m^3/s] of `rates`: one solve."""
-        source = self._openings.sources(rates).net
+        """Return the flux [m^3/s] at `rates`: one solution of the pressure."""
+        source = self._sources_and_sinks.sources(rates).net
         pressure = self._pressure.solve(source.ravel()).reshape(source.shape)
         flux = FaceField.zeros(self.physics.grid)
         flux.x[:, 1:-1] = -np.diff(pressure, axis=1)
@@ -89,8 +101,8 @@ class PlainModel:
         return flux * self._trans
 
     def predict(self, concentration: FloatArray, rates: WellRates, step: float) -> FloatArray:
-        """Return the map (nz, nx) after one implicit step [s]."""
-        flux, sources = self.flux(rates), self._openings.sources(rates)
+        """Return the map (nz, nx) after one implicit step of `step` [s]."""
+        flux, sources = self.flux(rates), self._sources_and_sinks.sources(rates)
         storage, nx = self.physics.storage, self.physics.grid.nx
         leaving = (
             np.maximum(flux.x[:, 1:], 0.0)
@@ -117,13 +129,13 @@ class PlainModel:
 
 
 def plain_maps(rig: Rig, schedule: Schedule, grid: Grid) -> FloatArray:
-    """Return the plain model's maps at CHECKED."""
+    """Return the maps of the plain model at ERROR_TIMES."""
     model = PlainModel(nominal_physics(rig, grid))
     state: FloatArray = np.zeros(grid.shape)
     maps = []
     for frame in range(FRAMES):
         state = model.predict(state, schedule.at(frame * INTERVAL), INTERVAL)
-        if (frame + 1) * INTERVAL in CHECKED:
+        if (frame + 1) * INTERVAL in ERROR_TIMES:
             maps.append(state)
     return np.array(maps)
 
@@ -131,8 +143,7 @@ def plain_maps(rig: Rig, schedule: Schedule, grid: Grid) -> FloatArray:
 def fipy_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float | None:
     """Return the CPU time [s] of FiPy for one interval, flow and transport; None without FiPy.
 
-    Pressure and implicit upwind transport with its default solvers, the mesh and the terms made
-    beforehand.
+    Its default solvers, implicit upwind transport; mesh and terms are made beforehand.
     """
     try:
         from fipy import (
@@ -150,53 +161,55 @@ def fipy_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float | None:
     sources_and_sinks = SourcesAndSinks(physics)
     mesh = Grid2D(dx=grid.dx, dy=grid.dz, nx=grid.nx, ny=grid.nz)
     area = grid.cell_area
-    conductance = float((physics.depth * physics.permeability / physics.viscosity)[0, 0])
+    mobility_thickness = float(physics.mobility_thickness[0, 0])
     pressure = CellVariable(mesh=mesh)
     pressure.constrain(0.0, mesh.facesTop)
     tracer = CellVariable(mesh=mesh, hasOld=True)
     source, injected, produced = (CellVariable(mesh=mesh) for _ in range(3))
     velocity = FaceVariable(mesh=mesh, rank=1)
-    flow = DiffusionTerm(coeff=conductance) + source == 0.0
+    flow = DiffusionTerm(coeff=mobility_thickness) + source == 0.0
     capacity = float((physics.storage / area)[0, 0])
     transport = TransientTerm(coeff=capacity) + UpwindConvectionTerm(coeff=velocity) == (
         injected - ImplicitSourceTerm(coeff=produced)
     )
     begin = time.process_time()
     for frame in range(FIPY_FRAMES):
-        told = sources_and_sinks.sources(schedule.at(frame * INTERVAL))
-        source.setValue(told.net.ravel() / area)
-        injected.setValue(told.tracer.ravel() / area)
-        produced.setValue(told.outflow.ravel() / area)
+        sources = sources_and_sinks.sources(schedule.at(frame * INTERVAL))
+        source.setValue(sources.net.ravel() / area)
+        injected.setValue(sources.tracer.ravel() / area)
+        produced.setValue(sources.outflow.ravel() / area)
         flow.solve(var=pressure)
-        velocity.setValue(-conductance * pressure.faceGrad)
+        velocity.setValue(-mobility_thickness * pressure.faceGrad)
         tracer.updateOld()
         transport.solve(var=tracer, dt=INTERVAL)
     return (time.process_time() - begin) / FIPY_FRAMES
 
 
 def timed(work: Callable[[], FloatArray]) -> tuple[FloatArray, float]:
-    """Return what `work` returns and the CPU time [s] that it took."""
+    """Return the result of `work` and its CPU time [s]."""
     begin = time.process_time()
     result = work()
     return result, time.process_time() - begin
 
 
 def errors(maps: FloatArray, reference: FloatArray) -> list[float]:
-    """Return the relative L2 error of every map against the means of a finer one."""
-    found = []
+    """Return the relative L2 error of every map (nz, nx) against the means of a finer one."""
+    relative = []
     for values, fine in zip(maps, reference, strict=True):
         exact = conservative_resample(fine, values.shape)
-        found.append(float(np.linalg.norm(values - exact) / np.linalg.norm(exact)))
-    return found
+        relative.append(float(np.linalg.norm(values - exact) / np.linalg.norm(exact)))
+    return relative
 
 
 def run() -> list[Row]:
-    """Return one row per model: CPU time for 80 min, its share of the plain model's, errors."""
+    """Return one row per model: CPU time [s] for 80 min, its ratio to the plain model, errors."""
     rig, schedule = bench_rig(), bench_schedule()
     grid = rig.grid(187, 112)
-    for preset in ('fast', 'accurate'):  # compiled kernels are on disk from here on
-        simulate(rig, schedule, CHECKED[:1], grid=rig.grid(12, 7), preset=preset)
-    reference = simulate(rig, schedule, CHECKED, grid=rig.grid(*REFERENCE), preset='accurate')
+    for preset in ('fast', 'accurate'):  # compile the kernels before the timing
+        simulate(rig, schedule, ERROR_TIMES[:1], grid=rig.grid(12, 7), preset=preset)
+    reference = simulate(
+        rig, schedule, ERROR_TIMES, grid=rig.grid(*REFERENCE_CELLS), preset='accurate'
+    )
     plain, plain_seconds = timed(lambda: plain_maps(rig, schedule, grid))
 
     def row(name: str, on: Grid, seconds: float, maps: FloatArray | None) -> Row:
@@ -205,7 +218,7 @@ def run() -> list[Row]:
             'model': name,
             'grid': str(on),
             'cpu_s': round(seconds, 3),
-            'share_of_plain': round(seconds / plain_seconds, 4),
+            'ratio_to_plain': round(seconds / plain_seconds, 4),
             'error_35_min': None if early is None else round(early, 4),
             'error_80_min': None if late is None else round(late, 4),
         }
@@ -224,7 +237,7 @@ def run() -> list[Row]:
         on = rig.grid(*size)
         found, seconds = timed(
             lambda on=on, preset=preset: simulate(  # type: ignore[misc]
-                rig, schedule, CHECKED, grid=on, preset=preset
+                rig, schedule, ERROR_TIMES, grid=on, preset=preset
             )
         )
         rows.append(row(preset, on, seconds, found))
@@ -247,7 +260,7 @@ def _gradient_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float:
 
 
 def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: float) -> list[Row]:
-    """Return the time of one interval after 40 min: what the live loop waits for."""
+    """Return the time of one interval after 40 min: the live loop waits that long."""
     rows = []
     for preset, size in (('fast', grid), ('fast', rig.grid(747, 450))):
         model = Model(rig, size, preset=preset)
@@ -261,7 +274,7 @@ def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: floa
                 'model': f'{preset}, one interval of 30 s',
                 'grid': str(size),
                 'cpu_s': round(seconds, 4),
-                'share_of_plain': round(seconds * FRAMES / plain_seconds, 4),
+                'ratio_to_plain': round(seconds * FRAMES / plain_seconds, 4),
                 'error_35_min': None,
                 'error_80_min': None,
             }
@@ -270,12 +283,12 @@ def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: floa
 
 
 def main() -> None:
-    """Print the table, and the largest memory of the process."""
+    """Print the table and the peak memory of the process."""
     rows = run()
     for row in rows:
         print('  '.join(f'{key}={value}' for key, value in row.items()))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
-    print(f'largest memory {peak:.0f} MB', file=sys.stderr)
+    print(f'peak memory {peak:.0f} MB', file=sys.stderr)
 
 
 if __name__ == '__main__':

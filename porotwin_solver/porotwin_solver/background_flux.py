@@ -1,16 +1,16 @@
-"""A uniform Darcy flux imposed on all four sides of the rig, beside the wells."""
+"""A uniform Darcy flux that is imposed on all four sides of the rig, in addition to the wells."""
 
 import numpy as np
 
-from porotwin_core.grid import FloatArray
-from porotwin_solver.flow import FaceField, flow_of
+from porotwin_solver.face_field import FaceField
+from porotwin_solver.flow import SHARED_FLOWS
 from porotwin_solver.physics import Physics
 
 
-def background_flux(physics: Physics, conductance: FloatArray) -> FaceField | None:
-    """Return the flux [m^3/s] that a Darcy flux imposed on all four sides drives, None without one.
+def background_flux(physics: Physics) -> FaceField | None:
+    """Return the flux [m^3/s] that `physics.background_flux` [m/s] drives; None where it is zero.
 
-    Where the depth varies along a side, what leaves is scaled to what enters.
+    Where the depth differs between opposite sides, the outflow is scaled to the inflow.
     """
     velocity_x, velocity_z = physics.background_flux
     if velocity_x == 0.0 and velocity_z == 0.0:
@@ -26,8 +26,9 @@ def background_flux(physics: Physics, conductance: FloatArray) -> FaceField | No
     flux.z[-1] = velocity_z * grid.dx * physics.depth[-1]
     flux.x[:, -1] *= _ratio(flux.x[:, 0].sum(), flux.x[:, -1].sum())
     flux.z[-1] *= _ratio(flux.z[0].sum(), flux.z[-1].sum())
-    return flow_of(grid, conductance, closed).flux(np.zeros(grid.shape), flux)
+    flow = SHARED_FLOWS.flow(grid, physics.mobility_thickness, closed)
+    return flow.flux(np.zeros(grid.shape), flux)
 
 
-def _ratio(wanted: float, given: float) -> float:
-    return wanted / given if given else 1.0
+def _ratio(inflow: float, outflow: float) -> float:
+    return inflow / outflow if outflow else 1.0

@@ -1,0 +1,120 @@
+"""The backward sweep: the adjoint of a simulation, from its last map to its first step."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.wells import WellRate
+from porotwin_solver.adjoint.forward_sweep import ForwardSweep, Interval
+from porotwin_solver.adjoint.parameter_difference import ParameterDifference
+from porotwin_solver.adjoint.step_adjoint import (
+    StepDerivatives,
+    coefficient_derivatives,
+    flow_adjoint,
+    step_adjoint,
+)
+from porotwin_solver.engine import Engine, State
+from porotwin_solver.model import Model
+
+
+@dataclass(frozen=True)
+class SweepDerivatives:
+    """Derivatives of the cost: by rate and injected concentration of every well, by parameters.
+
+    `rate` and `concentration` hold (intervals,) per well, `parameters` is (n,).
+    """
+
+    rate: dict[str, FloatArray]
+    concentration: dict[str, FloatArray]
+    parameters: FloatArray
+
+
+def sweep_backward(
+    model: Model, times: FloatArray, forward: ForwardSweep, varied: Sequence[ParameterDifference]
+) -> SweepDerivatives:
+    """Return the derivatives of the cost of `forward`; its kept states are consumed."""
+    engine = model.engine
+    count = len(forward.intervals)
+    found = SweepDerivatives(
+        {name: np.zeros(count) for name in engine.physics.wells},
+        {name: np.zeros(count) for name in engine.physics.wells},
+        np.zeros(len(varied)),
+    )
+    by_parameter = found.parameters
+    bar = State.equilibrium(np.zeros(engine.grid.shape))
+    for index in range(count - 1, -1, -1):
+        interval = forward.intervals[index]
+        rates = interval.rates
+        if interval.observed:
+            last = interval.states.pop()
+            for observed in interval.observed:
+                time, map_bar = float(times[observed]), forward.map_bars[observed]
+                by_parameter += _map_adjoint(model, bar, last, time, map_bar, varied)
+        _, length = engine.splitting(interval.end - interval.start)
+        while interval.states:
+            first = interval.states.pop()
+            step = step_adjoint(engine, first, rates, length, bar, varied)
+            by_parameter += step.by_parameter
+            by_parameter += coefficient_derivatives(varied, rates, first, step)
+            by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
+            _add_well_derivatives(engine, interval, index, step.derivatives, by_source, found)
+    return found
+
+
+def _map_adjoint(
+    model: Model,
+    bar: State,
+    state: State,
+    time: float,
+    map_bar: FloatArray,
+    varied: Sequence[ParameterDifference],
+) -> FloatArray:
+    """Add dJ/dstate through the map at `time` [s] to `bar`; return dJ/dparameter through it."""
+    engine, operator, grid = model.engine, model.observation_operator, model.grid
+    concentration = engine.mean_concentration(state)
+    mean_bar = operator.apply_adjoint(concentration, grid, time, map_bar)
+    immobile = engine.physics.immobile_fraction
+    bar.mobile += (1.0 - immobile) * mean_bar
+    bar.immobile += immobile * mean_bar
+
+    def weighted(varied_model: Model) -> float:
+        mean = varied_model.engine.mean_concentration(state)
+        shown = varied_model.observation_operator.apply(mean, grid, time)
+        return float(np.vdot(map_bar, shown))
+
+    return np.array([one.derivative(weighted) for one in varied])
+
+
+def _add_well_derivatives(
+    engine: Engine,
+    interval: Interval,
+    index: int,
+    derivatives: StepDerivatives,
+    by_source: FloatArray | None,
+    found: SweepDerivatives,
+) -> None:
+    """Add dJ/drate and dJ/dconcentration of every well through one step of interval `index`.
+
+    A rate acts through its unit flow, through the sources of its cells and, by `by_source`, through
+    the tracer-driven flow.
+    """
+    at, units = engine.sources_and_sinks, engine.unit_fluxes
+    flux_bar, sources_bar, _ = derivatives.advection
+    for name, source_sink in engine.physics.wells.items():
+        commanded = interval.rates.get(name, WellRate())
+        factor = engine.physics.rate_factors.get(name, 1.0)
+        unit = at.all.index(source_sink)
+        by_rate = float(np.vdot(flux_bar.x, units.x[unit]))
+        by_rate += float(np.vdot(flux_bar.z, units.z[unit]))
+        if by_source is not None and engine.coupling is not None:
+            by_rate += engine.coupling.sources_and_sinks.disc_mean(source_sink, by_source)
+        if commanded.rate >= 0:
+            by_tracer = at.disc_mean(source_sink, sources_bar.tracer)
+            by_inflow = at.disc_mean(source_sink, sources_bar.inflow)
+            by_rate += by_inflow + commanded.concentration * by_tracer
+            found.concentration[name][index] += factor * commanded.rate * by_tracer
+        else:
+            by_rate -= at.disc_mean(source_sink, sources_bar.outflow)
+        found.rate[name][index] += factor * by_rate

@@ -1,0 +1,87 @@
+"""The forward sweep: a simulation that keeps the state before every splitting step."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.wells import Schedule, WellRates
+from porotwin_solver.engine import State
+from porotwin_solver.model import Model
+from porotwin_solver.refinement import refine
+
+Cost = Callable[[int, FloatArray], tuple[float, FloatArray]]
+"""From the index of a time and its map (nz, nx) to the map's part of the cost J and dJ/dmap."""
+
+
+@dataclass
+class Interval:
+    """A part of the simulation, from `start` to `end` [s], with constant rates.
+
+    observed: indices of the times whose map shows its last state.
+    states: the state before every splitting step, and the last one if it is observed.
+    """
+
+    start: float
+    end: float
+    rates: WellRates
+    observed: list[int] = field(default_factory=list)
+    states: list[State] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class ForwardSweep:
+    """The cost of a simulation, dJ/dmap (nz, nx) by index of the time, and all its intervals."""
+
+    cost: float
+    map_bars: dict[int, FloatArray]
+    intervals: list[Interval]
+
+
+def sweep_forward(
+    model: Model, schedule: Schedule, times: FloatArray, start: float, cost: Cost
+) -> ForwardSweep:
+    """Simulate from `start` [s] and return the sum of `cost` over the maps at `times` [s].
+
+    Raises:
+        InputError: an unknown well, or rates that do not balance in a closed rig.
+    """
+    engine, operator = model.engine, model.observation_operator
+    intervals, observed_before = _intervals(model, schedule, times, start)
+    state = State.equilibrium(refine(model.initial_condition(), engine.grid.shape))
+    total, map_bars = 0.0, {}
+
+    def observe(indices: Iterable[int]) -> None:
+        nonlocal total
+        concentration = engine.mean_concentration(state)
+        for index in indices:
+            shown = operator.apply(concentration, model.grid, float(times[index]))
+            part, map_bars[index] = cost(index, shown)
+            total += part
+
+    observe(observed_before)
+    for interval in intervals:
+        duration = interval.end - interval.start
+        for coefficients in engine.interval(state, interval.rates, duration):
+            interval.states.append(state.copy())
+            engine.step(state, coefficients)
+        if interval.observed:
+            interval.states.append(state.copy())
+            observe(interval.observed)
+    return ForwardSweep(total, map_bars, intervals)
+
+
+def _intervals(
+    model: Model, schedule: Schedule, times: FloatArray, start: float
+) -> tuple[list[Interval], list[int]]:
+    """Return the intervals up to the last time, and the indices of times before the first one."""
+    intervals: list[Interval] = []
+    observed_before: list[int] = []
+    now = start
+    for index, time in enumerate(times):
+        target = time + model.observation_operator.clock_offset
+        for low, high, rates in schedule.intervals(now, target):
+            intervals.append(Interval(low, high, rates))
+        now = max(now, target)
+        observed = intervals[-1].observed if intervals else observed_before
+        observed.append(index)
+    return intervals, observed_before

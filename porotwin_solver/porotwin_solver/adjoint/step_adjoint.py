@@ -1,0 +1,222 @@
+"""The adjoint of one splitting step of the engine."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.wells import WellRates
+from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint, weights_adjoint
+from porotwin_solver.adjoint.parameter_difference import ParameterDifference
+from porotwin_solver.adjoint.transport_adjoint_kernels import (
+    AdvectionDerivatives,
+    advection_adjoint,
+)
+from porotwin_solver.diffusion import (
+    DispersionTensor,
+    Exchanges,
+    dispersion_tensor,
+    dispersion_tensor_adjoint,
+)
+from porotwin_solver.engine import Engine, State, StepCoefficients, StepTapes
+from porotwin_solver.face_field import FaceField
+from porotwin_solver.model import Model
+from porotwin_solver.transport import Sources
+
+
+class StepDerivatives(NamedTuple):
+    """Derivatives of the cost by the coefficients of one step, in their shapes."""
+
+    advection: AdvectionDerivatives
+    mobile_water: FloatArray
+    tensor: DispersionTensor
+
+    @classmethod
+    def zeros(cls, grid: Grid) -> 'StepDerivatives':
+        """Return derivatives that are zero."""
+
+        def zero() -> FloatArray:
+            return np.zeros(grid.shape)
+
+        return cls(
+            AdvectionDerivatives(FaceField.zeros(grid), Sources(zero(), zero(), zero()), zero()),
+            zero(),
+            DispersionTensor(zero(), zero(), zero()),
+        )
+
+
+class StepAdjoint(NamedTuple):
+    """The derivatives by the coefficients and by the parameters (n,) that act on reactions."""
+
+    coefficients: StepCoefficients
+    derivatives: StepDerivatives
+    by_parameter: FloatArray
+
+
+def step_adjoint(
+    engine: Engine,
+    first: State,
+    rates: WellRates,
+    length: float,
+    bar: State,
+    varied: Sequence[ParameterDifference],
+) -> StepAdjoint:
+    """Run the step of `length` [s] from `first` again and apply its adjoint.
+
+    Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
+    part through the tracer-driven flow (`flow_adjoint`).
+    """
+    coefficients = engine.coefficients(first, rates, length)
+    half = coefficients.exchanges.levels.duration
+    tapes = StepTapes.empty(coefficients)
+    state = first.copy()
+    engine.react(state, half)
+    engine.transport(state, coefficients, tapes)
+    by_parameter = _reaction_derivatives(varied, bar, state, half)
+    engine.react_adjoint(bar, half)
+    derivatives = StepDerivatives.zeros(engine.grid)
+    _transport_adjoint(
+        engine,
+        state.mobile,
+        bar.mobile,
+        coefficients,
+        tapes,
+        derivatives,
+        with_tensor=bool(varied) or engine.physics.disperses,
+    )
+    by_parameter += _reaction_derivatives(varied, bar, first, half)
+    engine.react_adjoint(bar, half)
+    return StepAdjoint(coefficients, derivatives, by_parameter)
+
+
+def _transport_adjoint(
+    engine: Engine,
+    c: FloatArray,
+    bar: FloatArray,
+    coefficients: StepCoefficients,
+    tapes: StepTapes,
+    derivatives: StepDerivatives,
+    *,
+    with_tensor: bool,
+) -> None:
+    """Apply the adjoint of `Engine.transport`; `c` is the concentration after it, then before."""
+    flux, sources, levels, exchanges = coefficients
+    weight_bar = np.zeros_like(exchanges.weight)
+
+    def diffusion_adjoint(tape: FloatArray) -> None:
+        exchange_adjoint(
+            c.ravel(),
+            bar.ravel(),
+            engine.storage.ravel(),
+            exchanges,
+            tape,
+            weight_bar,
+            derivatives.advection.storage.ravel(),
+        )
+
+    diffusion_adjoint(tapes.second_diffusion)
+    advection_adjoint(
+        c,
+        bar,
+        flux,
+        sources,
+        engine.storage,
+        levels,
+        int(engine.scheme),
+        tapes.advection,
+        derivatives.advection,
+    )
+    diffusion_adjoint(tapes.first_diffusion)
+    if with_tensor:
+        _add_tensor_derivatives(engine, flux, exchanges, weight_bar, derivatives)
+
+
+def _add_tensor_derivatives(
+    engine: Engine,
+    flux: FaceField,
+    exchanges: Exchanges,
+    weight_bar: FloatArray,
+    derivatives: StepDerivatives,
+) -> None:
+    """Add dJ/dtensor and dJ/dwater from dJ/dweight, and dJ/dflux through the tensor."""
+    grid, physics = engine.grid, engine.physics
+    scales = (1.0 / grid.dx**2, 1.0 / (grid.dx * grid.dz), 1.0 / grid.dz**2)
+    tensor = dispersion_tensor(physics, flux)
+    scaled = DispersionTensor(*(part * scale for part, scale in zip(tensor, scales, strict=True)))
+    scaled_bar = DispersionTensor(*(np.zeros(grid.shape) for _ in range(3)))
+    weights_adjoint(
+        scaled, physics.mobile_water, exchanges, weight_bar, scaled_bar, derivatives.mobile_water
+    )
+    for tensor_bar, part, scale in zip(derivatives.tensor, scaled_bar, scales, strict=True):
+        np.add(tensor_bar, part * scale, out=tensor_bar)
+    by_flux = dispersion_tensor_adjoint(physics, flux, derivatives.tensor)
+    flux_bar = derivatives.advection.flux
+    flux_bar.x[:] += by_flux.x
+    flux_bar.z[:] += by_flux.z
+
+
+def flow_adjoint(
+    engine: Engine, first: State, rates: WellRates, bar: State, derivatives: StepDerivatives
+) -> FloatArray | None:
+    """Add to `bar` the derivative through the tracer-driven flow; return dJ/dsource of that flow.
+
+    `bar` is dJ/d(state before the step), `first` that state. None where the tracer does not change
+    the flow.
+    """
+    if engine.coupling is None:
+        return None
+    by_mobile, by_source = engine.coupled_flux_adjoint(
+        rates, first.mobile, derivatives.advection.flux
+    )
+    bar.mobile += by_mobile
+    return by_source
+
+
+def coefficient_derivatives(
+    varied: Sequence[ParameterDifference], rates: WellRates, first: State, step: StepAdjoint
+) -> FloatArray:
+    """Return dJ/dparameter (n,) through the coefficients of the step from `first`."""
+    flux = step.coefficients.flux
+    return np.array(
+        [
+            one.derivative(lambda m: _weighted(m, rates, first, flux, step.derivatives))
+            for one in varied
+        ]
+    )
+
+
+def _weighted(
+    model: Model, rates: WellRates, first: State, flux: FaceField, derivatives: StepDerivatives
+) -> float:
+    """Return the scalar product of the coefficients of `model` and the derivatives by them.
+
+    The tensor is taken at the given `flux`: dJ/dflux already contains its dependence on the flux.
+    """
+    engine, physics = model.engine, model.engine.physics
+    own_flux = engine.coupled_flux(engine.water_flux(rates), rates, first.mobile)
+    sources = engine.sources_and_sinks.sources(rates)
+    advection = derivatives.advection
+    parts = [
+        np.vdot(advection.flux.x, own_flux.x),
+        np.vdot(advection.flux.z, own_flux.z),
+        *(np.vdot(by, value) for by, value in zip(advection.sources, sources, strict=True)),
+        np.vdot(advection.storage, engine.storage),
+        np.vdot(derivatives.mobile_water, physics.mobile_water),
+    ]
+    tensor = dispersion_tensor(physics, flux)
+    parts += [np.vdot(by, value) for by, value in zip(derivatives.tensor, tensor, strict=True)]
+    return float(sum(parts))
+
+
+def _reaction_derivatives(
+    varied: Sequence[ParameterDifference], bar: State, state: State, duration: float
+) -> FloatArray:
+    """Return dJ/dparameter (n,) through the reaction of `state` over `duration` [s]."""
+
+    def reacted(model: Model) -> float:
+        after = state.copy()
+        model.engine.react(after, duration)
+        return float(np.vdot(bar.mobile, after.mobile) + np.vdot(bar.immobile, after.immobile))
+
+    return np.array([one.derivative(reacted) if one.reacts else 0.0 for one in varied])
