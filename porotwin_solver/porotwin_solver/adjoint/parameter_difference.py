@@ -67,7 +67,8 @@ class ParameterDifference:
                 self.models = {model(steps): weight for steps, weight in weights.items()}
                 return
         raise InputError(
-            f'gradient by {effect_name} {parameter} = {values[0]:g}: no room to vary it on either side'
+            f'gradient by {effect_name} {parameter} = {values[0]:g}: no room to vary it on either '
+            'side'
         )
 
     @property
