@@ -9,7 +9,7 @@ from porotwin_cli.output import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
 BENCHES = {
-    'imaging': 'porotwin_imaging.bench',
+    'imaging': 'porotwin_imaging.imaging_bench',
     'solver': 'porotwin_solver.bench',
     'costa': 'porotwin_cli.bench_costa',
     'loop': 'porotwin_cli.bench_loop',

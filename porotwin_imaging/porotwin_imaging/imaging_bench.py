@@ -1,4 +1,4 @@
-"""How long a photograph takes on this machine, stage by stage, at the real camera's resolution."""
+"""The time from photograph to map on this machine, per stage, at the resolution of the camera."""
 
 import resource
 import time
@@ -12,31 +12,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.rig import Rig
+from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration import Calibration
-from porotwin_imaging.chain import Imaging
 from porotwin_imaging.colour_checker import REFERENCE
+from porotwin_imaging.photo_to_map import concentration_map
 
 CAMERA = (7952, 4472)
 """Columns and rows of the camera of the FluidFlower rigs [px]."""
 GRIDS = {'280x150': (280, 150), '1 mm': (934, 562)}
+"""Columns and rows of the maps by name."""
 ROUNDS = 9
-_MARGIN, _TOP = 200, 400
+"""Photographs whose median time is reported."""
+_MARGIN, _UPPER_MARGIN = 200, 400
+"""Distance of the rig from the edges of the photograph [px]; the chart is above the rig."""
 _CHART = (300, 40, 70)
 """Column and row of the colour chart, and the distance of its patches [px]."""
+_SEED = 11
+"""Seed of the grains."""
 
 
 def run(camera: tuple[int, int] = CAMERA, rounds: int = ROUNDS) -> list[dict[str, Any]]:
-    """Return one row for each stage and grid: median and longest time [s] of `rounds` photographs.
+    """Return one row per stage and grid: median and longest time [s] of `rounds` photographs.
 
-    From the file's bytes to the map, on a picture of the small rig that is made here; `memory_mb`
-    is the most that a process which does nothing else has held.
+    The time is from the bytes of the file to the map. The photograph of `camera` (columns, rows)
+    [px] is synthetic. `memory_mb` is the peak memory of a process that does nothing else.
     """
     baseline, state = (_in_a_process(_photograph, camera, tracer) for tracer in (False, True))
     return _in_a_process(_measure, camera, rounds, baseline, state)
 
 
 def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what `work` does in a process of its own, so that memory is counted apart."""
+    """Return `work(*arguments)`, called in a new process, so that memory is measured separately."""
     with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
         return pool.submit(work, *arguments).result()
 
@@ -44,13 +50,13 @@ def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
 def _measure(
     camera: tuple[int, int], rounds: int, baseline: bytes, state: bytes
 ) -> list[dict[str, Any]]:
+    """Return the rows of `run`."""
     rows: list[dict[str, Any]] = []
     rig = _rig(camera)
     for name, (nx, nz) in GRIDS.items():
-        imaging = Imaging(rig, rig.grid(nx, nz), calibration=Calibration())
-        imaging.set_baselines([baseline])
-        imaging.concentration(state)  # compiles the kernels
-        runs = [_timed(imaging, state) for _ in range(rounds)]
+        reference = make_baseline(rig, rig.grid(nx, nz), [baseline], calibration=Calibration())
+        concentration_map(state, reference)  # compiles the kernels
+        runs = [_timed(reference, state) for _ in range(rounds)]
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         for stage in runs[0]:
             times = [timings[stage] for timings in runs]
@@ -66,19 +72,26 @@ def _measure(
     return rows
 
 
-def _timed(imaging: Imaging, state: bytes) -> dict[str, float]:
+def _timed(baseline: Baseline, state: bytes) -> dict[str, float]:
+    """Return the duration of each stage and of the whole [s]."""
     start = time.perf_counter()
-    timings = imaging.concentration(state).timings
+    timings = concentration_map(state, baseline).timings
     return {**timings, 'whole': time.perf_counter() - start}
 
 
 def _rig(camera: tuple[int, int]) -> Rig:
-    left, upper = _MARGIN, _TOP
-    right, lower = camera[0] - _MARGIN, camera[1] - _MARGIN
-    corners = [[left, upper], [left, lower], [right, lower], [right, upper]]
+    """Return a rig that fills the photographs of `camera` (columns, rows) [px]."""
+    left_edge, upper_edge = _MARGIN, _UPPER_MARGIN
+    right_edge, lower_edge = camera[0] - _MARGIN, camera[1] - _MARGIN
+    corners = [
+        [left_edge, upper_edge],
+        [left_edge, lower_edge],
+        [right_edge, lower_edge],
+        [right_edge, upper_edge],
+    ]
     x, y, pitch = _CHART
-    right_end, lower_end = x + 5.8 * pitch, y + 3.8 * pitch
-    chart = [[x, y], [x, lower_end], [right_end, lower_end], [right_end, y]]
+    chart_right, chart_lower = x + 5.8 * pitch, y + 3.8 * pitch
+    chart = [[x, y], [x, chart_lower], [chart_right, chart_lower], [chart_right, y]]
     return Rig.model_validate(
         {
             'name': 'bench',
@@ -96,8 +109,8 @@ def _rig(camera: tuple[int, int]) -> Rig:
 
 
 def _photograph(camera: tuple[int, int], tracer: bool) -> bytes:
-    """Return the JPEG file of a picture of mottled sand, with a green plume if `tracer`."""
-    generator = np.random.default_rng(11)
+    """Return a JPEG file with a picture of mottled sand, and with a green plume if `tracer`."""
+    generator = np.random.default_rng(_SEED)
     columns, rows = camera
     grains = generator.normal(0.0, 1.0, (rows // 8, columns // 8)).astype(np.float32)
     mottled = cv2.resize(grains, camera, interpolation=cv2.INTER_CUBIC)
@@ -116,9 +129,10 @@ def _photograph(camera: tuple[int, int], tracer: bool) -> bytes:
     pixels[y - 20 : y + 4 * pitch, x - 20 : x + 6 * pitch] = 25
     for index, colour in enumerate(REFERENCE):
         row_of, column_of = divmod(index, 6)
-        top, left, side = y + pitch * row_of, x + pitch * column_of, int(0.8 * pitch)
-        grey = 255 * np.clip(colour[::-1], 0, 1) ** (1 / 2.2)
-        pixels[top : top + side, left : left + side] = grey
+        first_row, first_column = y + pitch * row_of, x + pitch * column_of
+        side = int(0.8 * pitch)
+        levels = 255 * np.clip(colour[::-1], 0, 1) ** (1 / 2.2)
+        pixels[first_row : first_row + side, first_column : first_column + side] = levels
     _, data = cv2.imencode('.jpg', pixels.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
     return data.tobytes()
 
