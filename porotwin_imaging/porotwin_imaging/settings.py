@@ -230,7 +230,7 @@ class CalibrationSettings:
     least_signal: float = 0.002
     """Smoothed signal below which there is no tracer, however even the background is [-]."""
     scale_error: float = 0.025
-    """Relative standard deviation of a scale from the pump log [-]: masses leave the curve vague."""
+    """Relative standard deviation of a scale from the pump log [-]: an estimate."""
     scale_error_without_log: float = 0.1
     """The same if the strongest signal is taken for tracer stock [-]."""
     stock_percentile: float = 95.0

@@ -1,11 +1,17 @@
-"""Alignment of a picture to its baseline."""
+"""Alignment of a photograph to its baseline."""
 
 import cv2
 import numpy as np
 import pytest
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.registration import Aligner
+from porotwin_imaging.alignment import (
+    Alignment,
+    ReferenceFeatures,
+    align,
+    alignment_remarks,
+    reference_features,
+)
 
 ROWS, COLUMNS = 500, 800
 
@@ -30,8 +36,8 @@ def worst(found: np.ndarray, true: np.ndarray) -> float:
 
 
 @pytest.fixture(scope='module')
-def aligner() -> Aligner:
-    return Aligner(sand(1), np.ones((ROWS, COLUMNS), bool))
+def features() -> ReferenceFeatures:
+    return reference_features(sand(1), np.ones((ROWS, COLUMNS), bool))
 
 
 @pytest.mark.parametrize(
@@ -42,29 +48,39 @@ def aligner() -> Aligner:
         np.array([[1.002, 0.004, 3], [-0.004, 0.999, 2], [2e-6, -1e-6, 1]]),
         np.array([[1, 0, 140.0], [0, 1, 60.0], [0, 0, 1]]),
     ],
-    ids=['still', 'nudged', 'turned', 'far'],
+    ids=['same place', 'nudged', 'rotated', 'far'],
 )
-def test_a_moved_camera_is_found_to_a_tenth_of_a_pixel(aligner, homography) -> None:
-    found = aligner.align(moved(sand(1), homography))
+def test_a_moved_camera_is_found_to_a_tenth_of_a_pixel(features, homography) -> None:
+    found = align(moved(sand(1), homography), features)
     assert worst(found.homography, homography) < 0.1
     assert found.residual < 0.2
 
 
-def test_tracer_and_light_do_not_pull(aligner) -> None:
+def test_tracer_and_light_do_not_move_the_alignment(features) -> None:
     shift = np.array([[1, 0, 5.0], [0, 1, 3.0], [0, 0, 1]])
     picture = moved(sand(1), shift).astype(float) * np.linspace(0.8, 1.1, COLUMNS)[None, :, None]
     row, column = np.ogrid[:ROWS, :COLUMNS]
     plume = np.clip((180 - np.hypot(row - 250, column - 400)) / 30, 0, 1)
     picture *= 1 - 0.7 * plume[..., None]
-    assert worst(aligner.align(picture.astype(np.uint8)).homography, shift) < 0.15
+    assert worst(align(picture.astype(np.uint8), features).homography, shift) < 0.15
 
 
 @pytest.mark.parametrize('seed', range(2, 8))
-def test_other_sand_is_refused(aligner, seed: int) -> None:
+def test_other_sand_is_refused(features, seed: int) -> None:
     with pytest.raises(InputError, match='does not match the baseline'):
-        aligner.align(sand(seed))
+        align(sand(seed), features)
 
 
 def test_a_baseline_without_texture_is_refused() -> None:
     with pytest.raises(InputError, match='no texture'):
-        Aligner(np.full((ROWS, COLUMNS, 3), 90, np.uint8), np.ones((ROWS, COLUMNS), bool))
+        reference_features(
+            np.full((ROWS, COLUMNS, 3), 90, np.uint8), np.ones((ROWS, COLUMNS), bool)
+        )
+
+
+def test_a_shift_and_a_deformation_are_reported_in_pixels_of_the_file() -> None:
+    found = Alignment(np.eye(3), shift=1.5, residual=0.5, inliers=0.9)
+    moved_line, deformed_line = alignment_remarks(found, reduction=2)
+    assert moved_line == 'camera has moved by 3.0 px: corrected'
+    assert deformed_line.startswith('alignment leaves 1.0 px')
+    assert alignment_remarks(Alignment(np.eye(3), 1.0, 0.1, 0.9), reduction=2) == []

@@ -1,13 +1,13 @@
-"""From signal to concentration by what the pumps injected."""
+"""The scale of the signal from the mass balance of an injection."""
 
 import numpy as np
 import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_imaging.injection import fit_growth, fit_response, injected_volume
+from porotwin_imaging.mass_balance_fit import fit_growth, fit_response, injected_volume
 
-POROSITY_DEPTH_AREA = 4e-8
+PORE_VOLUME_M3 = 4e-8
 
 
 def plumes() -> list[np.ndarray]:
@@ -30,9 +30,9 @@ def test_injected_volume_counts_stock_only() -> None:
 
 def test_the_scale_is_found_despite_outliers() -> None:
     volume = np.linspace(1, 10, 10) * 1e-5
-    seen = volume / 0.8
-    seen[[2, 7]] *= [1.6, 0.3]
-    growth = fit_growth(seen, volume)
+    imaged = volume / 0.8
+    imaged[[2, 7]] *= [1.6, 0.3]
+    growth = fit_growth(imaged, volume)
     assert growth.scale == pytest.approx(0.8, rel=1e-6)
     assert list(np.flatnonzero(~growth.inliers)) == [2, 7]
 
@@ -47,7 +47,7 @@ def test_signal_that_does_not_grow_is_refused() -> None:
 def test_a_bent_signal_gives_a_monotone_curve_that_balances_mass() -> None:
     truth = plumes()
     signals = [0.7 * (1 - np.exp(-1.5 * c)) / (1 - np.exp(-1.5)) for c in truth]
-    volume = np.full(truth[0].shape, POROSITY_DEPTH_AREA)
+    volume = np.full(truth[0].shape, PORE_VOLUME_M3)
     injected = [float((c * volume).sum()) for c in truth]
     growth = fit_growth([float((s * volume).sum()) for s in signals], injected)
     response, misfit = fit_response(signals, volume, injected, scale=growth.scale)

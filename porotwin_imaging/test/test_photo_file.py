@@ -1,4 +1,4 @@
-"""Files of photographs: whole, broken, dark, too bright."""
+"""Photographs as files: complete, broken, dark and over-exposed ones."""
 
 import io
 import struct
@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from porotwin_core.errors import InputError
-from porotwin_imaging import photograph
+from porotwin_imaging import photo_file
 
 
 def pixels() -> np.ndarray:
@@ -21,17 +21,17 @@ def encoded(kind: str, picture: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize('kind', ['.jpg', '.png', '.tif'])
-def test_size_and_wholeness_by_format(kind: str) -> None:
+def test_size_and_completeness_by_format(kind: str) -> None:
     data = encoded(kind, pixels())
-    assert photograph.is_whole(data)
-    assert photograph.size(data) == (360, 240)
-    assert not photograph.is_whole(data[: len(data) // 2])
+    assert photo_file.is_complete(data)
+    assert photo_file.photo_size(data) == (360, 240)
+    assert not photo_file.is_complete(data[: len(data) // 2])
 
 
 @pytest.mark.parametrize('reduction', [1, 2, 4, 8])
 def test_coarser_decoding_keeps_the_picture(reduction: int) -> None:
     smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
-    found = photograph.decode(encoded('.jpg', smooth), reduction)
+    found = photo_file.decode(encoded('.jpg', smooth), reduction)
     assert (found.width, found.height) == (360, 240)
     assert found.pixels.shape == (240 // reduction, 360 // reduction, 3)
     coarse = cv2.resize(smooth, found.pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
@@ -41,28 +41,28 @@ def test_coarser_decoding_keeps_the_picture(reduction: int) -> None:
 @pytest.mark.parametrize('kind', ['JPEG', 'PNG', 'TIFF'])
 @pytest.mark.parametrize('turned', [1, 3, 6])
 @pytest.mark.parametrize('reduction', [1, 2])
-def test_pixels_are_those_of_the_file_whatever_its_orientation(kind, turned, reduction) -> None:
+def test_the_orientation_of_a_file_does_not_turn_its_pixels(kind, turned, reduction) -> None:
     smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
     tags = Image.Exif()
     tags[0x0112] = turned
     file = io.BytesIO()
     Image.fromarray(smooth[..., ::-1]).save(file, kind, exif=tags)
     data = file.getvalue()
-    assert photograph.orientation(data) == turned
-    assert photograph.size(data) == (360, 240)
-    found = photograph.decode(data, reduction).pixels
+    assert photo_file.orientation(data) == turned
+    assert photo_file.photo_size(data) == (360, 240)
+    found = photo_file.decode(data, reduction).pixels
     coarse = cv2.resize(smooth, (360 // reduction, 240 // reduction), interpolation=cv2.INTER_AREA)
     assert found.shape == coarse.shape
     assert np.abs(found.astype(int) - coarse).max() <= 6
 
 
 def test_without_a_readable_orientation_a_photograph_is_upright() -> None:
-    assert photograph.orientation(encoded('.jpg', pixels())) == 1
-    assert photograph.orientation(b'hello') == 1
+    assert photo_file.orientation(encoded('.jpg', pixels())) == 1
+    assert photo_file.orientation(b'hello') == 1
 
 
 def test_a_camera_that_pads_its_files_is_read() -> None:
-    assert photograph.is_whole(encoded('.jpg', pixels()) + b'\0' * 16)
+    assert photo_file.is_complete(encoded('.jpg', pixels()) + b'\0' * 16)
 
 
 @pytest.mark.parametrize(
@@ -77,18 +77,18 @@ def test_a_camera_that_pads_its_files_is_read() -> None:
     ],
     ids=['empty', 'text', 'truncated', 'headless', 'black', 'white'],
 )
-def test_what_shows_nothing_is_refused_in_one_line(data: bytes, complaint: str) -> None:
+def test_unusable_files_are_refused_in_one_line(data: bytes, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint) as error:
-        photograph.decode(data)
+        photo_file.decode(data)
     assert '\n' not in str(error.value)
 
 
-def test_a_header_that_claims_more_than_can_be_read_is_broken() -> None:
+def test_a_header_with_an_impossible_size_is_refused() -> None:
     data = encoded('.tif', pixels())
     for tag in (256, 257):  # columns and rows
         for kind, size in ((3, 240), (3, 360), (4, 240), (4, 360)):
             entry = struct.pack('<HHII', tag, kind, 1, size)
             data = data.replace(entry, struct.pack('<HHII', tag, 4, 1, 1 << 22))
-    assert not photograph.is_whole(data)
+    assert not photo_file.is_complete(data)
     with pytest.raises(InputError, match='not a JPEG'):
-        photograph.decode(data)
+        photo_file.decode(data)

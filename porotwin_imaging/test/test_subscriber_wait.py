@@ -1,29 +1,43 @@
-"""Photographs wait until all who want them are there."""
+"""Photographs wait until all subscribers are connected."""
 
-from porotwin_imaging.audience import PATIENCE, Audience
+import pytest
 
-
-def test_a_recorder_alone_gets_no_photograph_that_the_imaging_would_miss() -> None:
-    now = [0.0]
-    audience = Audience(2, clock=lambda: now[0])
-    assert not audience.is_complete(listening=0, known=0)
-    assert not audience.is_complete(listening=1, known=1)
-    now[0] = 3.0
-    assert not audience.is_complete(listening=1, known=2)
-    assert audience.is_complete(listening=2, known=2)
+from porotwin_imaging.subscriber_wait import LONGEST_WAIT_S, SubscriberWait
 
 
-def test_a_viewer_that_cannot_listen_does_not_cut_the_others_off() -> None:
-    now = [0.0]
-    audience = Audience(1, clock=lambda: now[0])
-    assert not audience.is_complete(listening=1, known=2)
-    now[0] = PATIENCE
-    assert audience.is_complete(listening=1, known=2)
+class SettableClock:
+    """A clock that shows `now`."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
 
 
-def test_whoever_never_comes_does_not_keep_the_others_waiting() -> None:
-    now = [0.0]
-    audience = Audience(2, clock=lambda: now[0])
-    assert not audience.is_complete(listening=1, known=1)
-    now[0] = PATIENCE
-    assert audience.is_complete(listening=1, known=1)
+@pytest.fixture
+def clock() -> SettableClock:
+    return SettableClock()
+
+
+def test_photographs_wait_for_the_imaging_if_only_the_recorder_is_connected(clock) -> None:
+    wait = SubscriberWait(2, clock=clock)
+    assert not wait.is_over(connected=0, known=0)
+    assert not wait.is_over(connected=1, known=1)
+    clock.now = 3.0
+    assert not wait.is_over(connected=1, known=2)
+    assert wait.is_over(connected=2, known=2)
+
+
+def test_an_incompatible_subscriber_does_not_stop_the_others(clock) -> None:
+    wait = SubscriberWait(1, clock=clock)
+    assert not wait.is_over(connected=1, known=2)
+    clock.now = LONGEST_WAIT_S
+    assert wait.is_over(connected=1, known=2)
+
+
+def test_a_missing_subscriber_does_not_stop_the_others(clock) -> None:
+    wait = SubscriberWait(2, clock=clock)
+    assert not wait.is_over(connected=1, known=1)
+    clock.now = LONGEST_WAIT_S
+    assert wait.is_over(connected=1, known=1)

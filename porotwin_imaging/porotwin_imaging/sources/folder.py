@@ -27,7 +27,7 @@ from porotwin_imaging.sources.photo_protocol import GrowingProtocol
 
 SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
 MOST_AT_ONCE = 4
-"""Photographs per poll: this many are in memory at once, and the queue of their topic keeps them."""
+"""Photographs per poll: limits the memory, and their topic has a queue of this length."""
 PATIENCE_S = 10.0
 """Default patience [s]; a camera writes a file in less time."""
 POLL_INTERVAL_S = 0.5
