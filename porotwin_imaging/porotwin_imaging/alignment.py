@@ -58,7 +58,7 @@ class ReferenceFeatures:
     """Features of the baseline that are tracked into every photograph.
 
     Attributes:
-        reduction: integer by which pictures are reduced for tracking.
+        reduction: integer factor between decoded pixels and pixels of the tracking.
         picture: normalised baseline at that scale, shape (rows, columns).
         mask: 1 inside the rig, same shape.
         points: the features as (column, row), float32, shape (n, 1, 2).

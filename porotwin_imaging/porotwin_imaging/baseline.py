@@ -39,15 +39,15 @@ _LEAST_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Baseline:
-    """The record with which all photographs are compared.
+    """The reference of all photographs.
 
     Attributes:
         grid: the grid of the maps.
         photo_size: columns and rows of the photographs [px of the file].
         reduction: ratio of file pixels to decoded pixels.
         sampling: pixels of each cell, from the geometry of the rig.
-        features: features to which photographs are aligned.
-        mask: what hides the sand, on the sampling grid, row 0 at the top.
+        features: reference of the alignment.
+        mask: parts without visible sand, on the sampling grid, row 0 at the top.
         usable: 1 where sand is visible, uint8, on the sampling grid.
         colours: linear red, green, blue on the sampling grid, shape (rows, columns, 3).
         fluctuation: variance of the log ratio between several baselines, shape (nz, nx, 3).
@@ -108,8 +108,8 @@ def make_baseline(
     Args:
         rig: the rig with its camera.
         grid: the grid of the maps.
-        photographs: photographs without tracer (bytes of the files), the first of which defines
-            the position of the camera and the light.
+        photographs: photographs without tracer (bytes of the files). The first one defines the
+            position of the camera and the light.
         calibration: conversion of signal to concentration; without one a default scale is used.
         settings: settings of all steps.
 

@@ -33,13 +33,13 @@ _DEVIATION_WINDOW = 41
 _LEAST_SEEDS, _SEED_SHARE, _LEAST_LENGTH_PX = 6, 0.2, 6.0
 """Core pixels of an object, their share of its area, and its length [px]: less is a grain."""
 _LEAST_WATER_COLUMNS = 0.5
-"""Share of the columns in which the band of water must be found [-]."""
+"""Share of the columns that must show the band of water [-]."""
 _WATER_OPENING = (7, 7)
 """Smooth spots smaller than this are single large grains [px]."""
 _WATER_STARTS_ABOVE, _WATER_WIDTH, _WATER_THICKNESS_PX = 5, 8, 5
 """Water starts in the upper fifth, is wider than an eighth of the rig, and thicker than 5 px."""
 _STRONGEST_EDGE = 3.0
-"""Change of log colour at which an edge is as strong as it can be."""
+"""Largest change of log colour that counts; stronger edges are equal."""
 _SURFACE_LAG = 3
 """Colours are compared over twice this distance, because the surface is blurred [px]."""
 

@@ -39,7 +39,7 @@ large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""
 UNCALIBRATED_ERROR = 0.2
 """Relative standard deviation of a scale that was not measured."""
 _HIDDEN_LEVEL = 128
-"""Grey level from which the picture `hidden` is white."""
+"""Lighter grey levels of the picture `hidden` are white."""
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ Array = NDArray[Any]
 _STRONG_PERCENTILE = 99.9
 """Percentile of the log ratios that is the strongest signal; single cells may be noise."""
 _QUIET_SPREADS = 4
-"""Median absolute deviations within which a cell belongs to the background."""
+"""Cells within this many median absolute deviations are background."""
 _SPREAD_PER_DEVIATION = 1.4826
 """Standard deviation of a normal distribution relative to its median absolute deviation."""
 _TRACER_SPREADS, _TRACER_SIGMA, _TRACER_MARGIN = 4, 3, (9, 9)

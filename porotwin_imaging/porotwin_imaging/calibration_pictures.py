@@ -1,4 +1,4 @@
-"""The calibration file and pictures of each step, with which a person checks a calibration."""
+"""The calibration file, and pictures of each step for a person who checks the calibration."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -61,7 +61,7 @@ def cell_sums(
         baseline: linear red-green-blue of the baseline, shape (rows, columns, 3).
         usable: 1 where the baseline shows sand, otherwise 0, shape (rows, columns).
         light: linear light of each grey level, shape (256,).
-        glare_level: grey level from which a pixel is over-exposed.
+        glare_level: lowest grey level of over-exposed pixels.
         samples_across: samples of a cell in each direction.
     """
     return CellSums(*_sums(pixels, baseline, usable, light, glare_level, samples_across))

@@ -55,7 +55,7 @@ PITCH = 16
 PATCH_SHARE = 0.8
 """Side of a patch relative to the distance of two patches."""
 MARGIN = 2 * PITCH
-"""Margin around the straightened chart in which it is searched [px]."""
+"""Margin of the straightened chart, for the search of its place [px]."""
 SEARCH = int(1.25 * PITCH)
 """Largest distance of the chart from its nominal place [px of the straightened chart]."""
 _USED_PATCHES = 20

@@ -24,7 +24,7 @@ WAITING_PHOTOS = 64
 MOST_BASELINES = 8
 """Baseline photographs that are averaged; more hardly reduce the noise."""
 TRACER_CONCENTRATION = 0.3
-"""Concentration from which a cell of a new baseline contains tracer [-]. Dye that remains in the
+"""Cells of a new baseline above this concentration contain tracer [-]. Dye that remains in the
 grains after an experiment is paler."""
 MOST_TRACER = 0.02
 """Largest share of the rig that may contain tracer in a new baseline [-]."""

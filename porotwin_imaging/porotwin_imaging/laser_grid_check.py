@@ -19,9 +19,9 @@ Array = NDArray[Any]
 CELL_M = 0.001
 """Size of a cell of the rectified picture [m], about one pixel of the camera."""
 BAND_M = 0.03
-"""Width of the bands across the lines in which peaks are located [m]."""
+"""Width of the bands across the lines; a line has one peak per band [m]."""
 LEAST_BANDS = 0.5
-"""Share of the bands in which a line must be found [-]."""
+"""Share of the bands that must show a line [-]."""
 LARGEST_STEP_M = 0.012
 """Largest displacement of a line from one band to the next [m]."""
 _PEAK_SPREADS = 4.0

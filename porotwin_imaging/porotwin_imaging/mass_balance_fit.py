@@ -117,7 +117,7 @@ def fit_response(
         signals: signal of each photograph, shape (nz, nx), NaN where it is not visible.
         pore_volume: phi d dA of the cells [m^3], shape (nz, nx).
         injected: injected volume at each photograph [m^3].
-        scale: scale of the linear fit, to which the penalty on bending pulls the curve.
+        scale: scale of the linear fit; the penalty on bending pulls the curve towards it.
         settings: knots and stiffness.
     """
     values = [np.where(np.isfinite(signal), signal, 0.0) for signal in signals]

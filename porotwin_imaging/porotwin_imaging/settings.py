@@ -42,7 +42,7 @@ class DecodingSettings:
     dark_level: int = 12
     """Grey level (0 to 255). A photograph is black if its 99.5th percentile is lower."""
     bright_level: int = 250
-    """Grey level (0 to 255) from which a pixel is over-exposed."""
+    """Lowest grey level (0 to 255) of over-exposed pixels."""
     most_bright: float = 0.5
     """Largest accepted share of over-exposed pixels [-]."""
 
@@ -76,13 +76,13 @@ class AlignmentSettings:
     closure_px: float = 0.3
     """A feature tracked forth and back must return to within this distance [px]."""
     ransac_tolerance_px: float = 0.6
-    """Distance from the homography up to which a feature is an inlier [px]."""
+    """Largest distance of an inlier from the homography [px]."""
     fewest_inliers: int = 40
     """Inliers below which the photograph does not match; a homography needs four."""
     least_inlier_share: float = 0.35
     """Share of the tracked features that must be inliers [-]; other sand matches only by chance."""
     reported_shift_px: float = 2.0
-    """Shift of the camera from which the status mentions it [px of the file]."""
+    """Larger shifts of the camera are mentioned in the status [px of the file]."""
     suspicious_residual_px: float = 0.35
     """Residual of the homography that marks a map as suspicious [px]: the picture is deformed."""
 
@@ -96,7 +96,7 @@ class ColourCheckerSettings:
     least_spread: float = 0.02
     """Spread of linear colours below which the surface is even and no chart [-]."""
     over_exposed: float = 0.955
-    """Linear value of grey level 250, from which a patch is over-exposed [-]."""
+    """Lowest linear value of over-exposed patches, grey level 250 [-]."""
     least_light: float = 0.05
     """Darker patches of the baseline are not used for the gain: noise dominates them [-]."""
     fewest_patches: int = 4
@@ -132,15 +132,15 @@ class BaselineMaskSettings:
     least_light: float = 0.012
     """Linear brightness below which a sample is frame or deep shadow [-]."""
     over_exposed: float = 0.955
-    """Linear value of grey level 250, from which a channel is over-exposed [-]."""
+    """Lowest linear value of over-exposed channels, grey level 250 [-]."""
     smooth_texture: float = 0.25
     """Texture relative to the median of the rig below which there is water instead of sand [-]."""
     detection_columns: int = 900
-    """Width of the picture in which objects are searched [px]; shows tubes of 1/400 of the rig."""
+    """Width of the picture for the search of objects [px]; shows tubes of 1/400 of the rig."""
     object_core: float = 6.0
     """Colour deviation of the core of an object [local spreads]."""
     object_edge: float = 3.0
-    """Colour deviation at which an object ends [local spreads]."""
+    """Colour deviation of the edge of an object [local spreads]."""
     smallest_object_m: float = 0.03
     """Shorter objects are grains [m]."""
 
@@ -208,7 +208,7 @@ class MassBalanceSettings:
     fewest_photographs: int = 3
     """Photographs that determine a line and reveal an outlier."""
     outlier_distance: float = 0.03
-    """Distance from the line, relative to the injected volume, from which one is an outlier [-]."""
+    """Outliers are farther from the line than this share of the injected volume [-]."""
     knots: int = 9
     """Points of the response curve."""
     stiffness: float = 0.02
@@ -256,4 +256,4 @@ class ImagingSettings:
 
 
 DEFAULTS = ImagingSettings()
-"""The settings with which the accuracy figures of docs/imaging.md were measured."""
+"""The settings of all nodes and commands."""

@@ -80,7 +80,7 @@ class SourceKind:
     """The announcement of a source.
 
     Attributes:
-        name: the name by which users choose it, as in `--camera NAME:ADDRESS`.
+        name: NAME in `--camera NAME:ADDRESS`.
         address: help text for the address.
         open: `open(address, **options)` returns the source, or raises InputError.
         options: further parameters of the camera node.

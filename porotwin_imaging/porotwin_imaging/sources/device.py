@@ -16,7 +16,7 @@ from porotwin_imaging.sources.camera_source import (
 )
 
 JPEG_QUALITY = 95
-"""JPEG quality (0 to 100) at which the artefacts are below the noise of a camera."""
+"""JPEG quality (0 to 100), nearly lossless."""
 
 
 class DeviceSource:

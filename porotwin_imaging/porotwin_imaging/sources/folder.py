@@ -58,8 +58,8 @@ class FolderSource:
 
     Args:
         folder: the folder; it must exist.
-        patience: time [s] that a complete file waits for an older one that is still being written,
-            and after which a file that no longer grows is reported.
+        patience: longest time [s] that a complete file waits for an unfinished older one. An
+            unfinished file that has not grown for this time is reported.
         clock: returns the time of a steady clock [s].
         read_bytes: reads a file.
 
