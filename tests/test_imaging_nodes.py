@@ -1,4 +1,4 @@
-"""Camera and imaging as nodes: a folder in, states of the asset out, whatever the camera does."""
+"""Camera node and imaging node: photographs in a folder become states of the asset."""
 
 import shutil
 from pathlib import Path
@@ -42,7 +42,7 @@ def plume(radius: float) -> np.ndarray:
 
 
 def put(folder: Path, name: str, data: bytes) -> None:
-    """Write a photograph as a careful camera does: under another name, then renamed."""
+    """Write a photograph under a hidden name and rename it when it is complete."""
     (folder / f'.{name}').write_bytes(data)
     shutil.move(folder / f'.{name}', folder / name)
 
@@ -62,7 +62,10 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
             {'rig': str(tmp_path / 'rig.yaml'), 'grid': '93x56'},
         ),
         NodeDescription(
-            'camera', 'porotwin_imaging', 'camera_node', {'photos': str(photos), 'patience': 2.0}
+            'camera',
+            'porotwin_imaging',
+            'camera_node',
+            {'source': f'folder:{photos}', 'patience': 2.0},
         ),
     ]
     with running_graph(nodes, tmp_path / 'run', domain) as graph:
@@ -80,7 +83,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         states: list[Any] = graph.wait_for_messages('asset/new_state', 1, timeout=60)
         assert graph.heard['asset/clean_state'][0].cause == CleanState.START
 
-        put(photos, '02.jpg', first)  # a camera that hangs
+        put(photos, '02.jpg', first)  # a camera that repeats its last photograph
         graph.wait_for_log('imaging', 'duplicate', timeout=20)
         put(photos, '03.jpg', photographer(seed=99).photograph(plume(0.05), time=50.0))
         graph.wait_for_log('imaging', 'does not match the baseline', timeout=20)
@@ -110,7 +113,9 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
             assert sum(text in complaint for complaint in complaints) == 1
 
 
-def test_states_wait_aloud_for_the_baseline_of_the_protocol(tmp_path: Path, domain: int) -> None:
+def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
+    tmp_path: Path, domain: int
+) -> None:
     camera = photographer()
     write_rig(camera.rig, tmp_path / 'rig.yaml')
     photos = tmp_path / 'photos'
@@ -124,7 +129,9 @@ def test_states_wait_aloud_for_the_baseline_of_the_protocol(tmp_path: Path, doma
             'imaging_node',
             {'rig': str(tmp_path / 'rig.yaml'), 'grid': '93x56'},
         ),
-        NodeDescription('camera', 'porotwin_imaging', 'camera_node', {'photos': str(photos)}),
+        NodeDescription(
+            'camera', 'porotwin_imaging', 'camera_node', {'source': f'folder:{photos}'}
+        ),
     ]
     with running_graph(nodes, tmp_path / 'run', domain) as graph:
         graph.wait_for_publishers('asset/new_state')
@@ -133,7 +140,7 @@ def test_states_wait_aloud_for_the_baseline_of_the_protocol(tmp_path: Path, doma
         protocol.write_text(protocol.read_text() + '0,00.jpg,baseline\n')
         put(photos, '00.jpg', camera.baseline())
         graph.wait_for_messages('asset/new_state', 1, timeout=60)
-        # a camera that was started again sees tracer where it should see none
+        # a restarted camera declares a photograph with tracer a baseline
         protocol.write_text(protocol.read_text() + '40,02.jpg,baseline\n60,03.jpg,state\n')
         put(photos, '02.jpg', camera.photograph(plume(0.09), time=40.0))
         graph.wait_for_log('imaging', 'as a new baseline it shows tracer on', timeout=20)

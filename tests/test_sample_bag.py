@@ -9,8 +9,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from porotwin_core.rig import load_rig
+from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import load_calibration
-from porotwin_imaging.chain import Imaging
+from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.simulation import simulate
 
@@ -61,10 +62,10 @@ def test_it_holds_the_rig_it_was_recorded_on(sample: Recording) -> None:
 
 def test_its_photographs_lead_to_its_maps(sample: Recording) -> None:
     calibration = load_calibration(BAGS / 'sample_calibration.yaml')
-    imaging = Imaging(sample.rig, sample.grid, calibration=calibration)
-    imaging.set_baselines([photo.read() for photo in sample.photos if photo.role == 'baseline'])
+    baselines = [photo.read() for photo in sample.photos if photo.role == 'baseline']
+    baseline = make_baseline(sample.rig, sample.grid, baselines, calibration=calibration)
     last = sample.photos[-1]
-    again = imaging.concentration(last.read()).values
+    again = concentration_map(last.read(), baseline).values
     recorded = sample.concentration[-1]
     assert last.time == sample.times[-1]
     assert np.linalg.norm(again - recorded) < 0.05 * np.linalg.norm(recorded)

@@ -9,8 +9,8 @@ from porotwin_cli.output import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
 BENCHES = {
-    'imaging': 'porotwin_imaging.bench',
     'solver': 'porotwin_solver.solver_bench',
+    'imaging': 'porotwin_imaging.imaging_bench',
     'costa': 'porotwin_cli.bench_costa',
     'loop': 'porotwin_cli.bench_loop',
     'diagnosis': 'porotwin_validation.diagnosis_bench',

@@ -1,4 +1,4 @@
-"""./porotwin calibrate: from a known injection to a camera that can be believed."""
+"""./porotwin calibrate: the calibration of a camera and rig from a known injection."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,12 +20,13 @@ def command(
 ) -> None:
     """Calibrate a camera and rig from photographs of a known injection, with pictures of each step.
 
-    The folder holds a baseline photograph, some photographs of growing tracer (imaging.csv), and
-    what the pumps injected (rates.csv; without it the strongest signal is taken for stock).
+    The folder holds a baseline photograph and some photographs of growing tracer (imaging.csv), and
+    the injected rates (rates.csv; without them the strongest signal is taken for tracer stock).
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_imaging.calibrate import calibrate
+    from porotwin_imaging.calibration_fit import fit_calibration
+    from porotwin_imaging.calibration_pictures import write_fit
     from porotwin_recording.recording import open_recording
 
     target = output or folder.with_name(f'{folder.name}-calibration')
@@ -37,20 +38,19 @@ def command(
         raise InputError(
             f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
         )
-    result = calibrate(
+    fit = fit_calibration(
         recording.rig,
         baselines,
         states,
         schedule=recording.measured or recording.told,
-        output=target,
         source=folder.name,
         progress=say,
     )
+    say('drawing')
+    write_fit(fit, target)
     if as_json:
-        print_json({'output': target, 'lines': result.lines, **result.calibration.made})
+        print_json({'output': target, 'lines': fit.lines, **fit.calibration.made})
         return
-    for line in result.lines:
+    for line in fit.lines:
         print(line)
-    print(
-        f'use it with --calibration {target / "calibration.yaml"}; look at the pictures beside it'
-    )
+    print(f'use it with --calibration {target / "calibration.yaml"}; check the pictures beside it')

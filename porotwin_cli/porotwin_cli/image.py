@@ -22,18 +22,19 @@ def command(
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
-    A photograph that cannot be used is named and left out; the others go on.
+    A photograph that cannot be used is named and left out; the others are imaged.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
+    from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
-    from porotwin_imaging.chain import Imaging
+    from porotwin_imaging.photo_to_map import concentration_map
     from porotwin_recording.concentration import ConcentrationWriter
     from porotwin_recording.recording import open_recording
 
     recording = open_recording(experiment)
     rig = recording.rig
-    on = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    map_grid = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     baselines = [photo for photo in recording.photos if photo.role == 'baseline']
     states = [photo for photo in recording.photos if photo.role != 'baseline']
     if not baselines or not states:
@@ -41,31 +42,37 @@ def command(
             f'{experiment}: needs a baseline and at least one state photograph; '
             'give their roles in imaging.csv'
         )
-    imaging = Imaging(rig, on, calibration=load_calibration(calibration) if calibration else None)
-    for remark in imaging.set_baselines([photo.read() for photo in baselines]):
+    baseline = make_baseline(
+        rig,
+        map_grid,
+        [photo.read() for photo in baselines],
+        calibration=load_calibration(calibration) if calibration else None,
+    )
+    for remark in baseline.remarks:
         say(remark)
-    done, refused = [], []
-    with ConcentrationWriter(output, on) as writer, progress() as bar:
+    imaged, refused = [], []
+    with ConcentrationWriter(output, map_grid) as writer, progress() as bar:
         task = bar.add_task('photographs', total=len(states))
         for photo in states:
             try:
-                result = imaging.concentration(_read(photo))
-                writer.append(photo.time, result.values)
+                found = concentration_map(_read(photo), baseline)
+                writer.append(photo.time, found.values)
             except InputError as error:
                 refused.append(f'{photo.name}: {error}')
                 say(refused[-1])
             else:
-                done.append({'time_s': photo.time, 'photo': photo.name, 'remarks': result.status})
+                imaged.append({'time_s': photo.time, 'photo': photo.name, 'remarks': found.status})
             bar.advance(task)
-        if not done:
+        if not imaged:
             raise WorkFailed('no photograph could be used')
     if as_json:
-        print_json({'output': output, 'grid': str(on), 'maps': done, 'refused': refused})
+        print_json({'output': output, 'grid': str(map_grid), 'maps': imaged, 'refused': refused})
     else:
-        print(f'{len(done)} maps on {on} in {output}, {len(refused)} photographs refused')
+        print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
 
 
 def _read(photo: 'Photo') -> bytes:
+    """Return the bytes of a photograph; raise InputError if the file cannot be read."""
     try:
         return photo.read()
     except OSError as error:

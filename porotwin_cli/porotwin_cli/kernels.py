@@ -8,7 +8,8 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
 from porotwin_core.wells import Schedule
 from porotwin_hub.control import Limits
-from porotwin_imaging.chain import Imaging
+from porotwin_imaging.baseline import make_baseline
+from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
@@ -27,9 +28,8 @@ def compile_kernels() -> None:
     asset.set_rates(safe)
     asset.advance(1.0)
     photographer = Photographer(rig, camera=camera_before(rig, 400), seed=1)
-    imaging = Imaging(photographer.rig, grid)
-    imaging.set_baselines([photographer.baseline()])
-    imaging.concentration(photographer.photograph(asset.concentration(grid), time=1.0))
+    baseline = make_baseline(photographer.rig, grid, [photographer.baseline()])
+    concentration_map(photographer.photograph(asset.concentration(grid), time=1.0), baseline)
 
 
 if __name__ == '__main__':

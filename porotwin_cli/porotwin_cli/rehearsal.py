@@ -18,9 +18,11 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_costa.architectures import training_settings
 from porotwin_costa.dataset import Frames
 from porotwin_costa.training import TrainingProgress, train
-from porotwin_imaging.calibrate import calibrate
+from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import load_calibration
-from porotwin_imaging.chain import Imaging
+from porotwin_imaging.calibration_fit import fit_calibration
+from porotwin_imaging.calibration_pictures import write_fit
+from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.experiment import make_experiment
 
@@ -66,14 +68,10 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     recording = open_recording(folder / 'calibration_run')
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
     states = [(photo.time, photo.read()) for photo in recording.photos if photo.role == 'state']
-    calibrate(
-        recording.rig,
-        baselines,
-        states,
-        schedule=recording.schedule,
-        output=folder / 'calibration',
-        source='calibration_run',
+    fit = fit_calibration(
+        recording.rig, baselines, states, schedule=recording.schedule, source='calibration_run'
     )
+    write_fit(fit, folder / 'calibration')
     return folder / 'calibration' / 'calibration.yaml'
 
 
@@ -116,12 +114,16 @@ def training_runs(
 
 def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
     """Return the frames of a recording as the twin's own imaging reads its photographs."""
-    imaging = Imaging(recording.rig, grid, calibration=load_calibration(calibration))
-    imaging.set_baselines([p.read() for p in recording.photos if p.role == 'baseline'])
+    baseline = make_baseline(
+        recording.rig,
+        grid,
+        [photo.read() for photo in recording.photos if photo.role == 'baseline'],
+        calibration=load_calibration(calibration),
+    )
     states = [photo for photo in recording.photos if photo.role == 'state']
     with progress() as bar:
         maps = [
-            imaging.concentration(photo.read()).values
+            concentration_map(photo.read(), baseline).values
             for photo in bar.track(states, description='their photographs to maps')
         ]
     return Frames(

@@ -23,7 +23,9 @@ NEEDED = ('imaging', 'solver', 'hub', 'camera')
 def command(
     rig: Annotated[Path, typer.Option(help='rig.yaml, or a folder with one.')],
     photos: Annotated[Path | None, typer.Option(help='Folder to watch for photographs.')] = None,
-    camera: Annotated[str, typer.Option(help='Camera device, such as /dev/video0.')] = '',
+    camera: Annotated[
+        str, typer.Option(help='Camera device, such as /dev/video0, or camera source NAME:ADDRESS.')
+    ] = '',
     replay: Annotated[
         bool, typer.Option('--replay', help='Photographs and time from ./porotwin replay.')
     ] = False,
@@ -69,11 +71,13 @@ def command(
         else description.default_grid()
     )
     _refuse_early(description, on, preset, calibration, model, page)
+    if camera:
+        _refuse_unknown_source(camera)
     folder = run_folder(output, 'up')
     settings = GraphSettings(
         rig=rig_file.resolve(),
         photos=photos.resolve() if photos is not None else None,
-        device=camera,
+        camera=camera,
         calibration=calibration,
         model=model,
         grid=grid,
@@ -119,11 +123,18 @@ def _refuse_early(
         listen(page).close()
 
 
+def _refuse_unknown_source(camera: str) -> None:
+    """Raise InputError if there is no camera source of this name."""
+    from porotwin_imaging.sources.source_registry import source_at
+
+    source_at(camera)
+
+
 def _run(settings: GraphSettings, folder: Path) -> None:
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph takes it for other ends too
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    source = settings.photos or settings.device or './porotwin replay'
+    source = settings.photos or settings.camera or './porotwin replay'
     say(f'twin of {settings.rig}, photographs from {source}')
     if settings.page:
         say(f'page: http://{settings.page}')

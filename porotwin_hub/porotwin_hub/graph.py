@@ -39,7 +39,7 @@ class GraphSettings:
 
     rig: Path = field(metadata={'description': 'path of rig.yaml'})
     photos: Path | None = _option(None, 'folder to watch for photographs')
-    device: str = _option('', 'camera device, such as /dev/video0, instead of a folder')
+    camera: str = _option('', 'camera source instead of a folder: /dev/video0, or NAME:ADDRESS')
     calibration: Path | None = _option(None, 'calibration of the photographs')
     model: Path | None = _option(None, 'COSTA model to load; without one the correction is zero')
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
@@ -130,16 +130,18 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
 
 
 def camera_node(settings: GraphSettings) -> NodeDescription:
-    """Return the node that brings photographs in, from a folder or a device."""
-    parameters: dict[str, Parameter] = {
-        'use_sim_time': settings.use_sim_time,
-        'listeners': 1 if settings.record is None else 2,  # imaging and recorder
-    }
-    if settings.device:
-        parameters |= {'device': settings.device, 'period': settings.photo_interval_s}
-    else:
-        parameters['photos'] = str(settings.photos)
-    return NodeDescription('camera', 'porotwin_imaging', 'camera_node', parameters)
+    """Return the node that brings photographs in, from a folder or another camera source."""
+    return NodeDescription(
+        'camera',
+        'porotwin_imaging',
+        'camera_node',
+        {
+            'use_sim_time': settings.use_sim_time,
+            'source': settings.camera or f'folder:{settings.photos}',
+            'photo_interval_s': settings.photo_interval_s,
+            'listeners': 1 if settings.record is None else 2,  # imaging and recorder
+        },
+    )
 
 
 def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
@@ -162,5 +164,5 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
 
     Without a source of photographs there is no camera: they are replayed from a bag.
     """
-    camera = [camera_node(settings)] if settings.photos is not None or settings.device else []
+    camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
     return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]

@@ -77,9 +77,13 @@ def test_all_who_pair_photographs_know_how_far_they_are_apart() -> None:
 
 
 def test_a_device_takes_the_place_of_the_folder() -> None:
-    node = camera_node(GraphSettings(rig=Path('rig.yaml'), device='/dev/video0'))
-    assert node.parameters['device'] == '/dev/video0'
-    assert 'photos' not in node.parameters
+    node = camera_node(GraphSettings(rig=Path('rig.yaml'), camera='/dev/video0'))
+    assert node.parameters['source'] == '/dev/video0'
+
+
+def test_a_folder_of_photographs_is_a_camera_source() -> None:
+    node = camera_node(GraphSettings(rig=Path('rig.yaml'), photos=Path('photos')))
+    assert node.parameters['source'] == 'folder:photos'
 
 
 def test_a_replay_takes_the_place_of_the_camera() -> None:

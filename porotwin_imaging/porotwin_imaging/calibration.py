@@ -1,4 +1,4 @@
-"""The calibration file: how signal becomes concentration, small, readable, with what made it.
+"""The calibration record and its file: the conversion of signal to concentration.
 
     schema: 1
     made: {from: experiment folder, photographs: 12, outliers: 1, ...}
@@ -8,11 +8,11 @@
     sands: {file: sands.png, factors: [1.0, 1.52]}
     hidden: {file: hidden.png}
 
-`scale_error` is the relative standard deviation of the scale. `response` is monotone and piecewise
-linear. `sands` names a picture with one grey level for each sand (0, 1, 2, ...), over the whole
-rig, top row first, and the factor by which each one's signal is multiplied before the response;
-`hidden` names a picture that is white where nothing can be read off. Both may be corrected by hand
-with any paint program.
+`made` describes the origin of the calibration. `scale_error` is the relative standard deviation of
+the scale. `response` is a monotone, piecewise linear curve. `sands` names a picture of the whole
+rig with one grey level per sand (0, 1, 2, ...), row 0 at the top; the signal of each sand is
+multiplied by its factor before the response. `hidden` names a picture that is white where
+photographs do not show sand. Both pictures can be corrected by hand with any paint program.
 """
 
 from dataclasses import dataclass, field
@@ -26,25 +26,33 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_imaging.tracer_signal import Signal
+from porotwin_imaging.tracer_signal import TracerSignal
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
 SCHEMA = 1
-
+"""Version of the file format."""
 DEFAULT_FULL_SIGNAL = 0.8
-"""Signal taken for tracer stock while there is no calibration: the share of red light that the
-green tracer of the large FluidFlower's test takes away, 0.87 in coarse sand and 0.71 in fine."""
-
-
+"""Signal of tracer stock without a calibration: the share of red light that the green tracer of the
+large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""
 UNCALIBRATED_ERROR = 0.2
-"""Relative standard deviation of a scale that nobody measured."""
+"""Relative standard deviation of a scale that was not measured."""
+_HIDDEN_LEVEL = 128
+"""Lighter grey levels of the picture `hidden` are white."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """A monotone curve from signal to concentration, straight between its points."""
+    """A monotone, piecewise linear curve from signal to concentration.
+
+    Attributes:
+        signal: increasing signals of its points.
+        concentration: their concentrations, not decreasing, 1 = tracer stock.
+
+    Raises:
+        InputError: there are fewer than 2 points, or the curve does not increase.
+    """
 
     signal: tuple[float, ...] = (0.0, DEFAULT_FULL_SIGNAL)
     concentration: tuple[float, ...] = (0.0, 1.0)
@@ -52,12 +60,14 @@ class Response:
     def __post_init__(self) -> None:
         signal, concentration = np.array(self.signal), np.array(self.concentration)
         if len(signal) != len(concentration) or len(signal) < 2:
-            raise InputError('calibration: response needs as many signals as concentrations, 2 up')
+            raise InputError(
+                'calibration: response needs as many signals as concentrations, at least 2'
+            )
         if (np.diff(signal) <= 0).any() or (np.diff(concentration) < 0).any():
             raise InputError('calibration: response must increase; calibrate again')
 
     def concentration_of(self, signal: Array) -> Array:
-        """Return the concentration; beyond its ends the curve goes on straight."""
+        """Return the concentration of `signal`, of the same shape; linear beyond both ends."""
         x, y = np.array(self.signal), np.array(self.concentration)
         inside = np.interp(signal, x, y)
         first, last = (y[1] - y[0]) / (x[1] - x[0]), (y[-1] - y[-2]) / (x[-1] - x[-2])
@@ -65,7 +75,7 @@ class Response:
         return inside + first * below + last * above
 
     def slope_at(self, signal: Array) -> Array:
-        """Return d concentration / d signal."""
+        """Return d concentration / d signal at `signal`, of the same shape."""
         x, y = np.array(self.signal), np.array(self.concentration)
         slopes = np.diff(y) / np.diff(x)
         piece = np.clip(np.searchsorted(x, signal, side='right') - 1, 0, len(slopes) - 1)
@@ -74,9 +84,19 @@ class Response:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What the chain needs to turn signal into concentration; see the module's text."""
+    """Signal, sands and response of a camera and rig; the module describes the file.
 
-    signal: Signal = field(default_factory=Signal)
+    Attributes:
+        signal: definition of the tracer signal.
+        response: curve from scaled signal to concentration.
+        sands: index of the sand, uint8, shape (rows, columns), row 0 at the top; None for one sand.
+        factors: factor on the signal of each sand.
+        hidden: picture that is white where no sand is visible, same orientation, or None.
+        made: origin of the calibration, for the reader of the file.
+        scale_error: relative standard deviation of the scale [-].
+    """
+
+    signal: TracerSignal = field(default_factory=TracerSignal)
     response: Response = field(default_factory=Response)
     sands: Labels | None = None
     factors: tuple[float, ...] = (1.0,)
@@ -85,7 +105,7 @@ class Calibration:
     scale_error: float = UNCALIBRATED_ERROR
 
     def factor_map(self, grid: Grid) -> Array:
-        """Return each cell's factor (nz, nx): the mean over the sands in it."""
+        """Return the factor of each cell, shape (nz, nx): the mean over the sands in it."""
         if self.sands is None:
             return np.full(grid.shape, self.factors[0])
         factors = np.array(self.factors)[np.minimum(self.sands, len(self.factors) - 1)]
@@ -93,12 +113,19 @@ class Calibration:
             ::-1
         ]
 
+    def shown(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
+        """Return where the picture `hidden` does not hide the sand, at `shape` (rows, columns)."""
+        if self.hidden is None:
+            return np.ones(shape, bool)
+        hidden = cv2.resize(self.hidden, shape[::-1], interpolation=cv2.INTER_NEAREST)
+        return np.asarray(hidden < _HIDDEN_LEVEL)
+
 
 def load_calibration(path: Path | str) -> Calibration:
     """Return the calibration in the file `path`.
 
     Raises:
-        InputError: one line naming the file, the key and what would mend it.
+        InputError: the file is missing or wrong; one line names the file, the key and the remedy.
     """
     path = Path(path)
     try:
@@ -110,7 +137,7 @@ def load_calibration(path: Path | str) -> Calibration:
     try:
         if data['schema'] != SCHEMA:
             raise InputError(f'{path}: schema {data["schema"]}; this version reads {SCHEMA}')
-        signal = Signal(data['signal']['contrast'], _weights(data['signal']['weights']))
+        signal = TracerSignal(data['signal']['contrast'], _weights(data['signal']['weights']))
         response = Response(
             tuple(float(value) for value in data['response']['signal']),
             tuple(float(value) for value in data['response']['concentration']),
@@ -135,7 +162,7 @@ def load_calibration(path: Path | str) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path | str) -> None:
-    """Write the calibration as YAML to `path`, its pictures beside it."""
+    """Write the calibration as YAML to `path`, and its pictures to the same folder."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     data: dict[str, Any] = {
@@ -165,11 +192,13 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 
 
 def _weights(values: Any) -> tuple[float, float, float]:
+    """Return three numbers as weights of red, green and blue."""
     red, green, blue = (float(value) for value in values)
     return red, green, blue
 
 
 def _picture(path: Path, name: str | None) -> Labels | None:
+    """Return the grey picture `name` in the folder of `path`, None without a name."""
     if name is None:
         return None
     picture = cv2.imread(str(path.with_name(name)), cv2.IMREAD_GRAYSCALE)

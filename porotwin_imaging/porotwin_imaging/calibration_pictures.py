@@ -1,7 +1,8 @@
-"""Pictures to judge each step of a calibration by."""
+"""The calibration file, and pictures of each step for a person who checks the calibration."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import matplotlib as mpl
@@ -9,57 +10,55 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from porotwin_imaging import photograph
-from porotwin_imaging.chain import Imaging
+from porotwin_imaging.baseline import Baseline
+from porotwin_imaging.calibration import save_calibration
+from porotwin_imaging.calibration_fit import CalibrationFit
 from porotwin_imaging.colour_checker import REFERENCE
-
-if TYPE_CHECKING:
-    from porotwin_imaging.calibrate import Calibrated
 
 Array = NDArray[Any]
 
 
-def draw(
-    output: Path,
-    imaging: Imaging,
-    baseline: bytes,
-    labels: NDArray[np.uint8],
-    signals: list[Array],
-    result: 'Calibrated',
-) -> list[Path]:
-    """Write the pictures of all steps into `output` and return their paths."""
-    steps = {
-        '1_geometry.png': lambda axes: _geometry(axes, imaging, baseline),
-        '2_colour_checker.png': lambda axes: _checker(axes, imaging),
-        '3_validity.png': lambda axes: _validity(axes, imaging, baseline),
-        '4_sands.png': lambda axes: _sands(axes, imaging, labels, result),
-        '5_signal.png': lambda axes: _map(axes, imaging, signals[-1], 'signal, last photograph'),
-        '6_mass.png': lambda axes: _mass(axes, result),
-        '7_response.png': lambda axes: _response(axes, result),
+def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
+    """Write calibration.yaml and a picture of every step into `folder`; return the pictures."""
+    folder.mkdir(parents=True, exist_ok=True)
+    save_calibration(fit.calibration, folder / 'calibration.yaml')
+    return draw_fit(fit, folder)
+
+
+def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
+    """Write a picture of every step into `folder` and return their paths."""
+    baseline, last = fit.baseline, fit.signals[-1]
+    concentration = np.clip(fit.calibration.response.concentration_of(last), 0, 1)
+    steps: dict[str, Callable[[Any], None]] = {
+        '1_geometry.png': lambda axes: _geometry(axes, fit),
+        '2_colour_checker.png': lambda axes: _checker(axes, baseline),
+        '3_validity.png': lambda axes: _validity(axes, fit),
+        '4_sands.png': lambda axes: _sands(axes, fit),
+        '5_signal.png': lambda axes: _map(axes, baseline, last, 'signal, last photograph'),
+        '6_mass.png': lambda axes: _mass(axes, fit),
+        '7_response.png': lambda axes: _response(axes, fit),
         '8_concentration.png': lambda axes: _map(
-            axes,
-            imaging,
-            np.clip(result.calibration.response.concentration_of(signals[-1]), 0, 1),
-            'concentration, last photograph',
+            axes, baseline, concentration, 'concentration, last photograph'
         ),
     }
     paths = []
-    for name, step in steps.items():
+    for name, draw in steps.items():
         figure = Figure(figsize=(9, 5.5), dpi=110, layout='constrained')
-        step(figure.subplots())
-        paths.append(output / name)
+        draw(figure.subplots())
+        paths.append(folder / name)
         figure.savefig(paths[-1])
     return paths
 
 
-def _rectified(imaging: Imaging, baseline: bytes) -> NDArray[np.uint8]:
-    picture = photograph.decode(baseline, imaging.reduction)
-    pixels = imaging.sampling.sample(picture.pixels)
+def _rectified(fit: CalibrationFit) -> NDArray[np.uint8]:
+    """Return the baseline on the sampling grid, uint8 red-green-blue."""
+    pixels = fit.baseline.sampling.sample(fit.baseline.decode(fit.baseline_photo).pixels)
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-def _extent(imaging: Imaging) -> tuple[float, float, float, float]:
-    return (0.0, imaging.grid.width, 0.0, imaging.grid.height)
+def _extent(baseline: Baseline) -> tuple[float, float, float, float]:
+    """Return the edges of the rig [m] as matplotlib expects them."""
+    return (0.0, baseline.grid.width, 0.0, baseline.grid.height)
 
 
 def _label(axes: Any, title: str) -> None:
@@ -69,66 +68,70 @@ def _label(axes: Any, title: str) -> None:
     axes.set_aspect('equal')
 
 
-def _geometry(axes: Any, imaging: Imaging, baseline: bytes) -> None:
-    axes.imshow(_rectified(imaging, baseline), extent=_extent(imaging))
+def _geometry(axes: Any, fit: CalibrationFit) -> None:
+    axes.imshow(_rectified(fit), extent=_extent(fit.baseline))
     axes.grid(color='white', linewidth=0.4, alpha=0.6)
     _label(axes, 'baseline in rig metres: edges of the sand must lie on the edges of the picture')
 
 
-def _checker(axes: Any, imaging: Imaging) -> None:
-    patches = imaging.matched_patches
+def _checker(axes: Any, baseline: Baseline) -> None:
+    """Draw each patch in two halves: its published colour and the corrected photograph."""
+    patches = baseline.chart.corrected_patches
+    axes.axis('off')
     if patches is None:
         axes.set_title('no colour checker')
-        axes.axis('off')
         return
     shown = np.zeros((4 * 20, 6 * 20, 3))
     for index in range(24):
         row, column = divmod(index, 6)
-        area = (slice(20 * row, 20 * row + 18), slice(20 * column, 20 * column + 9))
-        other = (slice(20 * row, 20 * row + 18), slice(20 * column + 9, 20 * column + 18))
-        shown[area], shown[other] = REFERENCE[index], patches[index]
+        left_half = (slice(20 * row, 20 * row + 18), slice(20 * column, 20 * column + 9))
+        right_half = (slice(20 * row, 20 * row + 18), slice(20 * column + 9, 20 * column + 18))
+        shown[left_half], shown[right_half] = REFERENCE[index], patches[index]
     axes.imshow(np.clip(shown, 0, 1) ** (1 / 2.2))
     axes.set_title('colour checker: reference left, photograph after matching right in each patch')
-    axes.axis('off')
 
 
-def _validity(axes: Any, imaging: Imaging, baseline: bytes) -> None:
-    picture = _rectified(imaging, baseline).astype(float) / 255
-    found = imaging.validity
-    assert found is not None
-    colours = {'unlit': 'blue', 'checker': 'magenta', 'water': 'cyan', 'objects': 'red'}
-    for name, colour in colours.items():
-        mask = getattr(found, name)
-        picture[mask] = 0.4 * picture[mask] + 0.6 * np.array(mpl.colors.to_rgb(colour))
+def _validity(axes: Any, fit: CalibrationFit) -> None:
+    picture = _rectified(fit).astype(float) / 255
+    mask = fit.baseline.mask
+    parts = {
+        'unlit': (mask.unlit, 'blue'),
+        'checker': (mask.checker, 'magenta'),
+        'water': (mask.water, 'cyan'),
+        'objects': (mask.objects, 'red'),
+    }
+    for name, (hidden, colour) in parts.items():
+        picture[hidden] = 0.4 * picture[hidden] + 0.6 * np.array(mpl.colors.to_rgb(colour))
         axes.plot([], [], 's', color=colour, label=name)
-    axes.imshow(picture, extent=_extent(imaging))
+    axes.imshow(picture, extent=_extent(fit.baseline))
     axes.legend(loc='lower right')
-    _label(axes, 'where nothing can be read off; correct by hand with hidden.png')
+    _label(axes, 'no sand visible; correct by hand with hidden.png')
 
 
-def _sands(axes: Any, imaging: Imaging, labels: NDArray[np.uint8], result: 'Calibrated') -> None:
-    axes.imshow(labels[::-1], extent=_extent(imaging), cmap='tab10', vmin=0, vmax=9)
-    for label, factor in enumerate(result.calibration.factors):
+def _sands(axes: Any, fit: CalibrationFit) -> None:
+    axes.imshow(fit.sands[::-1], extent=_extent(fit.baseline), cmap='tab10', vmin=0, vmax=9)
+    for label, factor in enumerate(fit.calibration.factors):
         axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=f'x {factor:.2f}')
     axes.legend(loc='lower right', title='factor')
     _label(axes, 'sands; correct by hand with sands.png')
 
 
-def _map(axes: Any, imaging: Imaging, values: Array, title: str) -> None:
-    image = axes.imshow(values, origin='lower', extent=_extent(imaging), cmap='viridis', vmin=0)
+def _map(axes: Any, baseline: Baseline, values: Array, title: str) -> None:
+    image = axes.imshow(values, origin='lower', extent=_extent(baseline), cmap='viridis', vmin=0)
     axes.figure.colorbar(image, ax=axes, shrink=0.7)
     _label(axes, title)
 
 
-def _mass(axes: Any, result: 'Calibrated') -> None:
-    if result.growth is None:
+def _mass(axes: Any, fit: CalibrationFit) -> None:
+    """Draw the imaged volume of tracer over the injected one."""
+    if fit.growth is None:
         axes.set_title('no pump log')
         axes.axis('off')
         return
-    injected, seen = 1e6 * np.array(result.injected), 1e6 * np.array(result.seen)
-    inliers = result.growth.inliers
-    axes.plot(injected[inliers], seen[inliers], 'o', label='used')
-    axes.plot(injected[~inliers], seen[~inliers], 'x', color='red', label='outliers')
+    injected, imaged = 1e6 * np.array(fit.injected), 1e6 * np.array(fit.imaged)
+    inliers = fit.growth.inliers
+    axes.plot(injected[inliers], imaged[inliers], 'o', label='used')
+    axes.plot(injected[~inliers], imaged[~inliers], 'x', color='red', label='outliers')
     axes.plot([0, injected.max()], [0, injected.max()], 'k-', linewidth=0.8, label='equal')
     axes.set_xlabel('tracer injected after the pump log [ml]')
     axes.set_ylabel('tracer seen [ml]')
@@ -136,8 +139,8 @@ def _mass(axes: Any, result: 'Calibrated') -> None:
     axes.legend()
 
 
-def _response(axes: Any, result: 'Calibrated') -> None:
-    response = result.calibration.response
+def _response(axes: Any, fit: CalibrationFit) -> None:
+    response = fit.calibration.response
     axes.plot(response.signal, response.concentration, 'o-')
     axes.set_xlabel('signal')
     axes.set_ylabel('concentration [-]')

@@ -1,4 +1,4 @@
-"""Publishes photographs from a watched folder or a camera, stamped with their exposure."""
+"""Publishes the photographs of a camera source, stamped with their exposure."""
 
 from typing import Any
 
@@ -8,77 +8,62 @@ from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.conversions import CAMERA_FRAME, header_at
-from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.qos import BASELINE, PHOTO
-from porotwin_imaging.audience import Audience
-from porotwin_imaging.sources import Device, Folder, Photo, Problem, Source
+from porotwin_imaging.photo_forwarding import PhotoForwarder
+from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem
+from porotwin_imaging.sources.source_registry import source_at
+from porotwin_imaging.subscriber_wait import SubscriberWait
 
 FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
+"""Format of a file by its first two bytes; all others are TIFF."""
 
 
 class CameraNode(Node):
     """Topics: `camera/image/compressed` (states), `camera/baseline/compressed` (latched)."""
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters and open the folder or camera.
+        """Read the parameters and open the source.
 
         Raises:
-            InputError: a parameter is wrong, the folder or camera is not there.
+            InputError: a parameter is wrong, or the source cannot be opened.
         """
         super().__init__('camera', **kwargs)
-        self._source = self._make_source()
-        period = declare(self, 'period', 0.0, 'time between two looks [s]; 0: 0.5, device: 30')
+        kind, address = source_at(
+            declare(self, 'source', '', 'camera source, NAME:ADDRESS, such as folder:/mnt/camera')
+        )
+        interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
+        listeners = declare(
+            self, 'listeners', 1, 'number of subscribers to wait for, at most half a minute'
+        )
+        options = {
+            option.name: declare(self, option.name, option.default, option.description)
+            for option in kind.options
+        }
+        self._forwarder = PhotoForwarder(
+            kind.open(address, **options), send=self._publish, report=self._complain
+        )
         self._baseline = self.create_publisher(
             CompressedImage, 'camera/baseline/compressed', BASELINE
         )
         self._state = self.create_publisher(CompressedImage, 'camera/image/compressed', PHOTO)
-        listeners = declare(self, 'listeners', 1, 'how many photographs wait for, half a minute')
-        self._audience = Audience(listeners)
+        self._subscribers = SubscriberWait(listeners)
         self._diagnostics = Diagnostics(self)
-        default = 0.5 if isinstance(self._source, Folder) else 30.0
-        # looks go by real time, also where photographs are stamped by /clock
+        # polls follow real time, even if photographs are stamped by /clock
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(period or default, self._look, clock=steady)
+        self.create_timer(kind.poll_interval_s or interval, self._poll, clock=steady)
 
-    def _make_source(self) -> Source:
-        photos = declare(self, 'photos', '', 'folder that the camera writes to')
-        device = declare(self, 'device', '', 'camera, as a number or /dev/video0')
-        width = declare(self, 'width', 0, 'columns asked of the camera [px]; 0: its own')
-        height = declare(self, 'height', 0, 'rows asked of the camera [px]; 0: its own')
-        patience = declare(self, 'patience', 10.0, 'wait for a file still being written [s]')
-        if bool(photos) == bool(device):
-            raise InputError("camera: give one of the parameters 'photos' and 'device'")
-        if photos:
-            return Folder(photos, patience=patience)
-        return Device(device, width=width, height=height)
+    def _poll(self) -> None:
+        connected = self._state.get_subscription_count()
+        known = self.count_subscribers(self._state.topic_name)
+        if self._subscribers.is_over(connected, known):
+            self._forwarder.forward()
 
-    def _look(self) -> None:
-        listening = self._state.get_subscription_count()
-        if not self._audience.is_complete(
-            listening, self.count_subscribers(self._state.topic_name)
-        ):
-            return
-        # started again, the node would find the same file and die again: whatever fails, it goes on
-        try:
-            photos, problems = self._source.poll()
-        except Exception as error:
-            self._complain(Problem('', f'looking for photographs failed: {error!r}'))
-            return
-        for problem in problems:
-            self._complain(problem)
-        for photo in photos:
-            try:
-                self._publish(photo)
-            except Exception as error:
-                reason = f"photograph '{photo.name}' cannot be sent: {error!r}"
-                self._complain(Problem(photo.name, reason))
-
-    def _complain(self, problem: Problem) -> None:
+    def _complain(self, problem: PhotoProblem) -> None:
         self.get_logger().warning(problem.reason)
         self._diagnostics.report(DiagnosticStatus.ERROR, problem.reason, file=problem.name)
 
-    def _publish(self, photo: Photo) -> None:
+    def _publish(self, photo: CameraPhoto) -> None:
         message = CompressedImage(header=header_at(photo.time, CAMERA_FRAME))
         message.format = FORMATS.get(photo.data[:2], 'tiff')
         message.data.frombytes(photo.data)

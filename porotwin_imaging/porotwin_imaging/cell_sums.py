@@ -1,4 +1,4 @@
-"""What a photograph and its baseline give over each cell of a map, in one pass over the samples."""
+"""Means of a photograph and its baseline over the cells of a map, in one pass over the samples."""
 
 import math
 from typing import Any, NamedTuple
@@ -12,11 +12,17 @@ Array = NDArray[Any]
 
 
 class CellSums(NamedTuple):
-    """Means over the samples of each cell, (nz, nx, 3 = red, green, blue), row 0 the bottom.
+    """Means over the samples of each cell; samples that are not usable count as 0.
 
-    `state`, `baseline`: linear light of the photograph and of the baseline; `state_square`,
-    `baseline_square`, `product`: of their squares and product; `share` (nz, nx): of the cell's
-    samples that are usable in both. A sample that is not counts as 0 in all means.
+    All arrays have shape (nz, nx, 3 = red, green, blue), row 0 at the bottom, except `share`.
+
+    Attributes:
+        state: linear light of the photograph.
+        baseline: linear light of the baseline.
+        state_square: squared linear light of the photograph.
+        baseline_square: squared linear light of the baseline.
+        product: product of both.
+        share: share of the samples that are usable in both pictures, shape (nz, nx).
     """
 
     state: Array
@@ -27,12 +33,15 @@ class CellSums(NamedTuple):
     share: Array
 
 
-def coarser(sums: CellSums, blocks: int) -> CellSums:
-    """Return the means over blocks of `blocks` x `blocks` cells; the last ones may be smaller."""
-    if blocks == 1:
+def coarser(sums: CellSums, cells_across: int) -> CellSums:
+    """Return the means over blocks of `cells_across` x `cells_across` cells.
+
+    The last block of a row or column may be smaller.
+    """
+    if cells_across == 1:
         return sums
     nz, nx = sums.share.shape
-    size = (math.ceil(nx / blocks), math.ceil(nz / blocks))
+    size = (math.ceil(nx / cells_across), math.ceil(nz / cells_across))
     return CellSums(*(cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in sums))
 
 
@@ -43,15 +52,19 @@ def cell_sums(
     *,
     light: Array,
     glare_level: int,
-    factor: int,
+    samples_across: int,
 ) -> CellSums:
-    """Return the sums of a sampled photograph and baseline, both with the top row first.
+    """Return the means of a sampled photograph and baseline; both have row 0 at the top.
 
-    `pixels` (rows, columns, 3) uint8 blue, green, red; `baseline` (rows, columns, 3) linear red,
-    green, blue; `usable` (rows, columns) 0 or 1; `light` (256,): linear light of a grey level;
-    `glare_level`: grey level from which a pixel is over-exposed; `factor` samples each way a cell.
+    Args:
+        pixels: sampled photograph, uint8 blue-green-red, shape (rows, columns, 3).
+        baseline: linear red-green-blue of the baseline, shape (rows, columns, 3).
+        usable: 1 where the baseline shows sand, otherwise 0, shape (rows, columns).
+        light: linear light of each grey level, shape (256,).
+        glare_level: lowest grey level of over-exposed pixels.
+        samples_across: samples of a cell in each direction.
     """
-    return CellSums(*_sums(pixels, baseline, usable, light, glare_level, factor))
+    return CellSums(*_sums(pixels, baseline, usable, light, glare_level, samples_across))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -1,10 +1,10 @@
-"""The Classic colour chart in a photograph: found near its known place, matched to its reference.
+"""The Classic colour chart: finding it in a photograph and fitting its colours.
 
-The chart is looked for around `rig.camera.colour_checker_px`: of all small moves, the one that
-leaves its 24 patches most even inside and closest to an affine image of the published colours.
-Colours are linear (sRGB's transfer curve undone), patches in the chart's order, dark skin first,
-black last. A matrix fitted through them, robust to patches that are covered, in glare or
-over-exposed, takes the camera's colours to the chart's.
+The chart is searched around its nominal place, `rig.camera.colour_checker_px`. The best place makes
+the 24 patches even inside and close to an affine image of the published colours. Colours are
+linear. Patches have the order of the chart, dark skin first and black last. A colour matrix is
+fitted from the colours of the camera to the published ones. The fit is robust against patches that
+are covered, in glare or over-exposed.
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.geometry import apply_homography
+from porotwin_imaging.settings import DEFAULTS, ColourCheckerSettings
 
 Array = NDArray[Any]
 
@@ -54,25 +55,30 @@ PITCH = 16
 PATCH_SHARE = 0.8
 """Side of a patch relative to the distance of two patches."""
 MARGIN = 2 * PITCH
+"""Margin of the straightened chart, for the search of its place [px]."""
 SEARCH = int(1.25 * PITCH)
-"""The chart is looked for up to this far from its known place [px of the straightened chart]."""
-WORST_FIT = 0.2
-"""Largest misfit of a found chart, relative to the spread of its colours."""
-LEAST_SPREAD = 0.02
-"""Spread of the patches' linear colours below which there is no chart but an even surface."""
-OVER_EXPOSED = 0.955
-"""Linear value (grey level 250) from which a patch is over-exposed."""
-FEWEST_PATCHES = 4
-"""Patches of which the median in a channel tells the light."""
+"""Largest distance of the chart from its nominal place [px of the straightened chart]."""
+_USED_PATCHES = 20
+"""The four worst of the 24 patches do not count: one may be covered and bend the fit nearby."""
+_REWEIGHTINGS = 15
+"""Rounds of the robust fit of the colour matrix; it has converged by then."""
+_TUKEY_CUTOFF = 4.7
+"""Cut-off of Tukey's biweight in standard deviations (95 % efficiency for normal errors)."""
+_SPREAD_PER_DEVIATION = 1.4826
+"""Standard deviation of a normal distribution relative to its median absolute deviation."""
+_EQUAL_SCORE = 0.1
+"""Relative difference of scores below which two places are equally good."""
 
 
 @dataclass(frozen=True)
-class Checker:
+class ColourChecker:
     """A chart found in a photograph.
 
-    `patches` (24, 3): mean linear red, green, blue; `moved_px`: how far the chart lies from its
-    known place, in pixels of the decoded photograph; `misfit`: distance of the patches from an
-    affine image of the reference, relative to their spread.
+    Attributes:
+        patches: mean linear red, green, blue of each patch, shape (24, 3).
+        moved_px: distance of the chart from its nominal place [px of the decoded photograph].
+        misfit: distance of the patches from an affine image of the reference, relative to their
+            spread [-].
     """
 
     patches: Array
@@ -98,7 +104,7 @@ def _straightening(corners: Array) -> Array:
 
 
 def _box_means(image: Array, centres: Array, half: int) -> Array:
-    """Return the means of square boxes around integer `centres` (..., 2), shape (..., channels)."""
+    """Return the means over square boxes around integer `centres` (..., 2), (..., channels)."""
     table = cv2.integral(image, sdepth=cv2.CV_64F).reshape(
         image.shape[0] + 1, image.shape[1] + 1, -1
     )
@@ -115,30 +121,37 @@ def _box_means(image: Array, centres: Array, half: int) -> Array:
 def _misfit(patches: Array) -> Array:
     """Return the misfit of patches (..., 24, 3) to an affine image of the reference."""
     design = np.column_stack([REFERENCE, np.ones(24)])
-    remainder = np.eye(24) - design @ np.linalg.pinv(design)
-    left = np.linalg.norm(remainder @ patches, axis=-1)
+    projection = np.eye(24) - design @ np.linalg.pinv(design)
+    residual = np.linalg.norm(projection @ patches, axis=-1)
     spread = np.linalg.norm(patches - patches.mean(axis=-2, keepdims=True), axis=-1)
-    # of 24 patches the four worst do not count: one may be covered, and it bends the fit nearby
-    kept = np.sort(left, axis=-1)[..., :20]
+    kept = np.sort(residual, axis=-1)[..., :_USED_PATCHES]
     return np.sqrt((kept**2).mean(axis=-1) / ((spread**2).mean(axis=-1) + 1e-12))
 
 
 def _misfit_without_one(patches: Array) -> float:
-    """Return the least misfit of patches (24, 3) when any single one may be left out."""
+    """Return the smallest misfit of patches (24, 3) over all choices of one patch to omit."""
     found = []
-    for left_out in range(24):
-        kept = np.arange(24) != left_out
+    for omitted in range(24):
+        kept = np.arange(24) != omitted
         design = np.column_stack([REFERENCE, np.ones(24)])[kept]
         values = patches[kept]
-        rest = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
-        found.append(np.linalg.norm(rest) / (np.linalg.norm(values - values.mean(axis=0)) + 1e-9))
+        residual = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+        found.append(
+            np.linalg.norm(residual) / (np.linalg.norm(values - values.mean(axis=0)) + 1e-9)
+        )
     return float(min(found))
 
 
-def find(linear: Array, corners: Array) -> Checker | None:
-    """Return the chart in a linear photograph (rows, columns, 3 = red, green, blue), or None.
+def find_checker(
+    linear: Array, corners: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
+) -> ColourChecker | None:
+    """Return the chart in a photograph, or None if it is not there.
 
-    `corners` (4, 2): where it is expected, in pixels of this photograph.
+    Args:
+        linear: linear red, green, blue, shape (rows, columns, 3).
+        corners: nominal corners of the chart as (column, row), shape (4, 2): dark skin, white,
+            black, bluish green.
+        settings: thresholds.
     """
     width = int(PITCH * (5 + PATCH_SHARE)) + 2 * MARGIN
     height = int(PITCH * (3 + PATCH_SHARE)) + 2 * MARGIN
@@ -150,63 +163,88 @@ def find(linear: Array, corners: Array) -> Checker | None:
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     ).astype(np.float64)
+    found = _best_place(chart)
+    if found is None:
+        return None
+    patches, move = found
+    misfit = _misfit_without_one(patches)
+    if not (misfit < settings.worst_fit and patches.std() > settings.least_spread):
+        return None
+    middle = np.array([width / 2, height / 2])
+    there = np.array(apply_homography(homography, *(middle + move)))
+    expected = np.array(apply_homography(homography, *middle))
+    return ColourChecker(patches, float(np.linalg.norm(there - expected)), misfit)
+
+
+def _best_place(chart: Array) -> tuple[Array, Array] | None:
+    """Return the patches (24, 3) at the best place in the straightened chart, and its shift (2,).
+
+    The score is the squared misfit plus the variance inside the patches over the variance between
+    them.
+    """
     moves = np.stack(
         np.meshgrid(np.arange(-SEARCH, SEARCH + 1), np.arange(-SEARCH, SEARCH + 1)), axis=-1
     ).reshape(-1, 1, 2)
     centres = np.rint(_patch_boxes()).astype(int)[None] + moves
     half = int(PITCH * PATCH_SHARE / 2) - 2
     means = _box_means(chart, centres, half)
-    uneven = _box_means(chart**2, centres, half) - means**2
+    variance = _box_means(chart**2, centres, half) - means**2
     spread = ((means - means.mean(axis=1, keepdims=True)) ** 2).sum(axis=(1, 2)) / 24
-    roughness = np.sort(uneven.sum(axis=-1), axis=1)[:, :20].mean(axis=1)
+    roughness = np.sort(variance.sum(axis=-1), axis=1)[:, :_USED_PATCHES].mean(axis=1)
     score = np.nan_to_num(_misfit(means) ** 2 + roughness / (spread + 1e-12), nan=np.inf)
     if not np.isfinite(score).any():
         return None
-    # evenly coloured patches fit equally well a few pixels around: take the middle of these places
-    alike = moves[score <= score.min() + 0.1 * abs(score.min()) + 1e-4, 0]
-    best = int(np.argmin(((moves[:, 0] - alike.mean(axis=0)) ** 2).sum(axis=1)))
-    misfit = _misfit_without_one(means[best])
-    if not (misfit < WORST_FIT and means[best].std() > LEAST_SPREAD):
-        return None
-    middle = np.array([width / 2, height / 2])
-    there = np.array(apply_homography(homography, *(middle + moves[best, 0])))
-    expected = np.array(apply_homography(homography, *middle))
-    return Checker(means[best], float(np.linalg.norm(there - expected)), misfit)
+    # even patches fit equally well over a few pixels: take the middle of these places
+    equal = moves[score <= score.min() + _EQUAL_SCORE * abs(score.min()) + 1e-4, 0]
+    best = int(np.argmin(((moves[:, 0] - equal.mean(axis=0)) ** 2).sum(axis=1)))
+    return means[best], moves[best, 0]
 
 
-def fit_matrix(patches: Array, target: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return (matrix (3, 3), kept (24,)) with `patches @ matrix.T` close to `target`.
+def fit_matrix(
+    patches: Array, target: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return (matrix (3, 3), used (24,)) with `patches @ matrix.T` close to `target` (24, 3).
 
-    Over-exposed patches are left out; others are weighted by Tukey's biweight of their misfit, so
-    that covered or glaring ones do not pull (iteratively reweighted least squares).
+    Over-exposed patches are omitted. Tukey's biweight reduces the influence of covered patches and
+    patches in glare (iteratively reweighted least squares).
     """
-    usable = (patches < OVER_EXPOSED).all(axis=1) & (patches > 0).any(axis=1)
-    scale = 1.0 / (target.mean(axis=1) + 0.02)
+    usable = (patches < settings.over_exposed).all(axis=1) & (patches > 0).any(axis=1)
+    scale = 1.0 / (target.mean(axis=1) + 0.02)  # relative errors, except in dark patches
     weight = usable * scale
-    for _ in range(15):
+    for _ in range(_REWEIGHTINGS):
         matrix = np.linalg.lstsq(weight[:, None] * patches, weight[:, None] * target, rcond=None)[0]
-        left = np.linalg.norm(scale[:, None] * (patches @ matrix - target), axis=1)
-        spread = 1.4826 * np.median(left[usable]) + 1e-6
-        tukey = np.clip(1.0 - (left / (4.7 * spread)) ** 2, 0.0, None)
+        residual = np.linalg.norm(scale[:, None] * (patches @ matrix - target), axis=1)
+        spread = _SPREAD_PER_DEVIATION * np.median(residual[usable]) + 1e-6
+        tukey = np.clip(1.0 - (residual / (_TUKEY_CUTOFF * spread)) ** 2, 0.0, None)
         weight = usable * scale * tukey
     return matrix.T, usable & (tukey > 0.0)
 
 
-def log_gain(patches: Array, baseline: Array) -> Array | None:
-    """Return the log ratio (3,) of light at the chart to that of the baseline, channel by channel.
+def log_gain(
+    patches: Array, baseline: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker
+) -> Array | None:
+    """Return the log ratio of light at the chart to the baseline, per channel, shape (3,).
 
-    The median over patches that are over-exposed in neither and not dark in the baseline: one
-    covered patch, or glare on one, does not move it. None where a channel has too few of them.
+    `patches` and `baseline` have shape (24, 3). The result is the median over the patches that are
+    not over-exposed in either and not dark in the baseline, so that one covered patch has no
+    influence. None if a channel has too few such patches.
     """
-    usable = (patches < OVER_EXPOSED) & (baseline < OVER_EXPOSED) & (baseline > 0.05)
-    if usable.sum(axis=0).min() < FEWEST_PATCHES:
+    usable = (
+        (patches < settings.over_exposed)
+        & (baseline < settings.over_exposed)
+        & (baseline > settings.least_light)
+    )
+    if usable.sum(axis=0).min() < settings.fewest_patches:
         return None
     ratio = np.log(np.maximum(patches, 1e-4) / np.maximum(baseline, 1e-4))
     return np.array([np.median(ratio[usable[:, i], i]) for i in range(3)])
 
 
-def plausible(matrix: Array) -> bool:
-    """Return whether a matrix (3, 3) is one between two cameras: mainly its diagonal, positive."""
+def is_plausible(matrix: Array, settings: ColourCheckerSettings = DEFAULTS.colour_checker) -> bool:
+    """Return whether a colour matrix (3, 3) is mainly diagonal with positive diagonal elements."""
     diagonal = np.diag(matrix)
-    beside = np.abs(matrix - np.diag(diagonal)).sum(axis=1)
-    return bool((diagonal > 0.2).all() and (beside < 0.8 * diagonal).all())
+    mixing = np.abs(matrix - np.diag(diagonal)).sum(axis=1)
+    return bool(
+        (diagonal > settings.least_diagonal).all()
+        and (mixing < settings.most_mixing * diagonal).all()
+    )

@@ -1,27 +1,27 @@
 """From metres in the rig to pixels in the photograph: corners, perspective, bulge and stretch.
 
-A photograph of the rig is first cropped to the quadrilateral of its four corners: a homography
-takes the rig's rectangle to the photograph. The crop is measured in pixels, `columns` x `rows`,
-the longer of the two opposite sides of the quadrilateral each way. Lens and bulging front plate
-bend lines that the homography leaves straight; `rig.camera.curvature` describes that in crop
-pixels. With (X, Y) the column and row of a point in the corrected crop relative to a centre (half
-the crop plus the term's offset), and the crop's edges at X0 < X < X1, Y0 < Y < Y1, the point is
-seen at
+A homography maps the rectangle of the rig to the quadrilateral of its four corners in the
+photograph. The crop is that quadrilateral, rectified to `columns` x `rows` pixels: the longer one
+of each two opposite sides. The lens and the bulging front plate bend lines that the homography
+leaves straight; `rig.camera.curvature` describes the bending in pixels of the crop. Let (X, Y) be
+the column and row of a point in the corrected crop relative to a centre, which is the middle of the
+crop plus the offset of the term. Let the edges of the crop be at X0 < X < X1 and Y0 < Y < Y1. The
+photograph shows the point at
 
     stretch  X' = X + horizontal_stretch X (X1 - X) (X - X0)
              Y' = Y + vertical_stretch   Y (Y1 - Y) (Y - Y0)
     bulge    X" = X' + horizontal_bulge X' (Y1 - Y') (Y' - Y0)
              Y" = Y' + vertical_bulge   Y' (X1 - X') (X' - X0)
 
-in this order, each with its own centre. These are the terms published with the FluidFlower's
-image analysis (DarSIA, curvature correction). Both vanish on the crop's edges in one direction, so
-the corners stay where they are. All keys are optional:
+in this order, each with its own centre. The terms are the curvature correction of DarSIA, the image
+analysis of the FluidFlower. Each vanishes on two edges of the crop, so that the corners do not
+move. All keys are optional:
 
 | key | unit | meaning |
 | --- | --- | --- |
 | `horizontal_bulge`, `vertical_bulge` | 1/px^2 | vertical lines bend sideways, horizontal ones up |
-| `horizontal_stretch`, `vertical_stretch` | 1/px^2 | columns (rows) are spaced unevenly |
-| each of these with `_offset` | px | its centre, from the middle of the crop, right and down |
+| `horizontal_stretch`, `vertical_stretch` | 1/px^2 | uneven spacing of columns (rows) |
+| each of these with `_offset` | px | centre relative to the middle of the crop, right and down |
 """
 
 from dataclasses import dataclass
@@ -37,15 +37,24 @@ from porotwin_core.rig import Camera, Rig
 Array = NDArray[Any]
 
 TERMS = ('horizontal_bulge', 'vertical_bulge', 'horizontal_stretch', 'vertical_stretch')
+"""The terms of the curvature."""
 KEYS = frozenset([*TERMS, *(term + '_offset' for term in TERMS)])
+"""All keys of `rig.camera.curvature`."""
+_INVERSION_ROUNDS = 20
+"""Fixed-point iterations of the inverse, enough for 1e-6 m with the largest published terms."""
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Where each point of a rig of `width` x `height` [m] lies in its photographs.
+    """The mapping between the plane of a rig and its photographs.
 
-    `columns`, `rows`: size of the crop [px]; `to_photograph`: homography (3, 3) from crop to
-    photograph pixels (column, row); `curvature`: the terms above.
+    Attributes:
+        width: width of the rig [m].
+        height: height of the rig [m].
+        columns: columns of the crop [px].
+        rows: rows of the crop [px].
+        to_photograph: homography from crop to photograph pixels (column, row), shape (3, 3).
+        curvature: the terms of the module by key.
     """
 
     width: float
@@ -68,7 +77,11 @@ class Geometry:
 
     @classmethod
     def from_camera(cls, camera: Camera, width: float, height: float) -> 'Geometry':
-        """Return the geometry of a rig of `width` x `height` [m] seen by `camera`."""
+        """Return the geometry of a rig of `width` x `height` [m] in photographs of `camera`.
+
+        Raises:
+            InputError: a curvature key is unknown, or the corners have another order.
+        """
         for key in sorted(set(camera.curvature) - KEYS):
             raise InputError(
                 f"camera.curvature: unknown term '{key}'; known: {', '.join(sorted(KEYS))}"
@@ -90,11 +103,11 @@ class Geometry:
 
     @property
     def pixels_per_metre(self) -> float:
-        """Resolution of the photograph in the rig's plane, the coarser direction [px/m]."""
+        """Resolution of the photograph in the plane of the rig, the coarser direction [px/m]."""
         return min(self.columns / self.width, self.rows / self.height)
 
     def to_pixels(self, x: Array, z: Array) -> tuple[Array, Array]:
-        """Return (columns, rows) in the photograph of the points (x, z) [m] of the rig."""
+        """Return (columns, rows) [px] in the photograph of points (x, z) [m], of any shape."""
         column = np.asarray(x, dtype=float) * (self.columns / self.width)
         row = self.rows - np.asarray(z, dtype=float) * (self.rows / self.height)
         column, row = self._stretched(column, row)
@@ -102,19 +115,20 @@ class Geometry:
         return apply_homography(self.to_photograph, column, row)
 
     def to_metres(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """Return (x, z) [m] of points of the photograph; the inverse of `to_pixels`.
+        """Return (x, z) [m] of points of the photograph [px], the inverse of `to_pixels`.
 
-        The curvature is undone by fixed-point iteration, which contracts since the terms shift
-        points by far less than the crop's size.
+        The curvature is inverted by fixed-point iteration. It contracts, because the terms shift
+        points by far less than the size of the crop.
         """
-        seen = apply_homography(np.linalg.inv(self.to_photograph), columns, rows)
-        column, row = seen
-        for _ in range(20):
+        shown = apply_homography(np.linalg.inv(self.to_photograph), columns, rows)
+        column, row = shown
+        for _ in range(_INVERSION_ROUNDS):
             bent = self._bulged(*self._stretched(column, row))
-            column, row = column + seen[0] - bent[0], row + seen[1] - bent[1]
+            column, row = column + shown[0] - bent[0], row + shown[1] - bent[1]
         return column * (self.width / self.columns), (self.rows - row) * (self.height / self.rows)
 
     def _term(self, name: str) -> tuple[float, float]:
+        """Return value and offset of a term."""
         return self.curvature.get(name, 0.0), self.curvature.get(name + '_offset', 0.0)
 
     def _stretched(self, column: Array, row: Array) -> tuple[Array, Array]:
@@ -139,7 +153,7 @@ class Geometry:
 
 
 def apply_homography(homography: Array, column: Array, row: Array) -> tuple[Array, Array]:
-    """Return the points (column, row) moved by a homography (3, 3)."""
+    """Return the points (column, row), arrays of any shape, mapped by a homography (3, 3)."""
     h = homography
     scale = 1.0 / (h[2, 0] * column + h[2, 1] * row + h[2, 2])
     return (
@@ -149,7 +163,7 @@ def apply_homography(homography: Array, column: Array, row: Array) -> tuple[Arra
 
 
 def _refuse_crossed(corners: Array) -> None:
-    """Raise InputError unless the corners run counter-clockwise on the picture, from upper left."""
+    """Raise InputError unless the corners are counter-clockwise and begin at the upper left."""
     following = np.roll(corners, -1, axis=0) - corners
     turns = following[:, 0] * np.roll(following[:, 1], -1) - following[:, 1] * np.roll(
         following[:, 0], -1

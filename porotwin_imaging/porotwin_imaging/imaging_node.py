@@ -1,16 +1,14 @@
 """Turns photographs into states of the physical asset: maps of tracer concentration.
 
-Callbacks only queue; one worker reads photograph after photograph. A photograph that cannot be
-used costs one log line and a diagnostic, and the stream goes on.
+Callbacks only queue. One worker reads photograph after photograph. A photograph that cannot be used
+costs one log line and a diagnostic, and the stream continues.
 """
 
-import hashlib
 import math
 import queue
 import threading
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
@@ -19,25 +17,16 @@ from porotwin_core.conversions import header_at, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
-from porotwin_imaging.calibration import Calibration, load_calibration
-from porotwin_imaging.chain import ConcentrationMap, Imaging
-from porotwin_imaging.sequence import StateSequence, Verdict, Waiting
+from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
-
-WAITING = 64
-"""State photographs kept until a baseline arrives."""
-
-TRACER, MOST_TRACER = 0.3, 0.02
-"""Concentration of what counts as tracer in a new baseline, and the share of the rig it may have:
-dye that stays behind in the grains is paler."""
-BASELINES = 8
 
 
 class ImagingNode(Node):
     """The device of the paper: emits new states, refreshed states and clean states."""
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters and make the chain.
+        """Read the parameters and start the worker.
 
         Raises:
             InputError: a parameter, the rig or the calibration is wrong.
@@ -45,13 +34,15 @@ class ImagingNode(Node):
         super().__init__('imaging', **kwargs)
         rig = declare_rig(self)
         calibration = declare(self, 'calibration', '', 'path of a calibration file; empty: none')
-        longest_gap = declare(self, 'longest_gap', 0.0, 'time without photographs [s]; 0: by pace')
-        self._grid = declare_grid(self, rig)
-        self._imaging = Imaging(rig, self._grid, calibration=_calibration(calibration))
-        self._sequence = StateSequence(longest_gap or None)
-        self._count = 0
-        self._baselines: list[bytes] = []
-        self._waiting = Waiting(WAITING)
+        longest_gap = declare(
+            self, 'longest_gap', 0.0, 'longest time without photographs [s]; 0: automatic'
+        )
+        self._session = ImagingSession(
+            rig,
+            declare_grid(self, rig),
+            calibration=load_calibration(calibration) if calibration else None,
+            longest_gap_s=longest_gap or None,
+        )
         self._queue: queue.Queue[tuple[str, float, bytes]] = queue.Queue()
         self._diagnostics = Diagnostics(self)
         self._new_state = self.create_publisher(NewState, 'asset/new_state', FIELD)
@@ -73,87 +64,59 @@ class ImagingNode(Node):
             try:
                 if role == 'baseline':
                     self._take_baseline(time, data)
-                elif self._baselines:
-                    self._read(time, data)
-                elif line := self._waiting.add(time, data):
-                    self._complain(line, time)
+                elif self._session.baseline is not None:
+                    self._publish(self._session.add_photo(time, data))
+                elif warning := self._session.keep_waiting(time, data):
+                    self._complain(warning, time)
             except InputError as error:
                 self._complain(f'{role} photograph at {time:.3f} s left out: {error}', time)
             except Exception as error:
                 self._complain(f'{role} photograph at {time:.3f} s failed: {error!r}', time)
 
     def _take_baseline(self, time: float, data: bytes) -> None:
-        new_experiment = self._count > 0
-        if new_experiment:
-            self._refuse_tracer(data)
-        baselines = [data] if new_experiment else [*self._baselines, data][-BASELINES:]
-        for remark in self._imaging.set_baselines(baselines):
+        waited = self._session.add_baseline(data)
+        assert self._session.baseline is not None
+        for remark in self._session.baseline.remarks:
             self.get_logger().info(f'baseline: {remark}')
-        self._baselines = baselines
-        if new_experiment:
-            self._count = 0
-            self._sequence.restart()
+        count = len(self._session.baseline_photos)
         self._diagnostics.report(
-            DiagnosticStatus.OK, f'{len(baselines)} baseline photographs', photograph_time=time
+            DiagnosticStatus.OK, f'{count} baseline photographs', photograph_time=time
         )
-        for photo in self._waiting.release():
+        for photo in waited:
             self._queue.put(('state', *photo))
 
-    def _refuse_tracer(self, data: bytes) -> None:
-        """Raise InputError where a new baseline shows tracer against the one in use.
-
-        A camera that was started again in the middle of a run takes what it sees first for one.
-        """
-        try:
-            values = self._imaging.concentration(data).values
-        except InputError:  # another view or sand: compared with the old one it says nothing
-            return
-        share = float(np.mean(values[np.isfinite(values)] > TRACER))
-        if share > MOST_TRACER:
-            raise InputError(
-                f'as a new baseline it shows tracer on {100 * share:.0f} % of the rig; take one '
-                'without tracer, or start the twin again. The baseline in use stays'
-            )
-
-    def _read(self, time: float, data: bytes) -> None:
-        digest = hashlib.blake2b(data, digest_size=16).hexdigest()
-        verdict = self._sequence.judge(time, digest)
-        if verdict.action == 'ignore':
-            self._complain(f'{verdict.reason}; left out', time)
-            return
-        found = self._imaging.concentration(data)
-        self._sequence.accept(time, digest, verdict)
-        if verdict.action == 'start':
-            self._publish_clean(time, verdict)
-        self._publish_state(time, verdict, found)
-
-    def _publish_clean(self, time: float, verdict: Verdict) -> None:
-        cause = CleanState.INTERRUPTED if self._count else CleanState.START
-        self._clean.publish(CleanState(header=header_at(time), cause=cause, reason=verdict.reason))
-
-    def _publish_state(self, time: float, verdict: Verdict, found: ConcentrationMap) -> None:
-        noise = found.typical_noise
+    def _publish(self, state: ImagedState) -> None:
+        header = header_at(state.time)
+        if state.placement.action == 'start':
+            cause = CleanState.INTERRUPTED if state.number else CleanState.START
+            reason = state.placement.reason
+            self._clean.publish(CleanState(header=header, cause=cause, reason=reason))
+        noise = state.map.typical_noise
         self._new_state.publish(
             NewState(
-                header=header_at(time),
-                sequence=self._count,
-                time_step=verdict.time_step,
-                tracer=tracer_to_msg(found.values, self._grid, time),
+                header=header,
+                sequence=state.number,
+                time_step=state.placement.time_step,
+                tracer=tracer_to_msg(state.map.values, self._session.grid, state.time),
                 noise=noise if math.isfinite(noise) else math.nan,
-                calibrated=found.calibrated,
-                remarks=found.status,
+                calibrated=state.map.calibrated,
+                remarks=state.map.status,
             )
         )
-        self._refreshed.publish(StateRefreshed(header=header_at(time), sequence=self._count))
-        self._count += 1
+        self._refreshed.publish(StateRefreshed(header=header, sequence=state.number))
+        self._report(state)
+
+    def _report(self, state: ImagedState) -> None:
+        found = state.map
         seconds = sum(found.timings.values())
-        summary = '; '.join([f'photograph at {time:.3f} s read in {seconds:.2f} s', *found.status])
+        summary = f'photograph at {state.time:.3f} s read in {seconds:.2f} s'
+        summary = '; '.join([summary, *found.status])
         self.get_logger().info(summary)
         self._diagnostics.report(
             DiagnosticStatus.WARN if found.suspicious else DiagnosticStatus.OK,
             summary,
-            photograph_time=time,
-            noise=noise,
+            photograph_time=state.time,
+            noise=found.typical_noise,
             **{f'{stage}_s': round(value, 4) for stage, value in found.timings.items()},
         )
 
@@ -161,10 +124,6 @@ class ImagingNode(Node):
         line = ' '.join(text.split())
         self.get_logger().error(line)
         self._diagnostics.report(DiagnosticStatus.ERROR, line, photograph_time=time)
-
-
-def _calibration(path: str) -> Calibration | None:
-    return load_calibration(path) if path else None
 
 
 def main() -> None:

@@ -1,9 +1,9 @@
-"""The sampling grid: which photograph pixels each cell of a map is read from.
+"""Sampling points: which pixels of a photograph belong to each cell of a map.
 
-A cell is sampled on `factor` x `factor` points, about one for each decoded pixel. A photograph is
-read there in one remapping, moved by its alignment to the baseline; sums over a cell's samples
-then take it to the map. Sampled pictures have their top row first, like photographs; maps have
-the bottom row first, and the flip happens here.
+A cell is sampled on `samples_across` x `samples_across` points, about one per decoded pixel. A
+photograph is read at these points in one remapping, moved by its alignment to the baseline; then
+the samples of each cell are summed. Sampled pictures have row 0 at the top, like photographs. Maps
+have row 0 at the bottom. The rows are flipped here and in `cell_sums.py`.
 """
 
 from dataclasses import dataclass
@@ -15,55 +15,73 @@ from numpy.typing import NDArray
 
 from porotwin_core.grid import Grid
 from porotwin_imaging.geometry import Geometry, apply_homography
+from porotwin_imaging.settings import DEFAULTS, SamplingSettings
 
 Array = NDArray[Any]
 
-FEWEST_PIXELS_PER_CELL = 1.4
-"""Decoded pixels that a cell should span each way, where that saves half of the decoding."""
-FEWEST_COLUMNS = 1200
-"""Decoded width that alignment to the baseline should have, where the file has it [px]."""
 
+def choose_reduction(
+    geometry: Geometry,
+    grid: Grid,
+    photo_width: int,
+    settings: SamplingSettings = DEFAULTS.sampling,
+) -> int:
+    """Return the coarsest decoding (8, 4, 2 or 1) that resolves the cells of `grid`.
 
-def choose_reduction(geometry: Geometry, grid: Grid, photo_width: int) -> int:
-    """Return the coarsest decoding (8, 4, 2, 1) that still resolves what the map needs."""
-    per_cell = min(geometry.columns / grid.nx, geometry.rows / grid.nz)
+    `photo_width`: columns of the file [px].
+    """
+    pixels_per_cell = min(geometry.columns / grid.nx, geometry.rows / grid.nz)
     for reduction in (8, 4, 2):
         if (
-            per_cell / reduction >= FEWEST_PIXELS_PER_CELL
-            and photo_width / reduction >= FEWEST_COLUMNS
+            pixels_per_cell / reduction >= settings.least_pixels_per_cell
+            and photo_width / reduction >= settings.least_columns
         ):
             return reduction
-    # finest maps of large rigs: a little more than a pixel for each cell is enough
-    return 2 if per_cell / 2 >= 1.2 and photo_width / 2 >= FEWEST_COLUMNS else 1
+    enough_at_half = (
+        pixels_per_cell / 2 >= settings.least_pixels_per_fine_cell
+        and photo_width / 2 >= settings.least_columns
+    )
+    return 2 if enough_at_half else 1
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampling points of a map on `grid`: `columns`, `rows` in the baseline's decoded pixels."""
+    """Sampling points of a map.
+
+    Attributes:
+        grid: the grid of the map.
+        samples_across: samples of a cell in each direction.
+        columns: columns of the points in the decoded baseline [px], float32, shape
+            (nz * samples_across, nx * samples_across), row 0 at the top.
+        rows: their rows, same shape.
+    """
 
     grid: Grid
-    factor: int
+    samples_across: int
     columns: Array
     rows: Array
 
     @classmethod
     def of(cls, geometry: Geometry, grid: Grid, reduction: int) -> 'Sampling':
-        """Return the sampling with about one point for each pixel decoded at `reduction`."""
-        per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
-        factor = max(1, round(per_cell))
-        fine = grid.refined(factor)
+        """Return the sampling with about one point per pixel decoded at `reduction`."""
+        pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
+        samples_across = max(1, round(pixels_per_cell))
+        fine = grid.refined(samples_across)
         x, z = np.meshgrid(fine.x, fine.z[::-1])
         columns, rows = geometry.to_pixels(x, z)
         decoded = [((c + 0.5) / reduction - 0.5).astype(np.float32) for c in (columns, rows)]
-        return cls(grid, factor, decoded[0], decoded[1])
+        return cls(grid, samples_across, decoded[0], decoded[1])
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Shape of a sampled picture, (rows, columns)."""
+        """Shape (rows, columns) of a sampled picture."""
         return self.columns.shape[0], self.columns.shape[1]
 
     def sample(self, pixels: Array, homography: Array | None = None) -> Array:
-        """Return the picture `pixels` at the sampling points, moved by `homography`."""
+        """Return the decoded picture `pixels` at the sampling points.
+
+        `homography` (3, 3) moves the points from the baseline to the photograph.
+        """
         columns, rows = self.columns, self.rows
         if homography is not None:
             moved = apply_homography(homography.astype(np.float32), columns, rows)
@@ -73,6 +91,6 @@ class Sampling:
         )
 
     def cell_means(self, picture: Array) -> Array:
-        """Return the mean of a sampled picture over each cell, shape (nz, nx[, channels])."""
+        """Return the mean of a sampled picture over each cell, (nz, nx) or (nz, nx, channels)."""
         means = cv2.resize(picture, (self.grid.nx, self.grid.nz), interpolation=cv2.INTER_AREA)
         return np.ascontiguousarray(means[::-1])

@@ -1,17 +1,19 @@
-"""Weighted total-variation denoising: smooths and fills where a photograph says little.
+"""Weighted total-variation denoising after Rudin, Osher and Fatemi (paper, sec. 2.2.1).
 
-The map u closest to the data f in the sense of Rudin, Osher and Fatemi (paper, sec. 2.2.1),
+The result is the map u that minimises
 
-    min over u of  1/2 int w (u - f)^2 dA + length int |grad u| dA,
+    1/2 int w (u - f)^2 dA + weight_m int |grad u| dA
 
-weights each place by what the photograph says there: `w` is 1 at full information, LEAST_WEIGHT
-where there is none; data without weight is first carried in from the surroundings. `length` [m per
-unit of f] is physical: a disc of radius r keeps its shape and loses 2 length / r of its height,
-whatever the resolution. The discrete problem (forward differences, no flux at the edges) is solved
-by the accelerated primal-dual method of Chambolle and Pock (J. Math. Imaging Vision 40:120, 2011,
-algorithm 2). The duality gap G bounds the distance to the exact minimiser u*,
-1/2 int w (u - u*)^2 dA <= G: the iteration stops when sqrt(2 G / int w dA), a weighted root mean
-square error, is below the tolerance.
+for data f and data weights w between 0 and 1. Data without weight are first filled in from their
+surroundings. The total variation weight is a length [m per unit of f] and independent of the
+resolution: a disc of radius r keeps its shape and loses 2 weight_m / r of its height. Its value is
+`TotalVariationSettings.weight_m` in `settings.py`.
+
+The discrete problem (forward differences, no flux at the edges) is solved by the accelerated
+primal-dual method of Chambolle and Pock (J. Math. Imaging Vision 40:120, 2011, algorithm 2). The
+duality gap G bounds the distance to the exact minimiser u*, 1/2 int w (u - u*)^2 dA <= G. The
+iteration stops when sqrt(2 G / int w dA), a weighted root mean square error, is below the
+tolerance.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -23,122 +25,132 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from porotwin_imaging.settings import DEFAULTS, TotalVariationSettings
+
 Array = NDArray[Any]
 
-LEAST_WEIGHT = 0.05
-"""Weights are raised to this: the strong convexity on which the accelerated method rests."""
 CHECK_EVERY = 20
 """Iterations between two evaluations of the duality gap, which costs about two iterations."""
-MAX_ITERATIONS = 1000
-LARGE = 1_000_000
-"""Cells from which a map is solved in tiles."""
-TILE, HALO = 256, 24
-THREADS = 2
+_SMALLEST_LEVEL = 4
+"""Rows or columns below which the filling pyramid ends."""
 
 
 @dataclass(frozen=True)
-class Denoised:
-    """`values` (nz, nx); the `error` bound reached, in units of the data; `iterations` taken."""
+class DenoisedMap:
+    """The result of the denoising.
+
+    Attributes:
+        values: the map, float32, shape (nz, nx).
+        error: bound on its weighted root mean square distance from the exact minimiser.
+        iterations: iterations of the primal-dual method.
+    """
 
     values: Array
     error: float
     iterations: int
 
 
-def denoise(
+def total_variation_denoising(
     data: Array,
-    weights: Array,
+    data_weights: Array,
     *,
     spacing: tuple[float, float],
-    length: float,
-    tolerance: float = 2e-3,
-    max_iterations: int = MAX_ITERATIONS,
-) -> Denoised:
-    """Return the weighted total-variation minimiser of `data` (nz, nx).
+    settings: TotalVariationSettings = DEFAULTS.total_variation,
+) -> DenoisedMap:
+    """Return the weighted total-variation minimiser.
 
-    `weights` (nz, nx) between 0 and 1; NaN data counts as weight 0. `spacing`: (dz, dx) [m].
-    `tolerance` in units of the data.
+    Args:
+        data: noisy map, shape (nz, nx); NaN counts as data without weight.
+        data_weights: weight of each cell from 0 to 1, same shape.
+        spacing: size (dz, dx) of a cell [m].
+        settings: total variation weight, tolerance and limits.
     """
-    weight = np.where(np.isfinite(data), np.clip(weights, 0.0, 1.0), 0.0).astype(np.float32)
-    filled = fill(data, weight)
-    if length <= 0.0:
-        return Denoised(filled, 0.0, 0)
+    weight = np.where(np.isfinite(data), np.clip(data_weights, 0.0, 1.0), 0.0).astype(np.float32)
+    filled = fill(data, weight, settings)
+    if settings.weight_m <= 0.0:
+        return DenoisedMap(filled, 0.0, 0)
     unit = min(spacing)
     constants = (
-        np.float32(length / unit),
+        np.float32(settings.weight_m / unit),
         np.float32(unit / spacing[0]),
         np.float32(unit / spacing[1]),
-        np.float32(tolerance),
-        max_iterations,
+        np.float32(settings.tolerance),
+        settings.most_iterations,
     )
-    weight = np.maximum(weight, np.float32(LEAST_WEIGHT))
-    if filled.size > LARGE:
-        return _in_tiles(filled, weight, constants)
+    weight = np.maximum(weight, np.float32(settings.least_data_weight))
+    if filled.size > settings.tiled_from_cells:
+        return _in_tiles(filled, weight, constants, settings)
     u, error, iterations = _primal_dual(filled, weight, *constants)
-    return Denoised(u, float(error), int(iterations))
+    return DenoisedMap(u, float(error), int(iterations))
 
 
-def _in_tiles(data: Array, weight: Array, constants: tuple[Any, ...]) -> Denoised:
-    """Return the minimiser of a large map, solved on tiles that overlap by `HALO` cells each way.
+def _in_tiles(
+    data: Array, weight: Array, constants: tuple[Any, ...], settings: TotalVariationSettings
+) -> DenoisedMap:
+    """Return the minimiser of a large map, solved on overlapping tiles.
 
-    A tile fits into a core's cache, and quiet tiles are done early. What lies further away than the
-    halo acts on a cell only through ever more cells that must agree with their own data.
+    A tile fits into the cache of a core, and tiles without tracer need few iterations. Cells beyond
+    the overlap hardly influence a cell, because all cells between them must fit their own data.
     """
     nz, nx = data.shape
+    tile, halo = settings.tile_cells, settings.halo_cells
     values = np.empty_like(data)
 
     def solve(start: tuple[int, int]) -> tuple[float, int]:
-        low = [max(0, s - HALO) for s in start]
+        low = [max(0, s - halo) for s in start]
         outer = tuple(
-            slice(a, min(size, s + TILE + HALO))
+            slice(a, min(size, s + tile + halo))
             for a, s, size in zip(low, start, (nz, nx), strict=True)
         )
         u, error, iterations = _primal_dual(
             np.ascontiguousarray(data[outer]), np.ascontiguousarray(weight[outer]), *constants
         )
-        target = tuple(slice(s, s + TILE) for s in start)
+        target = tuple(slice(s, s + tile) for s in start)
         shape = values[target].shape
         inner = tuple(slice(s - a, s - a + n) for s, a, n in zip(start, low, shape, strict=True))
         values[target] = u[inner]
         return float(error), int(iterations)
 
-    starts = [(i, j) for i in range(0, nz, TILE) for j in range(0, nx, TILE)]
-    with ThreadPoolExecutor(THREADS) as pool:
+    starts = [(i, j) for i in range(0, nz, tile) for j in range(0, nx, tile)]
+    with ThreadPoolExecutor(settings.threads) as pool:
         errors, iterations = zip(*pool.map(solve, starts), strict=True)
-    return Denoised(values, max(errors), max(iterations))
+    return DenoisedMap(values, max(errors), max(iterations))
 
 
-def fill(data: Array, weight: Array) -> NDArray[np.float32]:
-    """Return `data` with places of little weight carried in from their weighted surroundings.
+def fill(
+    data: Array, weight: Array, settings: TotalVariationSettings = DEFAULTS.total_variation
+) -> NDArray[np.float32]:
+    """Return `data` (nz, nx) with cells of little weight filled from their surroundings.
 
-    A pyramid: every level holds weighted means of the one below, and a place takes from its own
-    level what its weight allows and the rest from the level above (pull-push, Gortler et al.,
-    SIGGRAPH 1996).
+    A pyramid of weighted means: a cell combines its own level, as far as its weight allows, with
+    the coarser level (pull-push, Gortler et al., SIGGRAPH 1996).
     """
     value = np.where(np.isfinite(data), data, 0.0).astype(np.float32) * weight
-    return _pulled(value, weight)
+    return _filled(value, weight, np.float32(settings.least_data_weight))
 
 
-def _pulled(weighted: Array, weight: Array) -> NDArray[np.float32]:
-    full = np.minimum(weight / np.float32(LEAST_WEIGHT), 1.0)
+def _filled(weighted: Array, weight: Array, full_weight: np.float32) -> NDArray[np.float32]:
+    """Return one level of the pyramid from weighted data and weights; `full_weight` counts as 1."""
+    full = np.minimum(weight / full_weight, 1.0)
     own = weighted / np.maximum(weight, 1e-6)
     rows, columns = weight.shape
-    if min(rows, columns) < 4 or full.min() >= 1.0:
+    if min(rows, columns) < _SMALLEST_LEVEL or full.min() >= 1.0:
         total = float(weight.sum())
-        rest = float(weighted.sum()) / total if total > 0 else 0.0
-        return (full * own + (1.0 - full) * rest).astype(np.float32)
+        mean = float(weighted.sum()) / total if total > 0 else 0.0
+        return (full * own + (1.0 - full) * mean).astype(np.float32)
     half = ((columns + 1) // 2, (rows + 1) // 2)
-    coarse = _pulled(
+    coarse = _filled(
         cv2.resize(weighted, half, interpolation=cv2.INTER_AREA),
         cv2.resize(weight, half, interpolation=cv2.INTER_AREA),
+        full_weight,
     )
-    above = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
-    return (full * own + (1.0 - full) * above).astype(np.float32)
+    coarser = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return (full * own + (1.0 - full) * coarser).astype(np.float32)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model='numpy')
 def _dual_row(here, above, p, q, step, strength, az, ax):  # type: ignore[no-untyped-def]
-    """Ascend in the dual along one row: (p, q) <- projection of (p, q) + step grad u."""
+    """Dual step along one row: (p, q) <- projection of (p, q) + step grad u."""
     one = np.float32(1.0)
     for j in range(here.size - 1):
         a = p[j] + step * az * (above[j] - here[j])
@@ -154,7 +166,7 @@ def _dual_row(here, above, p, q, step, strength, az, ax):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True, fastmath=True, error_model='numpy')
 def _primal_row(u, bar, p, below, q, f, w, step, beyond, az, ax):  # type: ignore[no-untyped-def]
-    """Descend in the primal along one row, u <- prox(u + step div (p, q)), and extrapolate."""
+    """Primal step along one row: u <- prox(u + step div (p, q)), and its extrapolation."""
     one = np.float32(1.0)
     for j in range(u.size):
         divergence = az * (p[j] - below[j]) + ax * (q[j + 1] - q[j])
@@ -167,7 +179,7 @@ def _primal_row(u, bar, p, below, q, f, w, step, beyond, az, ax):  # type: ignor
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def _gap(u, p, q, f, w, strength, az, ax):  # type: ignore[no-untyped-def]
-    """Return (primal minus dual energy, sum of weights) of the discrete problem."""
+    """Return (primal energy minus dual energy, sum of weights) of the discrete problem."""
     nz, nx = u.shape
     energy = 0.0
     total = 0.0
@@ -187,8 +199,8 @@ def _gap(u, p, q, f, w, strength, az, ax):  # type: ignore[no-untyped-def]
 def _primal_dual(f, w, strength, az, ax, tolerance, max_iterations):  # type: ignore[no-untyped-def]
     """Return (u, error bound, iterations).
 
-    The dual lives on faces: p[i + 1] above row i, q[:, j + 1] right of column j; the outermost
-    faces stay 0.
+    The dual variable is on faces: p[i + 1] above row i, q[:, j + 1] to the right of column j. The
+    outermost faces stay 0.
     """
     nz, nx = f.shape
     u = f.copy()
@@ -206,10 +218,10 @@ def _primal_dual(f, w, strength, az, ax, tolerance, max_iterations):  # type: ig
             dual = one / (norm_squared * primal)
             beyond = one / np.sqrt(one + np.float32(2.0) * convexity * primal)
             for i in range(nz):
-                # the row above the top row is the top row itself: no flux, and p stays 0 there
+                # no flux through the top edge: the row above is the top row, and p stays 0
                 above = bar[min(i + 1, nz - 1)]
                 _dual_row(bar[i], above, p[i + 1], q[i], dual, strength, az, ax)
-                # no later row needs the old bar[i]: one pass over memory does both steps
+                # no later row needs the old bar[i], so that one pass does both steps
                 _primal_row(u[i], bar[i], p[i + 1], p[i], q[i], f[i], w[i], primal, beyond, az, ax)
             primal *= beyond
         count += CHECK_EVERY

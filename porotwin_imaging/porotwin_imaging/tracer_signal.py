@@ -1,12 +1,12 @@
-"""The signal of the tracer: one number for each cell from the photograph and its baseline.
+"""The signal of the tracer: one number per cell from the log ratio to the baseline.
 
-With r the light that a cell sends in a photograph relative to the baseline, channel by channel,
+With r_i the ratio of light to the baseline in channel i, and weights w_i of red, green and blue,
 
-    difference  s =   sum_i w_i (1 - r_i)   the pictures' difference, relative to the baseline
-    absorbance  s = - sum_i w_i ln r_i      proportional to concentration after Beer and Lambert
+    difference  s =   sum_i w_i (1 - r_i)   relative difference of the pictures
+    absorbance  s = - sum_i w_i ln r_i      proportional to concentration (Beer and Lambert)
 
-with weights w of red, green and blue: all alike (grey), red alone, or a direction learned from
-calibration photographs. Both are ratios to the baseline: the grains' own brightness drops out.
+The weights are equal (grey), red alone, or a direction learned from calibration photographs. Both
+signals use ratios, so that the own brightness of the grains cancels.
 """
 
 from dataclasses import dataclass
@@ -20,28 +20,36 @@ Array = NDArray[Any]
 Contrast = Literal['absorbance', 'difference']
 
 LEAST_RATIO = 0.02
-"""Darkest photograph relative to its baseline; below, the camera sees nothing but noise."""
-
+"""Smallest ratio to the baseline; a darker photograph contains only noise of the camera."""
 CHANNELS = {'grey': (1 / 3, 1 / 3, 1 / 3), 'red': (1.0, 0.0, 0.0)}
+"""Weights of red, green and blue that need no photographs."""
+_COVARIANCE_FLOOR = 1e-6
+"""Added to the variance of each channel, so that the covariance is invertible."""
 
 
 @dataclass(frozen=True)
-class Signal:
-    """How tracer is read off; `weights` of red, green and blue."""
+class TracerSignal:
+    """The definition of the signal.
+
+    Attributes:
+        contrast: 'difference' or 'absorbance', see the module.
+        weights: weights of red, green and blue.
+    """
 
     contrast: Contrast = 'difference'
     weights: tuple[float, float, float] = CHANNELS['red']
 
     def of(self, log_ratio: Array) -> Array:
-        """Return the signal (nz, nx) from log ratios (nz, nx, 3 = red, green, blue)."""
+        """Return the signal (nz, nx) of log ratios (nz, nx, 3 = red, green, blue)."""
         bounded = np.maximum(log_ratio, np.float32(np.log(LEAST_RATIO)))
-        seen = -bounded if self.contrast == 'absorbance' else 1.0 - np.exp(bounded)
-        return seen @ np.asarray(self.weights, np.float32)
+        darkening = -bounded if self.contrast == 'absorbance' else 1.0 - np.exp(bounded)
+        return darkening @ np.asarray(self.weights, np.float32)
 
     def noise(self, log_ratio: Array, variance: Array) -> Array:
-        """Return the signal's standard deviation from the log ratios' `variance` (nz, nx, 3).
+        """Return the standard deviation of the signal, shape (nz, nx).
 
-        The channels' errors are independent: each has a sensor of its own.
+        `variance` (nz, nx, 3) is the variance of the log ratios. The errors of the channels are
+        independent, because each has its own sensor.
         """
         slope = np.ones_like(log_ratio)
         if self.contrast == 'difference':
@@ -51,14 +59,18 @@ class Signal:
 
 
 def learned_weights(log_ratio: Array, background: Array) -> tuple[float, float, float]:
-    """Return the weights that tell tracer best from noise and light, for absorbance.
+    """Return the weights that separate tracer best from noise and light, for absorbance.
 
-    `log_ratio` (n, 3) of places with tracer, `background` (n, 3) of places without, where light,
-    noise and colour fluctuate. Fisher's discriminant: w = S^-1 d, scaled to sum |w| = 1, with d
-    the mean absorbance of tracer and S the covariance of the background and of a common drift.
+    Fisher's discriminant: w = S^-1 d, scaled to sum |w| = 1, with d the mean absorbance of tracer
+    and S the covariance of the background.
+
+    Args:
+        log_ratio: log ratios of cells with tracer, shape (n, 3).
+        background: log ratios of cells without tracer, where light, noise and colour fluctuate,
+            shape (n, 3).
     """
     direction = -log_ratio.mean(axis=0)
-    covariance = np.cov(background.T) + 1e-6 * np.eye(3)
+    covariance = np.cov(background.T) + _COVARIANCE_FLOOR * np.eye(3)
     weights = np.linalg.solve(covariance, direction)
     weights /= np.abs(weights).sum()
     if weights @ direction < 0:

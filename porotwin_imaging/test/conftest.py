@@ -1,5 +1,6 @@
-"""A small laboratory for the tests: a rig, mottled sand, tracer, a chart, JPEG files."""
+"""A small laboratory for the tests: a rig with mottled sand, tracer, a chart and JPEG files."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,23 +9,36 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from porotwin_core.grid import conservative_resample
 from porotwin_core.rig import Rig
+from porotwin_imaging.baseline import Baseline, make_baseline
+from porotwin_imaging.calibration import Calibration, Response
 from porotwin_imaging.colour_checker import REFERENCE
+from porotwin_imaging.tracer_signal import TracerSignal
 
 SHARED = Path(__file__).resolve().parents[2].parent / 'shared'
 TRACER_PHOTOGRAPHS = SHARED / 'data' / 'fluidflower_tracer'
 
 WIDTH, HEIGHT = 0.9, 0.5
 PX_PER_M = 900.0
-LEFT, TOP = 40, 150
+FIRST_COLUMN, FIRST_ROW = 40, 150
+"""Upper left corner of the sand in the photographs [px]."""
+TRUE_SHAPE = (450, 810)
+"""Cells of true maps: one per pixel of the photographs."""
+NO_TRACER = np.zeros((2, 2))
 
 
 @dataclass
 class Laboratory:
-    """Renders photographs of a 0.9 m x 0.5 m rig, 1 px = 1.1 mm, the sand's corner at (40, 150).
+    """Renders photographs of a rig of 0.9 m x 0.5 m with pixels of 1.1 mm.
 
-    `transmission`: what stock leaves of red, green and blue light; `uptake` by sand;
-    `finer_below`: height [m] below which the sand is another one; 0: one sand.
+    Attributes:
+        transmission: share of red, green and blue light that passes through tracer stock.
+        finer_below: height [m] of the interface to a finer sand; 0 for one sand.
+        uptake: factor on the colour of tracer in the upper and the lower sand.
+        seed: seed of the grains.
+        size: columns and rows of the photographs [px].
+        chart_at: column and row of the colour chart [px].
     """
 
     transmission: tuple[float, float, float] = (0.35, 0.6, 0.45)
@@ -43,8 +57,8 @@ class Laboratory:
 
     @property
     def rig(self) -> Rig:
-        left, top = LEFT, TOP
-        right, bottom = LEFT + WIDTH * PX_PER_M, TOP + HEIGHT * PX_PER_M
+        first_column, first_row = FIRST_COLUMN, FIRST_ROW
+        last_column, last_row = first_column + WIDTH * PX_PER_M, first_row + HEIGHT * PX_PER_M
         x, y = self.chart_at
         w, h = 145.0, 95.0
         return Rig.model_validate(
@@ -59,7 +73,12 @@ class Laboratory:
                 'density_kg_m3': 998.0,
                 'wells': {'injector': {'x_m': 0.3, 'z_m': 0.2}},
                 'camera': {
-                    'corners_px': [[left, top], [left, bottom], [right, bottom], [right, top]],
+                    'corners_px': [
+                        [first_column, first_row],
+                        [first_column, last_row],
+                        [last_column, last_row],
+                        [last_column, first_row],
+                    ],
                     'colour_checker_px': [[x, y], [x, y + h], [x + w, y + h], [x + w, y]],
                 },
             }
@@ -69,21 +88,22 @@ class Laboratory:
         """Return linear red, green, blue of the rig with a map (nz, nx) of tracer."""
         rows, columns = self.size[1], self.size[0]
         light = np.full((rows, columns, 3), 0.3, np.float32) * [1.0, 0.9, 0.5]
-        bottom, right = int(TOP + HEIGHT * PX_PER_M), int(LEFT + WIDTH * PX_PER_M)
-        inside = (slice(TOP, bottom), slice(LEFT, right))
-        seen = cv2.resize(
+        last_row = int(FIRST_ROW + HEIGHT * PX_PER_M)
+        last_column = int(FIRST_COLUMN + WIDTH * PX_PER_M)
+        inside = (slice(FIRST_ROW, last_row), slice(FIRST_COLUMN, last_column))
+        shown = cv2.resize(
             np.ascontiguousarray(concentration[::-1], np.float32),
-            (right - LEFT, bottom - TOP),
+            (last_column - FIRST_COLUMN, last_row - FIRST_ROW),
             interpolation=cv2.INTER_LINEAR,
         )
-        height = HEIGHT - (np.arange(bottom - TOP) + 0.5) / PX_PER_M
-        fine = np.broadcast_to((height < self.finer_below)[:, None], seen.shape)
+        height = HEIGHT - (np.arange(last_row - FIRST_ROW) + 0.5) / PX_PER_M
+        fine = np.broadcast_to((height < self.finer_below)[:, None], shown.shape)
         contrast = np.where(fine, 0.06, 0.25)
         shade = np.clip(1 + contrast * self._grains[inside], 0.3, None)
         tone = np.where(fine[..., None], [0.34, 0.26, 0.2], [0.2, 0.14, 0.1])
         uptake = np.where(fine, self.uptake[1], self.uptake[0])
-        left = 1 - (1 - np.array(self.transmission)) * (seen * uptake)[..., None]
-        light[inside] = tone * shade[..., None] * left
+        passing = 1 - (1 - np.array(self.transmission)) * (shown * uptake)[..., None]
+        light[inside] = tone * shade[..., None] * passing
         self._chart(light)
         return light.astype(np.float32)
 
@@ -92,8 +112,9 @@ class Laboratory:
         light[y - 10 : y + 105, x - 10 : x + 155] = 0.012
         for index in range(24):
             row, column = divmod(index, 6)
-            top, left = y + 25 * row, x + 25 * column
-            light[top : top + 20, left : left + 20] = np.clip(REFERENCE[index], 0.005, 1)
+            first_row, first_column = y + 25 * row, x + 25 * column
+            area = (slice(first_row, first_row + 20), slice(first_column, first_column + 20))
+            light[area] = np.clip(REFERENCE[index], 0.005, 1)
 
     def photograph(
         self,
@@ -105,7 +126,16 @@ class Laboratory:
         noise: float = 1.0,
         seed: int = 9,
     ) -> bytes:
-        """Return the JPEG file: brighter by `gain`, `slope` across, moved by `shift` px."""
+        """Return a JPEG file.
+
+        Args:
+            concentration: map of tracer, shape (nz, nx).
+            gain: factor on the light.
+            slope: relative change of the light from the left to the right edge.
+            shift: movement of the camera to the right and down [px].
+            noise: standard deviation of the sensor noise [grey levels].
+            seed: seed of the noise.
+        """
         light = self.scene(concentration) * gain
         light = light * (1 + slope * np.linspace(-0.5, 0.5, self.size[0]))[None, :, None]
         move = np.array([[1.0, 0, shift[0]], [0, 1.0, shift[1]]])
@@ -127,7 +157,7 @@ def encode(light: NDArray[np.floating], *, noise: float = 1.0, seed: int = 9) ->
 
 
 def plume(shape: tuple[int, int], x: float, z: float, radius: float) -> NDArray[np.floating]:
-    """Return a round plume of stock with a smooth rim, (nz, nx), in metres."""
+    """Return a round plume of tracer stock with a smooth rim, shape (nz, nx), lengths in [m]."""
     nz, nx = shape
     zz, xx = np.meshgrid(
         (np.arange(nz) + 0.5) * HEIGHT / nz, (np.arange(nx) + 0.5) * WIDTH / nx, indexing='ij'
@@ -160,3 +190,54 @@ def tracer_photographs() -> Path:
     if not (TRACER_PHOTOGRAPHS / 'tracer_3.jpg').is_file():
         pytest.skip(f'needs the real photographs in {TRACER_PHOTOGRAPHS}')
     return TRACER_PHOTOGRAPHS
+
+
+@pytest.fixture(scope='session')
+def calibration() -> Calibration:
+    """The calibration of the default laboratory."""
+    return Calibration(
+        TracerSignal('difference', (1.0, 0.0, 0.0)),
+        Response((0.0, 0.65), (0.0, 1.0)),
+        scale_error=0.01,
+    )
+
+
+@pytest.fixture(scope='session')
+def empty_photograph(laboratory) -> bytes:
+    """A photograph of the default laboratory without tracer."""
+    return laboratory.photograph(NO_TRACER, seed=1)
+
+
+@pytest.fixture(scope='session')
+def baseline(laboratory, calibration, empty_photograph) -> Baseline:
+    """The baseline of the default laboratory on a grid of 90 x 50 cells."""
+    grid = laboratory.rig.grid(90, 50)
+    return make_baseline(laboratory.rig, grid, [empty_photograph], calibration=calibration)
+
+
+@pytest.fixture(scope='session')
+def true_map() -> NDArray[np.floating]:
+    """A true map with a plume in the middle of the rig."""
+    return plume(TRUE_SHAPE, 0.4, 0.25, 0.12)
+
+
+@pytest.fixture(scope='session')
+def true_shape() -> tuple[int, int]:
+    return TRUE_SHAPE
+
+
+@pytest.fixture(scope='session')
+def no_tracer() -> NDArray[np.floating]:
+    return NO_TRACER
+
+
+@pytest.fixture(scope='session')
+def relative_error() -> Callable[[NDArray[np.floating], NDArray[np.floating]], float]:
+    """A function (values, truth) -> relative L2 error over the visible cells."""
+
+    def error(values: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
+        truth = conservative_resample(truth, values.shape)
+        visible = np.isfinite(values)
+        return float(np.linalg.norm((values - truth)[visible]) / np.linalg.norm(truth[visible]))
+
+    return error

@@ -1,4 +1,4 @@
-"""The calibration file."""
+"""The calibration record and its file."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from porotwin_imaging.calibration import (
     load_calibration,
     save_calibration,
 )
-from porotwin_imaging.tracer_signal import Signal, learned_weights
+from porotwin_imaging.tracer_signal import TracerSignal
 
 
 def test_a_calibration_survives_its_file(tmp_path) -> None:
@@ -19,15 +19,19 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
     sands[10:] = 1
     hidden = np.zeros((30, 50), np.uint8)
     hidden[:3] = 255
-    kept = Calibration(
-        Signal('absorbance', (0.5, 0.3, 0.2)),
+    written = Calibration(
+        TracerSignal('absorbance', (0.5, 0.3, 0.2)),
         Response((0.0, 0.4, 1.1), (0.0, 0.5, 1.0)),
         sands, (1.0, 1.25), hidden, {'from': 'test'}, 0.03,
     )  # fmt: skip
-    save_calibration(kept, tmp_path / 'calibration.yaml')
+    save_calibration(written, tmp_path / 'calibration.yaml')
     read = load_calibration(tmp_path / 'calibration.yaml')
-    assert (read.signal, read.response, read.factors) == (kept.signal, kept.response, kept.factors)
-    assert (read.made, read.scale_error) == (kept.made, kept.scale_error)
+    assert (read.signal, read.response, read.factors) == (
+        written.signal,
+        written.response,
+        written.factors,
+    )
+    assert (read.made, read.scale_error) == (written.made, written.scale_error)
     np.testing.assert_array_equal(read.sands, sands)
     np.testing.assert_array_equal(read.hidden, hidden)
     # the picture's lower part, painted 1, is the lower part of the rig
@@ -63,19 +67,10 @@ def test_a_broken_file_is_named_with_its_fault(tmp_path, text, complaint) -> Non
     assert '\n' not in str(error.value)
 
 
-def test_response_goes_on_straight_beyond_its_ends() -> None:
+def test_the_response_is_linear_beyond_its_ends() -> None:
     response = Response((0.0, 0.5, 1.0), (0.0, 0.8, 1.0))
     np.testing.assert_allclose(
         response.concentration_of(np.array([-0.1, 0.25, 0.75, 1.5])), [-0.16, 0.4, 0.9, 1.2]
     )
     slopes = response.slope_at(np.array([-0.1, 0.2, 0.7, 2.0]))
     np.testing.assert_allclose(slopes, [1.6, 1.6, 0.4, 0.4])
-
-
-def test_learned_weights_avoid_the_channel_that_fluctuates() -> None:
-    generator = np.random.default_rng(8)
-    background = generator.normal(0, [0.01, 0.01, 0.2], (500, 3))
-    tracer = -np.array([0.8, 0.4, 0.8]) + generator.normal(0, 0.01, (100, 3))
-    red, green, blue = learned_weights(tracer, background)
-    assert red > green > 0
-    assert abs(blue) < 0.02

@@ -1,4 +1,4 @@
-"""The Classic chart: its published colours, where it is, what it says."""
+"""The Classic chart: its published colours, its place and the gain of light."""
 
 import colour
 import numpy as np
@@ -15,7 +15,7 @@ def picture(laboratory) -> np.ndarray:
     return laboratory.scene(np.zeros((2, 2)))
 
 
-def test_reference_is_what_colour_science_publishes() -> None:
+def test_the_reference_has_the_colours_of_colour_science() -> None:
     chart = colour.CCS_COLOURCHECKERS['ColorChecker24 - After November 2014']
     xyz = colour.xyY_to_XYZ(np.array(list(chart.data.values())))
     published = colour.XYZ_to_RGB(
@@ -26,26 +26,26 @@ def test_reference_is_what_colour_science_publishes() -> None:
 
 @pytest.mark.parametrize('error', [(0, 0), (12, -8), (-15, 10), (18, 14)])
 def test_the_chart_is_found_near_its_known_place(picture, error) -> None:
-    found = colour_checker.find(picture, CORNERS + error)
+    found = colour_checker.find_checker(picture, CORNERS + error)
     assert found is not None
     assert found.moved_px == pytest.approx(np.hypot(*error), abs=2.5)
     np.testing.assert_allclose(found.patches, np.clip(REFERENCE, 0.005, 1), atol=0.02)
 
 
-def test_a_picture_without_a_chart_has_none(picture) -> None:
+def test_a_picture_without_a_chart_gives_none(picture) -> None:
     grains = np.random.default_rng(4).uniform(0.2, 0.4, picture.shape).astype(np.float32)
-    assert colour_checker.find(grains, CORNERS) is None
-    assert colour_checker.find(np.full_like(picture, 0.3), CORNERS) is None
-    assert colour_checker.find(picture, CORNERS + np.array([300, 250])) is None
+    assert colour_checker.find_checker(grains, CORNERS) is None
+    assert colour_checker.find_checker(np.full_like(picture, 0.3), CORNERS) is None
+    assert colour_checker.find_checker(picture, CORNERS + np.array([300, 250])) is None
 
 
 @pytest.mark.parametrize('patch', [0, 9, 18, 20])
 @pytest.mark.parametrize('value', [0.0, 1.0], ids=['covered', 'over-exposed'])
-def test_one_spoiled_patch_moves_neither_place_nor_colours(picture, patch, value) -> None:
+def test_one_spoiled_patch_changes_neither_place_nor_colours(picture, patch, value) -> None:
     row, column = divmod(patch, 6)
-    top, left = 25 + 25 * row, 60 + 25 * column
-    picture[top - 3 : top + 23, left - 3 : left + 23] = value
-    found = colour_checker.find(picture, CORNERS + np.array([7, 5]))
+    first_row, first_column = 25 + 25 * row, 60 + 25 * column
+    picture[first_row - 3 : first_row + 23, first_column - 3 : first_column + 23] = value
+    found = colour_checker.find_checker(picture, CORNERS + np.array([7, 5]))
     assert found is not None
     matrix, kept = colour_checker.fit_matrix(found.patches, REFERENCE)
     assert not kept[patch]
@@ -59,14 +59,14 @@ def test_the_matrix_of_a_camera_is_recovered() -> None:
     assert kept.all()
 
 
-def test_light_is_read_from_the_chart_despite_a_covered_patch() -> None:
+def test_a_covered_patch_does_not_change_the_gain() -> None:
     gain = np.array([1.08, 1.1, 0.93])
     later = REFERENCE * gain
     later[20] = 0.0
     np.testing.assert_allclose(colour_checker.log_gain(later, REFERENCE), np.log(gain), atol=1e-6)
 
 
-def test_a_channel_in_which_the_chart_is_dark_tells_no_light() -> None:
+def test_a_chart_that_is_dark_in_one_channel_gives_no_gain() -> None:
     yellowish = REFERENCE * [1.0, 1.0, 0.06]
     assert colour_checker.log_gain(yellowish * 1.1, yellowish) is None
     assert colour_checker.log_gain(REFERENCE, REFERENCE + np.array([1.0, 0.0, 0.0])) is None

@@ -1,4 +1,4 @@
-"""Corners, perspective and curvature, there and back."""
+"""Corners, perspective and curvature, and their inverse."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ offsets = st.floats(-200, 200)
 
 @settings(max_examples=50)
 @given(terms, terms, terms, terms, offsets, offsets)
-def test_corners_stay_and_pixels_lead_back_to_metres(
+def test_corners_do_not_move_and_the_inverse_returns_metres(
     hb: float, vb: float, hs: float, vs: float, ho: float, vo: float
 ) -> None:
     bent = geometry(

@@ -1,13 +1,14 @@
-"""The real photographs of the large FluidFlower, as a person sees them."""
+"""Maps of real photographs of the large FluidFlower show the tracer that an expert finds there."""
 
 import numpy as np
 import pytest
 
 from porotwin_core.rig import Rig, load_rig
-from porotwin_imaging.calibrate import calibrate
-from porotwin_imaging.chain import ConcentrationMap, Imaging
+from porotwin_imaging.baseline import make_baseline
+from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.geometry import Geometry
-from porotwin_imaging.grid_check import check_grid
+from porotwin_imaging.laser_grid_check import check_laser_grid
+from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
 
 PUBLISHED = {
     'vertical_bulge': -2.73e-8,
@@ -33,14 +34,13 @@ def rig(tracer_photographs) -> Rig:
 def maps(rig, tracer_photographs) -> dict[int, ConcentrationMap]:
     photos = [(tracer_photographs / f'tracer_{n}.jpg').read_bytes() for n in range(4)]
     states = [(float(n), photos[n]) for n in (1, 2, 3)]
-    calibration = calibrate(rig, photos[:1], states).calibration
-    imaging = Imaging(rig, rig.grid(NX, NZ), calibration=calibration)
-    imaging.set_baselines(photos[:1])
-    return {n: imaging.concentration(photos[n]) for n in range(4)}
+    calibration = fit_calibration(rig, photos[:1], states).calibration
+    baseline = make_baseline(rig, rig.grid(NX, NZ), photos[:1], calibration=calibration)
+    return {n: concentration_map(photos[n], baseline) for n in range(4)}
 
 
 def at(found: ConcentrationMap, x: float, z: float, reach: int = 2) -> float:
-    """Return the mean concentration around a point [m]; NaN where little is seen."""
+    """Return the mean concentration around a point [m]; NaN if little is visible."""
     j, i = int(x / 2.8 * NX), int(z / 1.5 * NZ)
     around = found.values[i - reach : i + reach + 1, j - reach : j + reach + 1]
     return float(np.nanmean(around)) if np.isfinite(around).mean() > 0.3 else float('nan')
@@ -59,18 +59,18 @@ def test_the_baseline_shows_no_tracer(maps) -> None:
     assert np.nanmax(maps[0].values) < 0.01
 
 
-def test_the_first_plume_is_round_the_upper_well_and_nowhere_else(maps) -> None:
+def test_the_first_plume_surrounds_the_upper_well(maps) -> None:
     assert at(maps[1], 1.7, 0.73) > 0.9
     assert outside(maps[1], (1.43, 1.95), (0.58, 0.9)) < 0.03
 
 
-def test_the_second_plume_reaches_the_fault_and_nothing_beyond(maps) -> None:
+def test_the_second_plume_reaches_the_fault_but_not_further(maps) -> None:
     for x, z in ((1.7, 0.8), (2.0, 0.8), (1.35, 0.75), (1.2, 0.68)):
         assert at(maps[2], x, z) > 0.75
     assert outside(maps[2], (0.95, 2.25), (0.55, 1.08)) < 0.03
 
 
-def test_the_ring_is_open_in_its_middle_and_the_second_plume_is_seen(maps) -> None:
+def test_the_ring_has_a_hole_and_the_second_plume_appears(maps) -> None:
     for x, z in ((1.75, 0.8), (1.5, 0.75), (1.9, 0.7)):
         assert at(maps[3], x, z) < 0.05
     for x, z in ((1.15, 0.9), (1.8, 1.07), (2.25, 0.8), (0.93, 0.83), (1.0, 0.65)):
@@ -85,7 +85,7 @@ def test_the_dark_grains_of_the_fault_are_no_tracer(maps) -> None:
 
 
 @pytest.mark.parametrize('number', [1, 2, 3])
-def test_nothing_is_said_of_water_bolts_chart_and_thermocouple(maps, number) -> None:
+def test_water_bolts_chart_and_thermocouple_are_nan(maps, number) -> None:
     values = maps[number].values
     assert np.isnan(values[int(1.33 / 1.5 * NZ) :]).all()
     middle = [(0.965, 1.1), (0.985, 0.99), (1.025, 0.88)]  # along the thermocouple
@@ -104,10 +104,10 @@ def test_there_is_no_jump_at_the_light_sand(maps) -> None:
         assert inside.min() > 0.75
 
 
-def test_the_laser_grid_becomes_straight_and_square(rig, tracer_photographs) -> None:
+def test_the_laser_grid_is_straight_and_square(rig, tracer_photographs) -> None:
     data = (tracer_photographs / 'baseline_with_laser_grid.jpg').read_bytes()
     bent = rig.model_copy(update={'camera': rig.camera.model_copy(update={'curvature': {}})})
-    before, after = (check_grid(data, Geometry.of(one)) for one in (bent, rig))
+    before, after = (check_laser_grid(data, Geometry.of(one)) for one in (bent, rig))
     assert min(after.lines) > 10
     assert after.straightness_m < 0.0015 < 0.004 < before.straightness_m
     assert after.skew_deg < 0.05

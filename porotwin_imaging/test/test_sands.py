@@ -1,4 +1,4 @@
-"""Sands told apart, and made continuous."""
+"""The segmentation of sands, and the factors that make their signals continuous."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def layered() -> np.ndarray:
     return labels
 
 
-def looks(labels: np.ndarray, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def appearance(labels: np.ndarray, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(seed)
     brightness = np.array([0.12, 0.28, 0.19])[labels]
     rough = np.array([0.2, 0.05, 0.11])[labels]
@@ -25,11 +25,11 @@ def looks(labels: np.ndarray, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
     return colours, rough * (1 + 0.1 * generator.normal(size=labels.shape))
 
 
-def test_layers_are_told_apart_under_a_vignette() -> None:
+def test_layers_are_separated_under_a_vignette() -> None:
     truth = layered()
-    found = sands.segment(*looks(truth), np.ones(truth.shape, bool))
+    found = sands.segment(*appearance(truth), np.ones(truth.shape, bool))
     assert found.max() == 2
-    # the largest sand is 0; match the others by what they cover most
+    # the largest sand is 0; each other label stands for the true sand that it covers most
     same = np.zeros(truth.shape, bool)
     for label in range(3):
         same |= (found == label) & (truth == np.bincount(truth[found == label]).argmax())
@@ -38,14 +38,14 @@ def test_layers_are_told_apart_under_a_vignette() -> None:
 
 def test_one_sand_is_one_sand() -> None:
     truth = np.zeros((NZ, NX), np.uint8)
-    assert sands.segment(*looks(truth), np.ones(truth.shape, bool)).max() == 0
+    assert sands.segment(*appearance(truth), np.ones(truth.shape, bool)).max() == 0
 
 
-def test_unseen_cells_take_the_nearest_sand() -> None:
+def test_hidden_cells_take_the_nearest_sand() -> None:
     truth = layered()
-    seen = np.ones(truth.shape, bool)
-    seen[50, :] = False
-    found = sands.segment(*looks(truth), seen)
+    visible = np.ones(truth.shape, bool)
+    visible[50, :] = False
+    found = sands.segment(*appearance(truth), visible)
     assert (found[50] == found[48]).mean() > 0.98
 
 
@@ -62,7 +62,7 @@ def test_factors_make_the_signal_continuous(factors) -> None:
     assert found.jump_after < found.jump_before
 
 
-def test_an_interface_without_signal_does_not_count() -> None:
+def test_an_interface_without_signal_gives_no_factor() -> None:
     labels = layered()
     signal = np.random.default_rng(5).normal(0, 0.01, labels.shape)
     signal[10:30, 40:90] += 0.8  # tracer that touches no interface

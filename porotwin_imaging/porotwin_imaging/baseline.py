@@ -1,0 +1,259 @@
+"""The baseline: everything that is measured once, on photographs without tracer.
+
+    baseline = make_baseline(rig, grid, [jpeg_bytes, ...], calibration=calibration)
+    found = concentration_map(jpeg_bytes, baseline)     # photo_to_map.py
+
+A `Baseline` is immutable. All later photographs are compared with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Camera, Rig
+from porotwin_imaging.alignment import ReferenceFeatures, align, reference_features
+from porotwin_imaging.baseline_mask import BaselineMask, baseline_mask, texture
+from porotwin_imaging.baseline_subtraction import log_ratio
+from porotwin_imaging.calibration import Calibration
+from porotwin_imaging.colour_correction import ColourReference, colour_reference
+from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.light_drift import light_drift
+from porotwin_imaging.linear_light import linear_light
+from porotwin_imaging.photo_file import DecodedPhoto, decode, orientation, photo_size
+from porotwin_imaging.sampling import Sampling, choose_reduction
+from porotwin_imaging.settings import DEFAULTS, ImagingSettings
+
+Array = NDArray[Any]
+
+_CORNER_SLACK = 0.02
+"""Corners of the rig may lie outside the photograph by this share of its width [-]."""
+_LEAST_SHARE = 1e-3
+"""Usable share of a cell is raised to this before it divides."""
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The reference of all photographs.
+
+    Attributes:
+        grid: the grid of the maps.
+        photo_size: columns and rows of the photographs [px of the file].
+        reduction: ratio of file pixels to decoded pixels.
+        sampling: pixels of each cell, from the geometry of the rig.
+        features: reference of the alignment.
+        mask: parts without visible sand, on the sampling grid, row 0 at the top.
+        usable: 1 where sand is visible, uint8, on the sampling grid.
+        colours: linear red, green, blue on the sampling grid, shape (rows, columns, 3).
+        fluctuation: variance of the log ratio between several baselines, shape (nz, nx, 3).
+        chart: colours of the chart and the colour matrix.
+        calibration: conversion of signal to concentration.
+        calibrated: False if `calibration` is only the default.
+        sand_factors: factor on the signal of each cell, shape (nz, nx).
+        settings: settings of all steps.
+        remarks: lines for the operator.
+    """
+
+    grid: Grid
+    photo_size: tuple[int, int]
+    reduction: int
+    sampling: Sampling
+    features: ReferenceFeatures
+    mask: BaselineMask
+    usable: NDArray[np.uint8]
+    colours: Array
+    fluctuation: Array
+    chart: ColourReference
+    calibration: Calibration
+    calibrated: bool
+    sand_factors: Array
+    settings: ImagingSettings
+    remarks: tuple[str, ...]
+
+    def decode(self, data: bytes) -> DecodedPhoto:
+        """Return the photograph `data` (bytes of the file), decoded like the baseline.
+
+        Raises:
+            InputError: the photograph has another size or cannot be used.
+        """
+        return _decode(data, self.photo_size, self.reduction, self.settings)
+
+    def sand_appearance(self) -> tuple[Array, Array]:
+        """Return linear colours (nz, nx, 3) and texture (nz, nx) of the cells, to segment sands."""
+        usable = self.usable.astype(np.float32)
+        share = np.maximum(self.sampling.cell_means(usable), _LEAST_SHARE)
+        colours = self.colours * usable[..., None]
+        rough = texture(self.colours).astype(np.float32) * usable
+        return (
+            self.sampling.cell_means(colours) / share[..., None],
+            self.sampling.cell_means(rough) / share,
+        )
+
+
+def make_baseline(
+    rig: Rig,
+    grid: Grid,
+    photographs: Sequence[bytes],
+    *,
+    calibration: Calibration | None = None,
+    settings: ImagingSettings = DEFAULTS,
+) -> Baseline:
+    """Return the baseline of a rig.
+
+    Args:
+        rig: the rig with its camera.
+        grid: the grid of the maps.
+        photographs: photographs without tracer (bytes of the files). The first one defines the
+            position of the camera and the light.
+        calibration: conversion of signal to concentration; without one a default scale is used.
+        settings: settings of all steps.
+
+    Raises:
+        InputError: there is no photograph, one cannot be used, or the rig has no camera.
+    """
+    if not photographs:
+        raise InputError('no baseline photograph: give one taken before the injection')
+    geometry = Geometry.of(rig)
+    camera = rig.camera
+    assert camera is not None  # Geometry.of has checked it
+    size = photo_size(photographs[0])
+    _refuse_corners_outside(camera, size)
+    reduction = choose_reduction(geometry, grid, size[0], settings.sampling)
+    pictures = [_decode(data, size, reduction, settings).pixels for data in photographs]
+    first = pictures[0]
+    features = reference_features(
+        first, _inside_rig(camera, first.shape, reduction), settings.alignment
+    )
+    sampling = Sampling.of(geometry, grid, reduction)
+    sampled = _sampled(pictures, sampling, features, settings)
+    mask = baseline_mask(
+        sampled[0],
+        width_m=grid.width,
+        checker=_checker_on_sampling(camera, geometry, sampling),
+        settings=settings.baseline_mask,
+    )
+    used_calibration = calibration or Calibration()
+    usable = mask.usable & used_calibration.shown(mask.usable.shape)
+    share = sampling.cell_means(usable.astype(np.float32))
+    if not (share > settings.validity.least_visible_share).any():
+        raise InputError('baseline shows nothing of the sand: check light and corners_px')
+    chart, remarks = colour_reference(first, camera, reduction, settings.colour_checker)
+    colours, fluctuation = _average(sampled, sampling, usable, share, settings)
+    return Baseline(
+        grid=grid,
+        photo_size=size,
+        reduction=reduction,
+        sampling=sampling,
+        features=features,
+        mask=mask,
+        usable=usable.astype(np.uint8),
+        colours=colours,
+        fluctuation=fluctuation,
+        chart=chart,
+        calibration=used_calibration,
+        calibrated=calibration is not None,
+        sand_factors=used_calibration.factor_map(grid),
+        settings=settings,
+        remarks=(*remarks, *_remarks_on_files(photographs)),
+    )
+
+
+def _decode(
+    data: bytes, size: tuple[int, int], reduction: int, settings: ImagingSettings
+) -> DecodedPhoto:
+    """Return the decoded photograph; raise InputError if its size is not `size`."""
+    found = photo_size(data)
+    if found != size:
+        raise InputError(
+            f'photograph is {found[0]} x {found[1]} px, the baseline {size[0]} x {size[1]} px; '
+            'keep the camera as it is or take a new baseline'
+        )
+    return decode(data, reduction, settings.decoding)
+
+
+def _refuse_corners_outside(camera: Camera, size: tuple[int, int]) -> None:
+    """Raise InputError if the corners of the rig lie outside the photograph."""
+    corners = np.array(camera.corners_px)
+    slack = _CORNER_SLACK * size[0]
+    if (corners < -slack).any() or (corners > np.array(size) + slack).any():
+        raise InputError(
+            f'photograph is {size[0]} x {size[1]} px, but camera.corners_px reach to '
+            f'{corners.max(axis=0).tolist()}; correct rig.yaml or use photographs of this rig'
+        )
+
+
+def _inside_rig(camera: Camera, shape: tuple[int, ...], reduction: int) -> NDArray[np.bool_]:
+    """Return True inside the quadrilateral of the rig, in decoded pixels."""
+    corners = np.array(camera.corners_px) / reduction
+    inside = np.zeros(shape[:2], np.uint8)
+    cv2.fillPoly(inside, [np.rint(corners).astype(np.int32)], 1)
+    return inside.astype(bool)
+
+
+def _checker_on_sampling(camera: Camera, geometry: Geometry, sampling: Sampling) -> Array | None:
+    """Return the corners of the chart as (column, row) on the sampling grid, (4, 2), or None."""
+    if camera.colour_checker_px is None:
+        return None
+    x, z = geometry.to_metres(*np.array(camera.colour_checker_px).T)
+    rows, columns = sampling.shape
+    grid = sampling.grid
+    return np.stack([x / grid.width * columns, (1 - z / grid.height) * rows], axis=1)
+
+
+def _sampled(
+    pictures: list[NDArray[np.uint8]],
+    sampling: Sampling,
+    features: ReferenceFeatures,
+    settings: ImagingSettings,
+) -> list[Array]:
+    """Return the linear colours of all pictures on the sampling grid, aligned to the first."""
+    sampled = [linear_light(sampling.sample(pictures[0]))]
+    for pixels in pictures[1:]:
+        alignment = align(pixels, features, settings.alignment)
+        sampled.append(linear_light(sampling.sample(pixels, alignment.homography)))
+    return sampled
+
+
+def _average(
+    sampled: list[Array],
+    sampling: Sampling,
+    usable: NDArray[np.bool_],
+    share: Array,
+    settings: ImagingSettings,
+) -> tuple[Array, Array]:
+    """Return the mean of sampled baselines in the light of the first, and their fluctuation.
+
+    The fluctuation (nz, nx, 3) is the variance of the log ratio of a single photograph.
+    """
+    if len(sampled) == 1:
+        return sampled[0], np.zeros((*sampling.grid.shape, 3), np.float32)
+    means = [sampling.cell_means(one * usable[..., None]) for one in sampled]
+    drifts = [light_drift(log_ratio(m, means[0]), share, None, settings.light) for m in means]
+    ratios = np.array(
+        [
+            log_ratio(mean, means[0]) - drift.log_gain
+            for mean, drift in zip(means, drifts, strict=True)
+        ]
+    )
+    gains = [drift.log_gain.mean(axis=(0, 1)) for drift in drifts]
+    same_light = [one * np.exp(-gain) for one, gain in zip(sampled, gains, strict=True)]
+    return np.mean(same_light, axis=0).astype(np.float32), ratios.var(axis=0, ddof=1)
+
+
+def _remarks_on_files(photographs: Sequence[bytes]) -> list[str]:
+    """Return remarks about the orientation and the number of the baseline photographs."""
+    remarks = []
+    turned = orientation(photographs[0])
+    if turned != 1:
+        remarks.append(
+            f'EXIF orientation {turned} is not applied: camera.corners_px must count pixels as '
+            'the file holds them, not as a viewer that turns the photograph shows them'
+        )
+    if len(photographs) == 1:
+        remarks.append('one baseline: the fluctuation between photographs is not known')
+    return remarks

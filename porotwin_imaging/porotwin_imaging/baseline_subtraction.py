@@ -1,0 +1,78 @@
+"""Subtracting the baseline: the log ratio of a photograph to its baseline, cell by cell.
+
+The difference of two pictures is taken of their logarithms, r = ln(state / baseline). The own
+brightness of the grains cancels, and a change of the light is a constant.
+"""
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_imaging.cell_sums import CellSums, coarser
+from porotwin_imaging.settings import DEFAULTS, NoiseSettings
+
+Array = NDArray[Any]
+
+_LEAST_LIGHT = 1e-5
+"""Linear light is raised to this before the logarithm."""
+_LEAST_STATE = 1e-4
+"""Linear light is raised to this before it divides a variance."""
+_LEAST_SHARE = 0.05
+"""Visible share of a cell is raised to this before it divides."""
+_SMALLEST_DIVISOR = 1e-6
+
+
+def log_ratio(state: Array, baseline: Array) -> Array:
+    """Return ln(state / baseline) of linear light, which is 0 in cells without samples."""
+    return np.log(np.maximum(state, _LEAST_LIGHT) / np.maximum(baseline, _LEAST_LIGHT))
+
+
+def cells_per_block(samples_across: int, settings: NoiseSettings = DEFAULTS.noise) -> int:
+    """Return how many cells in each direction hold enough samples to estimate their scatter."""
+    return math.ceil(settings.fewest_samples_across / samples_across)
+
+
+def subtract_baseline(
+    sums: CellSums,
+    matrix: Array,
+    samples_across: int,
+    settings: NoiseSettings = DEFAULTS.noise,
+) -> tuple[Array, Array]:
+    """Return the log ratio to the baseline and its variance, each (nz, nx, 3 = red, green, blue).
+
+    The ratio of the sums over a cell weights every grain by its own light. Its variance is the
+    variance of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4). The colour matrix acts
+    on the means of the cells, which equals its action on every pixel because it is linear.
+
+    Args:
+        sums: means over the samples of each cell.
+        matrix: from colours of the camera to colours of the chart, shape (3, 3).
+        samples_across: samples of a cell in each direction.
+        settings: correlation and pooling of samples.
+    """
+    matrix = matrix.astype(np.float32)
+    state, before = (light @ matrix.T for light in (sums.state, sums.baseline))
+    variance = _scatter(sums, matrix, cells_per_block(samples_across, settings))
+    variance *= (settings.correlated_samples / samples_across**2) / np.maximum(
+        sums.share, _LEAST_SHARE
+    )[..., None]
+    return log_ratio(state, before), variance
+
+
+def _scatter(sums: CellSums, matrix: Array, cells_across: int) -> Array:
+    """Return the relative variance (nz, nx, 3) of a sample about the ratio of its block of cells.
+
+    With state s, baseline b and ratio R = mean(s) / mean(b), the variance of a sample is
+    mean(s^2) - 2 R mean(s b) + R^2 mean(b^2).
+    """
+    blocks = coarser(sums, cells_across)
+    ratio = blocks.state / np.maximum(blocks.baseline, _SMALLEST_DIVISOR)
+    variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
+    share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
+    state = np.maximum(blocks.state @ matrix.T / share, _LEAST_STATE)
+    relative = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
+    nz, nx = sums.share.shape
+    return np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))

@@ -1,0 +1,72 @@
+"""Denoising a concentration map: data weights from the noise, and the noise of the result."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.grid import Grid
+from porotwin_imaging.settings import DEFAULTS, ImagingSettings, NoiseSettings
+from porotwin_imaging.total_variation import fill, total_variation_denoising
+
+Array = NDArray[Any]
+
+_SMALLEST_DIVISOR = 1e-9
+
+
+def denoised(
+    concentration: Array,
+    noise: Array,
+    visible: NDArray[np.bool_],
+    grid: Grid,
+    settings: ImagingSettings = DEFAULTS,
+) -> Array:
+    """Return the denoised concentration (nz, nx), from 0 to 1, NaN in cells that are not visible.
+
+    Args:
+        concentration: raw concentration, shape (nz, nx).
+        noise: its standard deviation, same shape.
+        visible: cells that show their sand, same shape.
+        grid: the grid of the map.
+        settings: total variation weight and others.
+    """
+    # hidden cells only continue the map and are removed again, so their weight is 1
+    smooth = total_variation_denoising(
+        fill(concentration, visible.astype(np.float32), settings.total_variation),
+        np.where(visible, data_weights(noise, visible), 1.0),
+        spacing=(grid.dz, grid.dx),
+        settings=settings.total_variation,
+    )
+    return np.where(visible, np.clip(smooth.values, 0.0, 1.0), np.nan)
+
+
+def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
+    """Return the data weights (nz, nx) of the denoising: min((median noise / noise)^2, 1).
+
+    A cell of median noise has the weight 1, so that the total variation weight has the same effect
+    in every photograph. Hidden cells have the weight 0.
+    """
+    if not visible.any():
+        return np.zeros_like(noise)
+    median = float(np.median(noise[visible]))
+    weights = np.minimum((median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2, 1.0)
+    return np.where(visible, weights, 0.0)
+
+
+def noise_after_denoising(
+    noise: Array, values: Array, scale_error: float, settings: NoiseSettings = DEFAULTS.noise
+) -> Array:
+    """Return the standard deviation (nz, nx) of denoised `values` from the noise of the data.
+
+    Denoising averages over n = 1 + 2 noise / |gradient| cells, those with the same concentration to
+    within the noise. The errors of light and scale do not average out:
+
+        sqrt((noise / n)^2 + (scale_error values)^2 + light_error^2).
+    """
+    slope = np.hypot(*np.gradient(np.nan_to_num(values)))
+    reach = np.clip(
+        noise / np.maximum(slope, _SMALLEST_DIVISOR), 0.0, settings.averaging_reach_cells
+    )
+    averaged = noise / (1.0 + 2.0 * reach)
+    scale = scale_error * values
+    return np.sqrt(averaged**2 + scale**2 + settings.light_error**2)

@@ -1,0 +1,142 @@
+"""The time from photograph to map on this machine, per stage, at the resolution of the camera."""
+
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.rig import Rig
+from porotwin_imaging.baseline import Baseline, make_baseline
+from porotwin_imaging.calibration import Calibration
+from porotwin_imaging.colour_checker import REFERENCE
+from porotwin_imaging.photo_to_map import concentration_map
+
+CAMERA = (7952, 4472)
+"""Columns and rows of the camera of the FluidFlower rigs [px]."""
+GRIDS = {'280x150': (280, 150), '1 mm': (934, 562)}
+"""Columns and rows of the maps by name."""
+ROUNDS = 9
+"""Photographs whose median time is reported."""
+_MARGIN, _UPPER_MARGIN = 200, 400
+"""Distance of the rig from the edges of the photograph [px]; the chart is above the rig."""
+_CHART = (300, 40, 70)
+"""Column and row of the colour chart, and the distance of its patches [px]."""
+_SEED = 11
+"""Seed of the grains."""
+
+
+def run(camera: tuple[int, int] = CAMERA, rounds: int = ROUNDS) -> list[dict[str, Any]]:
+    """Return one row per stage and grid: median and longest time [s] of `rounds` photographs.
+
+    The time is from the bytes of the file to the map. The photograph of `camera` (columns, rows)
+    [px] is synthetic. `memory_mb` is the peak memory of a process that does nothing else.
+    """
+    baseline, state = (_in_a_process(_photograph, camera, tracer) for tracer in (False, True))
+    return _in_a_process(_measure, camera, rounds, baseline, state)
+
+
+def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
+    """Return `work(*arguments)`, called in a new process, so that memory is measured separately."""
+    with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
+        return pool.submit(work, *arguments).result()
+
+
+def _measure(
+    camera: tuple[int, int], rounds: int, baseline: bytes, state: bytes
+) -> list[dict[str, Any]]:
+    """Return the rows of `run`."""
+    rows: list[dict[str, Any]] = []
+    rig = _rig(camera)
+    for name, (nx, nz) in GRIDS.items():
+        reference = make_baseline(rig, rig.grid(nx, nz), [baseline], calibration=Calibration())
+        concentration_map(state, reference)  # compiles the kernels
+        runs = [_timed(reference, state) for _ in range(rounds)]
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        for stage in runs[0]:
+            times = [timings[stage] for timings in runs]
+            rows.append(
+                {
+                    'grid': name,
+                    'stage': stage,
+                    'median_s': round(float(np.median(times)), 4),
+                    'longest_s': round(max(times), 4),
+                    'memory_mb': round(memory) if stage == 'whole' else '',
+                }
+            )
+    return rows
+
+
+def _timed(baseline: Baseline, state: bytes) -> dict[str, float]:
+    """Return the duration of each stage and of the whole [s]."""
+    start = time.perf_counter()
+    timings = concentration_map(state, baseline).timings
+    return {**timings, 'whole': time.perf_counter() - start}
+
+
+def _rig(camera: tuple[int, int]) -> Rig:
+    """Return a rig that fills the photographs of `camera` (columns, rows) [px]."""
+    left_edge, upper_edge = _MARGIN, _UPPER_MARGIN
+    right_edge, lower_edge = camera[0] - _MARGIN, camera[1] - _MARGIN
+    corners = [
+        [left_edge, upper_edge],
+        [left_edge, lower_edge],
+        [right_edge, lower_edge],
+        [right_edge, upper_edge],
+    ]
+    x, y, pitch = _CHART
+    chart_right, chart_lower = x + 5.8 * pitch, y + 3.8 * pitch
+    chart = [[x, y], [x, chart_lower], [chart_right, chart_lower], [chart_right, y]]
+    return Rig.model_validate(
+        {
+            'name': 'bench',
+            'width_m': 0.934,
+            'height_m': 0.562,
+            'depth_m': 0.01,
+            'porosity': 0.375,
+            'permeability_m2': 6.57e-10,
+            'viscosity_pa_s': 1e-3,
+            'density_kg_m3': 998.0,
+            'wells': {},
+            'camera': {'corners_px': corners, 'colour_checker_px': chart},
+        }
+    )
+
+
+def _photograph(camera: tuple[int, int], tracer: bool) -> bytes:
+    """Return a JPEG file with a picture of mottled sand, and with a green plume if `tracer`."""
+    generator = np.random.default_rng(_SEED)
+    columns, rows = camera
+    grains = generator.normal(0.0, 1.0, (rows // 8, columns // 8)).astype(np.float32)
+    mottled = cv2.resize(grains, camera, interpolation=cv2.INTER_CUBIC)
+    shade = np.clip(110.0 + 28.0 * mottled, 0, 255)
+    if tracer:
+        row, column = np.ogrid[:rows, :columns]
+        distance = np.hypot(column - 0.4 * columns, row - 0.5 * rows) / (0.12 * columns)
+        plume: NDArray[np.float32] = np.clip(4.0 * (1.1 - distance), 0, 1).astype(np.float32)
+    else:
+        plume = np.zeros((rows, columns), np.float32)
+    bands = (0.6, 0.8, 1.0), (0.5, 0.35, 0.6)
+    pixels = np.stack(
+        [shade * tone * (1 - takes * plume) for tone, takes in zip(*bands, strict=True)], axis=-1
+    )
+    x, y, pitch = _CHART
+    pixels[y - 20 : y + 4 * pitch, x - 20 : x + 6 * pitch] = 25
+    for index, colour in enumerate(REFERENCE):
+        row_of, column_of = divmod(index, 6)
+        first_row, first_column = y + pitch * row_of, x + pitch * column_of
+        side = int(0.8 * pitch)
+        levels = 255 * np.clip(colour[::-1], 0, 1) ** (1 / 2.2)
+        pixels[first_row : first_row + side, first_column : first_column + side] = levels
+    _, data = cv2.imencode('.jpg', pixels.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
+    return data.tobytes()
+
+
+if __name__ == '__main__':
+    for row in run():
+        print(row)

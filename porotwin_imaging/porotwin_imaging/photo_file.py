@@ -1,0 +1,180 @@
+"""Photographs as files: is the file complete, how large is it, and its pixels at a reduced scale.
+
+Pixels keep the order of the file, and an EXIF orientation is not applied. A camera that is turned
+by hand between two photographs writes another orientation, but the corners of the rig are given in
+pixels of the sensor.
+"""
+
+import io
+import struct
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.settings import DEFAULTS, DecodingSettings
+
+JPEG_START = b'\xff\xd8'
+JPEG_END = b'\xff\xd9'
+PNG_START = b'\x89PNG\r\n\x1a\n'
+PNG_END = b'IEND\xaeB`\x82'
+TIFF_STARTS = (b'II*\x00', b'MM\x00*')
+DECODING_FLAGS = {
+    1: cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION,
+    2: cv2.IMREAD_REDUCED_COLOR_2 | cv2.IMREAD_IGNORE_ORIENTATION,
+    4: cv2.IMREAD_REDUCED_COLOR_4 | cv2.IMREAD_IGNORE_ORIENTATION,
+    8: cv2.IMREAD_REDUCED_COLOR_8 | cv2.IMREAD_IGNORE_ORIENTATION,
+}
+"""OpenCV's flags for each reduction."""
+_JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of the JPEG segment that holds the size; the three exceptions are tables."""
+_ORIENTATION_TAG = 0x0112
+_UPRIGHT = 1
+_TRAILING_BYTES = 64
+"""Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
+_CHECKED_EVERY = 4
+"""Every fourth pixel in each direction is enough to find black and white photographs."""
+
+
+@dataclass(frozen=True)
+class DecodedPhoto:
+    """A decoded photograph.
+
+    Attributes:
+        pixels: uint8, shape (rows, columns, 3), blue-green-red, row 0 at the top.
+        width: columns of the file [px].
+        height: rows of the file [px].
+        reduction: 1, 2, 4 or 8, the ratio of file pixels to decoded pixels. A point `p` of the file
+            lies at `(p + 0.5) / reduction - 0.5` in `pixels`.
+    """
+
+    pixels: NDArray[np.uint8]
+    width: int
+    height: int
+    reduction: int
+
+
+def _pixels(data: bytes, reduction: int = 1) -> NDArray[np.uint8] | None:
+    """Return decoded pixels, or None if OpenCV cannot decode the file."""
+    if data.startswith(TIFF_STARTS):
+        data = _without_orientation(data)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), DECODING_FLAGS[reduction])
+    except cv2.error:  # a damaged header may claim a size that OpenCV refuses
+        return None
+    return None if pixels is None else np.asarray(pixels, np.uint8)
+
+
+def _without_orientation(tiff: bytes) -> bytes:
+    """Return the TIFF with an upright orientation: OpenCV rotates TIFFs despite the flag."""
+    order = '<' if tiff.startswith(b'II') else '>'
+    try:
+        (directory,) = struct.unpack_from(order + 'I', tiff, 4)
+        (count,) = struct.unpack_from(order + 'H', tiff, directory)
+        for entry in range(directory + 2, directory + 2 + 12 * count, 12):
+            if struct.unpack_from(order + 'H', tiff, entry) == (_ORIENTATION_TAG,):
+                upright = struct.pack(order + 'HH', _UPRIGHT, 0)
+                return tiff[: entry + 8] + upright + tiff[entry + 12 :]
+    except struct.error:  # the file is damaged; the decoder reports it
+        pass
+    return tiff
+
+
+def orientation(data: bytes) -> int:
+    """Return the EXIF orientation (1 to 8) of the photograph `data`, 1 (upright) by default."""
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            written = image.getexif().get(_ORIENTATION_TAG, _UPRIGHT)
+    except Exception:  # a damaged header makes Pillow raise errors of many types
+        return _UPRIGHT
+    return written if written in range(1, 9) else _UPRIGHT
+
+
+def is_complete(data: bytes) -> bool:
+    """Return whether the file `data` ends as its format requires."""
+    if data.startswith(JPEG_START):
+        tail = data[-_TRAILING_BYTES:].rstrip(b'\x00')
+        return tail.endswith(JPEG_END)
+    if data.startswith(PNG_START):
+        return data.endswith(PNG_END)
+    if data.startswith(TIFF_STARTS):
+        return _pixels(data) is not None
+    return False
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) from the first frame header of a JPEG, or None."""
+    position = 2
+    while position + 9 < len(data):
+        if data[position] != 0xFF:
+            return None
+        marker = data[position + 1]
+        if marker == 0xFF:
+            position += 1
+            continue
+        if marker in _JPEG_FRAME_MARKERS:
+            height, width = struct.unpack('>HH', data[position + 5 : position + 9])
+            return width, height
+        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
+    return None
+
+
+def photo_size(data: bytes) -> tuple[int, int]:
+    """Return (width, height) [px] of the photograph `data`, read from the header only.
+
+    Raises:
+        InputError: the file is no JPEG, PNG or TIFF, or its header is broken.
+    """
+    found: tuple[int, int] | None = None
+    if data.startswith(JPEG_START):
+        found = _jpeg_size(data)
+    elif data.startswith(PNG_START) and len(data) >= 24:
+        found = struct.unpack('>II', data[16:24])
+    elif data.startswith(TIFF_STARTS):
+        pixels = _pixels(data)
+        found = None if pixels is None else (pixels.shape[1], pixels.shape[0])
+    if found is None or min(found) < 1:
+        raise InputError(f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again')
+    return found
+
+
+def decode(
+    data: bytes, reduction: int = 1, settings: DecodingSettings = DEFAULTS.decoding
+) -> DecodedPhoto:
+    """Return the photograph `data`, decoded `reduction` (1, 2, 4 or 8) times coarser.
+
+    A JPEG is decoded at the reduced scale directly, at a fraction of the cost of a full decode.
+
+    Raises:
+        InputError: the file is truncated or broken, or the photograph is black or over-exposed.
+    """
+    width, height = photo_size(data)
+    if not is_complete(data):
+        raise InputError(
+            f'photograph of {len(data)} bytes is truncated: its end is missing; send it again'
+        )
+    pixels = _pixels(data, reduction)
+    if pixels is None:
+        raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
+    _refuse_without_picture(pixels, settings)
+    return DecodedPhoto(pixels, width, height, reduction)
+
+
+def _refuse_without_picture(pixels: NDArray[np.uint8], settings: DecodingSettings) -> None:
+    """Raise InputError if the photograph as a whole is black or over-exposed."""
+    green = pixels[::_CHECKED_EVERY, ::_CHECKED_EVERY, 1]
+    brightest = float(np.percentile(green, 99.5))
+    if brightest < settings.dark_level:
+        raise InputError(
+            f'photograph is black: 99.5 % of it below grey level {brightest:.0f} of 255; '
+            'check lamp, lens cap and exposure'
+        )
+    bright = float(np.mean(green >= settings.bright_level))
+    if bright > settings.most_bright:
+        raise InputError(
+            f'photograph is over-exposed: {100 * bright:.0f} % of it at full white; '
+            'shorten the exposure'
+        )

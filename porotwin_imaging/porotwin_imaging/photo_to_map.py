@@ -1,0 +1,188 @@
+"""From a photograph to a map of tracer concentration: the order of the steps.
+
+    baseline = make_baseline(rig, grid, [jpeg_bytes], calibration=load_calibration(path))
+    found = concentration_map(jpeg_bytes, baseline)
+
+| step | module |
+| --- | --- |
+| decode the file, no finer than needed | `photo_file` |
+| align to the baseline | `alignment` |
+| sample the cells | `sampling`, `cell_sums` |
+| subtract the baseline | `baseline_subtraction` |
+| check which sand is visible | `validity` |
+| correct colours and light | `colour_correction`, `light_drift` |
+| compute the signal and its concentration | `tracer_signal`, `calibration` |
+| denoise | `denoising`, `total_variation` |
+
+Both functions here are pure: the same photograph and baseline give the same result.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_imaging.alignment import Alignment, align, alignment_remarks
+from porotwin_imaging.baseline import Baseline
+from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
+from porotwin_imaging.cell_sums import CellSums, cell_sums
+from porotwin_imaging.colour_correction import checker_gain
+from porotwin_imaging.denoising import denoised, noise_after_denoising
+from porotwin_imaging.light_drift import LightDrift, light_drift
+from porotwin_imaging.linear_light import LINEAR_LIGHT
+from porotwin_imaging.stopwatch import Stopwatch
+from porotwin_imaging.validity import visible_cells
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class ConcentrationMap:
+    """A map of tracer concentration from one photograph.
+
+    Attributes:
+        values: concentration, float32, shape (nz, nx), row 0 at the bottom, 1 = tracer stock, NaN
+            where the photograph does not show the sand.
+        noise: standard deviation of `values`, same shape.
+        calibrated: False if the scale is only a default.
+        suspicious: True if a person should check the map.
+        status: remarks, one line each.
+        timings: duration of each stage [s].
+        alignment: movement of the camera since the baseline.
+    """
+
+    values: NDArray[np.float32]
+    noise: NDArray[np.float32]
+    calibrated: bool
+    suspicious: bool
+    status: list[str]
+    timings: dict[str, float]
+    alignment: Alignment
+
+    @property
+    def typical_noise(self) -> float:
+        """Median standard deviation over the visible cells [-]; NaN if no cell is visible."""
+        known = self.noise[np.isfinite(self.noise)]
+        return float(np.median(known)) if known.size else math.nan
+
+
+@dataclass(frozen=True)
+class LogRatioMap:
+    """A photograph relative to the baseline, before any scaling.
+
+    Attributes:
+        log_ratio: log of light relative to the baseline without the drift of light, shape (nz, nx,
+            3 = red, green, blue).
+        variance: variance of `log_ratio`, same shape.
+        visible: cells that show their sand, shape (nz, nx).
+        drift: the drift of light that was removed.
+        alignment: movement of the camera since the baseline.
+        remarks: one line each.
+        suspicious: True if a person should check the photograph.
+    """
+
+    log_ratio: Array
+    variance: Array
+    visible: NDArray[np.bool_]
+    drift: LightDrift
+    alignment: Alignment
+    remarks: list[str]
+    suspicious: bool
+
+
+def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
+    """Return the map of the photograph `data` (bytes of the file).
+
+    Raises:
+        InputError: the photograph cannot be used; one line gives the reason.
+    """
+    watch = Stopwatch()
+    compared = compare_with_baseline(data, baseline, watch)
+    with watch.stage('signal'):
+        concentration, noise = _concentration(compared, baseline)
+    with watch.stage('denoise'):
+        values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
+        noise = noise_after_denoising(
+            noise, values, baseline.calibration.scale_error, baseline.settings.noise
+        )
+    uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
+    return ConcentrationMap(
+        values=values.astype(np.float32),
+        noise=noise.astype(np.float32),
+        calibrated=baseline.calibrated,
+        suspicious=compared.suspicious,
+        status=uncalibrated + compared.remarks,
+        timings=watch.timings,
+        alignment=compared.alignment,
+    )
+
+
+def compare_with_baseline(
+    data: bytes, baseline: Baseline, watch: Stopwatch | None = None
+) -> LogRatioMap:
+    """Return the photograph `data` (bytes of the file) relative to the baseline.
+
+    The calibration starts from this. `watch` collects the duration of each stage.
+
+    Raises:
+        InputError: the photograph cannot be used; one line gives the reason.
+    """
+    watch = watch or Stopwatch()
+    settings, sampling = baseline.settings, baseline.sampling
+    with watch.stage('decode'):
+        pixels = baseline.decode(data).pixels
+    with watch.stage('align'):
+        alignment = align(pixels, baseline.features, settings.alignment)
+    with watch.stage('remap'):
+        sampled = sampling.sample(pixels, alignment.homography)
+    with watch.stage('average'):
+        sums = _cell_sums(sampled, baseline)
+        ratio, variance = subtract_baseline(
+            sums, baseline.chart.matrix, sampling.samples_across, settings.noise
+        )
+        blocks = cells_per_block(sampling.samples_across, settings.noise)
+        visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
+    with watch.stage('light'):
+        gain, light_remarks = checker_gain(
+            pixels, alignment.homography, baseline.chart, settings.colour_checker
+        )
+        weight = np.where(visible, sums.share, 0.0)
+        drift = light_drift(ratio, weight, gain, settings.light)
+    deformed = alignment.residual > settings.alignment.suspicious_residual_px
+    moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
+    return LogRatioMap(
+        log_ratio=ratio - drift.log_gain,
+        variance=variance + baseline.fluctuation,
+        visible=visible,
+        drift=drift,
+        alignment=alignment,
+        remarks=moved_remarks + light_remarks + hidden_remarks,
+        suspicious=deformed or bool(hidden_remarks),
+    )
+
+
+def _cell_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
+    """Return the means of the sampled photograph and the baseline over each cell."""
+    return cell_sums(
+        sampled,
+        baseline.colours,
+        baseline.usable,
+        light=LINEAR_LIGHT,
+        glare_level=baseline.settings.decoding.bright_level,
+        samples_across=baseline.sampling.samples_across,
+    )
+
+
+def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:
+    """Return the raw concentration (nz, nx), NaN where it is hidden, and its standard deviation."""
+    calibration, factors = baseline.calibration, baseline.sand_factors
+    signal = calibration.signal.of(compared.log_ratio) * factors
+    noise = calibration.signal.noise(compared.log_ratio, compared.variance)
+    lowest, highest = baseline.settings.noise.credible
+    raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
+    return (
+        np.where(compared.visible, raw, np.nan),
+        noise * factors * calibration.response.slope_at(signal),
+    )

@@ -1,0 +1,259 @@
+"""Every tuning constant of the imaging, with its unit and its reason, grouped by step.
+
+A step takes its group as an argument, so that a test or a special camera can change one value:
+
+    from dataclasses import replace
+    settings = replace(DEFAULTS, total_variation=TotalVariationSettings(weight_m=2e-4))
+    baseline = make_baseline(rig, grid, photographs, settings=settings)
+
+Lengths in pixels [px] refer to the decoded photograph unless the docstring names another picture.
+"""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class TotalVariationSettings:
+    """Denoising by total variation (`total_variation.py`)."""
+
+    weight_m: float = 1e-4
+    """Total variation weight [m]: a disc of radius r loses 2 weight / r of its height. At 0.1 mm a
+    plume of 2 cm radius loses 1 %."""
+    tolerance: float = 4e-3
+    """Accepted root mean square distance from the exact minimiser [-]; less costs iterations."""
+    most_iterations: int = 1000
+    """The iteration stops here even if the tolerance is not reached."""
+    least_data_weight: float = 0.05
+    """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
+    tiled_from_cells: int = 1_000_000
+    """Maps with more cells are solved in tiles."""
+    tile_cells: int = 256
+    """Side of a tile [cells]: its arrays fit into the cache of one core."""
+    halo_cells: int = 24
+    """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
+    threads: int = 2
+    """Threads that solve tiles at the same time."""
+
+
+@dataclass(frozen=True)
+class DecodingSettings:
+    """Which photographs are refused when they are decoded (`photo_file.py`)."""
+
+    dark_level: int = 12
+    """Grey level (0 to 255). A photograph is black if its 99.5th percentile is lower."""
+    bright_level: int = 250
+    """Lowest grey level (0 to 255) of over-exposed pixels."""
+    most_bright: float = 0.5
+    """Largest accepted share of over-exposed pixels [-]."""
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """How finely a photograph is decoded and sampled (`sampling.py`)."""
+
+    least_pixels_per_cell: float = 1.4
+    """Decoded pixels per cell in each direction that a coarser decoding must leave."""
+    least_pixels_per_fine_cell: float = 1.2
+    """The same limit for the last step from half to full resolution, which costs the most time."""
+    least_columns: int = 1200
+    """Width [px] below which alignment to the baseline becomes inaccurate."""
+
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """Alignment of a photograph to the baseline (`alignment.py`)."""
+
+    widest_px: int = 2000
+    """Wider pictures are reduced before features are tracked; tracking costs time per pixel."""
+    tracked_points: int = 1200
+    """Features over the whole rig: enough even if tracer or a hand spoils many of them."""
+    tiles_across: int = 8
+    """Features are chosen in 8 x 8 tiles, so that they cover the rig evenly."""
+    patch_px: int = 21
+    """Side of a tracked patch [px], several grains wide."""
+    normalisation_px: int = 31
+    """Window of the local mean and spread of brightness [px], wider than a patch."""
+    closure_px: float = 0.3
+    """A feature tracked forth and back must return to within this distance [px]."""
+    ransac_tolerance_px: float = 0.6
+    """Largest distance of an inlier from the homography [px]."""
+    fewest_inliers: int = 40
+    """Inliers below which the photograph does not match; a homography needs four."""
+    least_inlier_share: float = 0.35
+    """Share of the tracked features that must be inliers [-]; other sand matches only by chance."""
+    reported_shift_px: float = 2.0
+    """Larger shifts of the camera are mentioned in the status [px of the file]."""
+    suspicious_residual_px: float = 0.35
+    """Residual of the homography that marks a map as suspicious [px]: the picture is deformed."""
+
+
+@dataclass(frozen=True)
+class ColourCheckerSettings:
+    """Finding and judging the colour chart (`colour_checker.py`)."""
+
+    worst_fit: float = 0.2
+    """Largest misfit of a chart to its published colours, relative to their spread [-]."""
+    least_spread: float = 0.02
+    """Spread of linear colours below which the surface is even and no chart [-]."""
+    over_exposed: float = 0.955
+    """Lowest linear value of over-exposed patches, grey level 250 [-]."""
+    least_light: float = 0.05
+    """Darker patches of the baseline are not used for the gain: noise dominates them [-]."""
+    fewest_patches: int = 4
+    """Fewest patches per channel whose median ratio is a reliable gain."""
+    least_diagonal: float = 0.2
+    """Smallest plausible diagonal element of a colour matrix [-]."""
+    most_mixing: float = 0.8
+    """Largest plausible sum of off-diagonal elements relative to the diagonal one [-]."""
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """Estimating the drift of light since the baseline (`light_drift.py`)."""
+
+    least_background: float = 0.1
+    """Share of the visible cells that must be free of tracer to fit the drift [-]."""
+    tolerance: float = 0.06
+    """Cut-off of Tukey's biweight [log ratio]: cells further from the drift are no background."""
+    search_range: float = 0.25
+    """Largest difference between chart and sand that can be light [log ratio]."""
+    rounds: int = 6
+    """Reweighted fits before the surroundings of tracer are left out, and again after that."""
+    most_cells: int = 12_000
+    """Cells used of a finer map: the drift varies slowly, a regular subset is enough."""
+    histogram_bin: float = 0.01
+    """Bin width of the histogram for the start value [log ratio]."""
+
+
+@dataclass(frozen=True)
+class BaselineMaskSettings:
+    """Where the baseline shows sand (`baseline_mask.py`)."""
+
+    least_light: float = 0.012
+    """Linear brightness below which a sample is frame or deep shadow [-]."""
+    over_exposed: float = 0.955
+    """Lowest linear value of over-exposed channels, grey level 250 [-]."""
+    smooth_texture: float = 0.25
+    """Texture relative to the median of the rig below which there is water instead of sand [-]."""
+    detection_columns: int = 900
+    """Width of the picture for the search of objects [px]; shows tubes of 1/400 of the rig."""
+    object_core: float = 6.0
+    """Colour deviation of the core of an object [local spreads]."""
+    object_edge: float = 3.0
+    """Colour deviation of the edge of an object [local spreads]."""
+    smallest_object_m: float = 0.03
+    """Shorter objects are grains [m]."""
+
+
+@dataclass(frozen=True)
+class ValiditySettings:
+    """Which cells of one photograph show their sand (`validity.py`)."""
+
+    least_visible_share: float = 0.3
+    """Share of a cell that must be visible for the cell to have a value [-]."""
+    most_hidden: float = 0.4
+    """Photographs that hide or damage more than this share of the sand are refused [-]."""
+    least_correlation: float = 0.25
+    """Correlation with the grains of the baseline below which they are hidden [-]. It is 0.3 behind
+    the strongest tracer of the real photographs, and about 0 on a hand or in a damaged file."""
+    least_texture: float = 0.02
+    """Contrast of grains in the baseline below which there is no pattern to compare [-]."""
+    windows_across: int = 40
+    """Grain patterns are compared in windows of this fraction of the width of the rig."""
+
+
+@dataclass(frozen=True)
+class NoiseSettings:
+    """Standard deviation of a map (`baseline_subtraction.py`, `denoising.py`)."""
+
+    correlated_samples: float = 3.3
+    """Neighbouring samples that share one error, because JPEG and interpolation smear it."""
+    fewest_samples_across: int = 5
+    """Samples in each direction needed to estimate the scatter; smaller cells are pooled."""
+    averaging_reach_cells: float = 5.0
+    """Denoising averages over at most this many cells in each direction."""
+    light_error: float = 1.5e-3
+    """Standard deviation of the light drift that remains after its removal [-]."""
+    credible: tuple[float, float] = (-0.5, 1.5)
+    """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
+    a single cell and must not spread."""
+
+
+@dataclass(frozen=True)
+class SandSettings:
+    """Telling sands apart and scaling them (`sands.py`)."""
+
+    most_sands: int = 6
+    """Classes of the k-means clustering, more than the sands of a rig."""
+    fewest_cells: int = 50
+    """Visible cells below which the rig counts as one sand."""
+    separation: float = 3.0
+    """Distance of two classes, in spreads of their features, below which they are one sand."""
+    least_spread: float = 0.05
+    """Smallest spread of a feature [log]: light and lens alone cause this much."""
+    smallest_share: float = 0.004
+    """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
+    interface_reach_cells: int = 3
+    """Texture shows an interface to within this many cells; the edge is searched there."""
+    least_signal: float = 0.35
+    """Signal on both sides of an interface, relative to the strongest of the sand [-]."""
+    fewest_pairs: int = 12
+    """Pairs of cells across interfaces that determine a factor."""
+
+
+@dataclass(frozen=True)
+class MassBalanceSettings:
+    """Scaling the signal to the injected mass (`mass_balance_fit.py`)."""
+
+    fewest_photographs: int = 3
+    """Photographs that determine a line and reveal an outlier."""
+    outlier_distance: float = 0.03
+    """Outliers are farther from the line than this share of the injected volume [-]."""
+    knots: int = 9
+    """Points of the response curve."""
+    stiffness: float = 0.02
+    """Weight of the bending of the curve against the misfit of mass, both relative [-]."""
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """The calibration from photographs of an injection (`calibration_fit.py`)."""
+
+    columns: int = 400
+    """Cells across the rig during calibration, and width of the picture of sands [px]."""
+    tracer_share: float = 0.3
+    """Cells above this share of the strongest signal count as tracer for the weights [-]."""
+    fewest_tracer_cells: int = 30
+    """Cells with tracer that determine the weights of the channels."""
+    least_log_ratio: float = 0.05
+    """A strongest signal below this is no tracer [log ratio]."""
+    least_signal: float = 0.002
+    """Smoothed signal below which there is no tracer, however even the background is [-]."""
+    scale_error: float = 0.025
+    """Relative standard deviation of a scale from the pump log [-]: an estimate."""
+    scale_error_without_log: float = 0.1
+    """The same if the strongest signal is taken for tracer stock [-]."""
+    stock_percentile: float = 95.0
+    """Percentile of the strong signals that is taken for tracer stock without a pump log."""
+
+
+@dataclass(frozen=True)
+class ImagingSettings:
+    """The settings of all steps."""
+
+    total_variation: TotalVariationSettings = field(default_factory=TotalVariationSettings)
+    decoding: DecodingSettings = field(default_factory=DecodingSettings)
+    sampling: SamplingSettings = field(default_factory=SamplingSettings)
+    alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
+    colour_checker: ColourCheckerSettings = field(default_factory=ColourCheckerSettings)
+    light: LightSettings = field(default_factory=LightSettings)
+    baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
+    validity: ValiditySettings = field(default_factory=ValiditySettings)
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    sands: SandSettings = field(default_factory=SandSettings)
+    mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
+    calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+
+
+DEFAULTS = ImagingSettings()
+"""The settings of all nodes and commands."""

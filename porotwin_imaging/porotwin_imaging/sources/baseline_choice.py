@@ -1,0 +1,46 @@
+"""The choice of the baseline: the first usable photograph of a source that gives no roles."""
+
+from dataclasses import replace
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.photo_file import decode
+from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, Polled
+
+_REDUCTION = 8
+"""The coarsest decoding is enough to find black and over-exposed photographs."""
+
+
+class BaselineChoice:
+    """Gives every photograph a role; remembers whether any photograph has been sent."""
+
+    def __init__(self) -> None:
+        self._any_sent = False
+
+    def with_roles(self, polled: Polled) -> Polled:
+        """Return the photographs with their roles.
+
+        The first photograph without a role becomes the baseline, unless photographs were sent
+        before. Broken, black and over-exposed photographs become problems instead.
+        """
+        photos, problems = [], list(polled.problems)
+        for photo in polled.photos:
+            if photo.role is not None:
+                photos.append(photo)
+            elif self._any_sent or photos:
+                photos.append(replace(photo, role='state'))
+            elif (problem := _unusable(photo)) is not None:
+                problems.append(problem)
+            else:
+                photos.append(replace(photo, role='baseline'))
+        self._any_sent = self._any_sent or bool(photos)
+        return Polled(photos, problems)
+
+
+def _unusable(photo: CameraPhoto) -> PhotoProblem | None:
+    """Return the reason why a photograph cannot be the baseline, None if it can."""
+    try:
+        decode(photo.data, _REDUCTION)
+    except InputError as error:
+        reason = f"photograph '{photo.name}' cannot be the baseline, the next one is tried: {error}"
+        return PhotoProblem(photo.name, reason)
+    return None

@@ -1,0 +1,79 @@
+"""The protocol `imaging.csv` (time_s, path, role): times and roles of the files in a folder."""
+
+import csv
+import math
+from pathlib import Path
+from typing import NamedTuple, cast, get_args
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.sources.camera_source import PhotoProblem, Role
+
+FILE_NAME = 'imaging.csv'
+
+
+class ProtocolEntry(NamedTuple):
+    """Exposure time [s] since the start of the experiment, and role of a photograph."""
+
+    time: float
+    role: Role
+
+
+def read_protocol(path: Path) -> dict[Path, ProtocolEntry]:
+    """Return the entry of every file that the protocol `path` names.
+
+    Raises:
+        InputError: a line is not `time_s,path,role`, or the file is no text in UTF-8.
+    """
+    entries: dict[Path, ProtocolEntry] = {}
+    try:
+        with path.open(encoding='utf-8-sig', newline='') as file:
+            for line in csv.DictReader(file, skipinitialspace=True):
+                photo, entry = _entry(path, line)
+                entries[photo] = entry
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f'{path}: not readable ({error}); save it as CSV in UTF-8') from None
+    return entries
+
+
+def _entry(path: Path, line: dict[str, str]) -> tuple[Path, ProtocolEntry]:
+    """Return the file and the entry of one line."""
+    try:
+        time, role = float(line['time_s']), line['role']
+        if role not in get_args(Role) or not math.isfinite(time):
+            raise ValueError
+        return (path.parent / line['path']).resolve(), ProtocolEntry(time, cast(Role, role))
+    except (KeyError, TypeError, ValueError):
+        raise InputError(
+            f'{path}: cannot read {dict(line)}; write time_s,path,role with a finite number and '
+            'role baseline or state'
+        ) from None
+
+
+class GrowingProtocol:
+    """The protocol in `folder` or its parent, read again when it changes; it may appear later.
+
+    Attributes:
+        entries: the entries by file; empty without a protocol.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._paths = (folder / FILE_NAME, folder.parent / FILE_NAME)
+        self._stamp: tuple[Path, int, int] | None = None
+        self.entries: dict[Path, ProtocolEntry] = {}
+
+    def refresh(self) -> tuple[bool, list[PhotoProblem]]:
+        """Return whether the entries have changed, and problems."""
+        for path in self._paths:
+            try:
+                status = path.stat()
+                stamp = (path, status.st_mtime_ns, status.st_size)
+                if stamp == self._stamp:
+                    return False, []
+                self._stamp = stamp
+                self.entries = read_protocol(path)
+            except InputError as error:
+                return False, [PhotoProblem(FILE_NAME, str(error))]
+            except OSError:  # no protocol here
+                continue
+            return True, []
+        return False, []

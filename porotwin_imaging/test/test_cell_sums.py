@@ -1,0 +1,61 @@
+"""Means over cells, against the same means by numpy."""
+
+import numpy as np
+import pytest
+
+from porotwin_imaging.cell_sums import CellSums, cell_sums, coarser
+from porotwin_imaging.linear_light import LINEAR_LIGHT, linear_light
+
+SAMPLES_ACROSS = 3
+NZ, NX = 4, 5
+
+
+@pytest.fixture
+def sampled() -> tuple[np.ndarray, np.ndarray]:
+    """Return a sampled photograph and baseline."""
+    generator = np.random.default_rng(19)
+    shape = (NZ * SAMPLES_ACROSS, NX * SAMPLES_ACROSS, 3)
+    pixels = generator.integers(0, 240, shape, dtype=np.uint8)
+    return pixels, generator.random(shape).astype(np.float32)
+
+
+def sums_of(pixels: np.ndarray, baseline: np.ndarray, usable: np.ndarray) -> CellSums:
+    return cell_sums(
+        pixels, baseline, usable,
+        light=LINEAR_LIGHT, glare_level=250, samples_across=SAMPLES_ACROSS,
+    )  # fmt: skip
+
+
+def cell_means(plane: np.ndarray) -> np.ndarray:
+    """Return means over cells with row 0 at the bottom."""
+    blocks = plane.reshape(NZ, SAMPLES_ACROSS, NX, SAMPLES_ACROSS, *plane.shape[2:])
+    return blocks.mean(axis=(1, 3))[::-1]
+
+
+def test_sums_are_means_of_linear_light(sampled) -> None:
+    pixels, baseline = sampled
+    sums = sums_of(pixels, baseline, np.ones(pixels.shape[:2], np.uint8))
+    light = linear_light(pixels)
+    np.testing.assert_allclose(sums.state, cell_means(light), rtol=1e-5)
+    np.testing.assert_allclose(sums.baseline, cell_means(baseline), rtol=1e-5)
+    np.testing.assert_allclose(sums.product, cell_means(light * baseline), rtol=1e-5)
+    np.testing.assert_allclose(sums.share, 1.0, rtol=1e-5)
+
+
+def test_glare_and_hidden_samples_do_not_count(sampled) -> None:
+    pixels, baseline = sampled
+    pixels[0, 0] = 255
+    usable = np.ones(pixels.shape[:2], np.uint8)
+    usable[1, 1] = 0
+    share = sums_of(pixels, baseline, usable).share
+    assert share[NZ - 1, 0] == pytest.approx(7 / 9)
+    np.testing.assert_allclose(np.delete(share.ravel(), (NZ - 1) * NX), 1.0, rtol=1e-5)
+
+
+def test_blocks_are_means_of_cells(sampled) -> None:
+    pixels, baseline = sampled
+    sums = sums_of(pixels[:, :12], baseline[:, :12], np.ones((12, 12), np.uint8))
+    blocks = coarser(sums, 2)
+    expected = sums.state.reshape(2, 2, 2, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(blocks.state, expected, rtol=1e-5)
+    assert coarser(sums, 1) is sums

@@ -1,0 +1,81 @@
+"""Exposure times from EXIF, otherwise from the protocol or the file."""
+
+import contextlib
+import io
+import random
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.exposure_time import exif_time, exposure_time
+
+
+def with_exif(**tags: str) -> bytes:
+    image = Image.fromarray(np.full((20, 30, 3), 90, np.uint8))
+    exif = Image.Exif()
+    details = exif.get_ifd(0x8769)
+    codes = {'original': 0x9003, 'subsecond': 0x9291, 'offset': 0x9011}
+    for name, value in tags.items():
+        details[codes[name]] = value
+    file = io.BytesIO()
+    image.save(file, 'JPEG', exif=exif)
+    return file.getvalue()
+
+
+MOMENT = datetime(2021, 9, 3, 14, 5, 6, tzinfo=UTC).timestamp()
+
+
+def test_exif_with_subseconds_and_zone() -> None:
+    data = with_exif(original='2021:09:03 16:05:06', subsecond='250', offset='+02:00')
+    assert exif_time(data) == pytest.approx(MOMENT + 0.25, abs=1e-6)
+    west = with_exif(original='2021:09:03 08:35:06', offset='-05:30')
+    assert exif_time(west) == pytest.approx(MOMENT)
+
+
+def test_exif_without_zone_is_local_time() -> None:
+    data = with_exif(original='2021:09:03 14:05:06')
+    assert exif_time(data) == datetime(2021, 9, 3, 14, 5, 6).timestamp()
+
+
+@pytest.mark.parametrize('original', ['', '0000:00:00 00:00:00', 'yesterday'])
+def test_a_clock_that_was_never_set_gives_no_time(original: str) -> None:
+    assert exif_time(with_exif(original=original)) is None
+
+
+def test_exif_comes_before_the_protocol_and_the_file() -> None:
+    assert exposure_time(with_exif(), None, 5000.5) == 5000.5
+    assert exposure_time(with_exif(), 30.0, 5000.5) == 30.0
+    dated = with_exif(original='2021:09:03 14:05:06', offset='+00:00')
+    assert exposure_time(dated, 30.0, 5000.5) == MOMENT
+
+
+@pytest.mark.parametrize(
+    'tags',
+    [
+        {'original': '2021:09:03 14:05:06', 'offset': '+99:00'},
+        {'original': '0001:01:01 00:00:00'},
+        {'original': '0001:01:01 00:00:00', 'offset': '+01:00'},
+        {'original': '2099:01:01 00:00:00'},
+    ],
+    ids=['offset', 'year 1', 'year 1 with offset', 'beyond a stamp'],
+)
+def test_an_impossible_time_is_refused(tags: dict[str, str]) -> None:
+    with pytest.raises(InputError):
+        exposure_time(with_exif(**tags), None, 5000.5)
+
+
+@pytest.mark.filterwarnings('ignore::UserWarning:PIL')
+def test_damaged_metadata_gives_no_time() -> None:
+    data = with_exif(original='2021:09:03 14:05:06', subsecond='9999', offset='+00:00')
+    data = data.replace(b'9999', b'\xb2' * 4)  # digits, but not of a number
+    assert exif_time(data) == MOMENT
+    generator = random.Random(7)
+    for _ in range(300):
+        spoiled = bytearray(data)
+        for place in generator.sample(range(2, 200), 4):
+            spoiled[place] = generator.randrange(256)
+        with contextlib.suppress(InputError):
+            exif_time(bytes(spoiled))

@@ -1,0 +1,94 @@
+"""Photographs as files: complete, broken, dark and over-exposed ones."""
+
+import io
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from porotwin_core.errors import InputError
+from porotwin_imaging import photo_file
+
+
+def pixels() -> np.ndarray:
+    return np.random.default_rng(1).integers(60, 180, (240, 360, 3), dtype=np.uint8)
+
+
+def encoded(kind: str, picture: np.ndarray) -> bytes:
+    return cv2.imencode(kind, picture)[1].tobytes()
+
+
+@pytest.mark.parametrize('kind', ['.jpg', '.png', '.tif'])
+def test_size_and_completeness_by_format(kind: str) -> None:
+    data = encoded(kind, pixels())
+    assert photo_file.is_complete(data)
+    assert photo_file.photo_size(data) == (360, 240)
+    assert not photo_file.is_complete(data[: len(data) // 2])
+
+
+@pytest.mark.parametrize('reduction', [1, 2, 4, 8])
+def test_coarser_decoding_keeps_the_picture(reduction: int) -> None:
+    smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
+    found = photo_file.decode(encoded('.jpg', smooth), reduction)
+    assert (found.width, found.height) == (360, 240)
+    assert found.pixels.shape == (240 // reduction, 360 // reduction, 3)
+    coarse = cv2.resize(smooth, found.pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
+    assert np.abs(found.pixels.astype(int) - coarse).max() <= 6
+
+
+@pytest.mark.parametrize('kind', ['JPEG', 'PNG', 'TIFF'])
+@pytest.mark.parametrize('turned', [1, 3, 6])
+@pytest.mark.parametrize('reduction', [1, 2])
+def test_the_orientation_of_a_file_does_not_turn_its_pixels(kind, turned, reduction) -> None:
+    smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
+    tags = Image.Exif()
+    tags[0x0112] = turned
+    file = io.BytesIO()
+    Image.fromarray(smooth[..., ::-1]).save(file, kind, exif=tags)
+    data = file.getvalue()
+    assert photo_file.orientation(data) == turned
+    assert photo_file.photo_size(data) == (360, 240)
+    found = photo_file.decode(data, reduction).pixels
+    coarse = cv2.resize(smooth, (360 // reduction, 240 // reduction), interpolation=cv2.INTER_AREA)
+    assert found.shape == coarse.shape
+    assert np.abs(found.astype(int) - coarse).max() <= 6
+
+
+def test_without_a_readable_orientation_a_photograph_is_upright() -> None:
+    assert photo_file.orientation(encoded('.jpg', pixels())) == 1
+    assert photo_file.orientation(b'hello') == 1
+
+
+def test_a_camera_that_pads_its_files_is_read() -> None:
+    assert photo_file.is_complete(encoded('.jpg', pixels()) + b'\0' * 16)
+
+
+@pytest.mark.parametrize(
+    ('data', 'complaint'),
+    [
+        (b'', 'not a JPEG'),
+        (b'hello', 'not a JPEG'),
+        (encoded('.jpg', pixels())[:9000], 'truncated'),
+        (encoded('.jpg', pixels())[:400] + b'\xff\xd9', 'broken|black|over-exposed|not a JPEG'),
+        (encoded('.jpg', pixels() // 40), 'black'),
+        (encoded('.jpg', np.full((240, 360, 3), 255, np.uint8)), 'over-exposed'),
+    ],
+    ids=['empty', 'text', 'truncated', 'headless', 'black', 'white'],
+)
+def test_unusable_files_are_refused_in_one_line(data: bytes, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint) as error:
+        photo_file.decode(data)
+    assert '\n' not in str(error.value)
+
+
+def test_a_header_with_an_impossible_size_is_refused() -> None:
+    data = encoded('.tif', pixels())
+    for tag in (256, 257):  # columns and rows
+        for kind, size in ((3, 240), (3, 360), (4, 240), (4, 360)):
+            entry = struct.pack('<HHII', tag, kind, 1, size)
+            data = data.replace(entry, struct.pack('<HHII', tag, 4, 1, 1 << 22))
+    assert not photo_file.is_complete(data)
+    with pytest.raises(InputError, match='not a JPEG'):
+        photo_file.decode(data)

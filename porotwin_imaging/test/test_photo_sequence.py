@@ -1,0 +1,43 @@
+"""The place of each photograph in the sequence."""
+
+from porotwin_imaging.photo_sequence import SequenceState, accept, place
+
+
+def placements(times: list[float], longest_gap_s: float | None = None) -> list[tuple[str, float]]:
+    """Return action and time step of photographs with different content."""
+    state = SequenceState()
+    found = []
+    for number, time in enumerate(times):
+        placement, state = place(time, str(number), state, longest_gap_s=longest_gap_s)
+        if placement.action != 'ignore':
+            state = accept(time, str(number), placement, state)
+        found.append((placement.action, placement.time_step))
+    return found
+
+
+def test_states_follow_each_other_by_their_time_steps() -> None:
+    assert placements([100.0, 130.0, 160.5]) == [('start', 0.0), ('next', 30.0), ('next', 30.5)]
+
+
+def test_missing_photographs_start_a_new_sequence() -> None:
+    assert placements([0, 30, 60, 200, 230])[3:] == [('start', 0.0), ('next', 30.0)]
+    assert placements([0, 30, 60, 120])[3] == ('next', 60.0)  # a single one is missing
+    assert placements([0, 30, 60, 120], longest_gap_s=40.0)[3] == ('start', 0.0)
+
+
+def test_a_late_photograph_is_left_out_and_the_next_one_follows() -> None:
+    assert placements([0, 30, 90, 60, 120])[3:] == [('ignore', 0.0), ('next', 30.0)]
+
+
+def test_a_clock_that_was_set_back_starts_a_new_sequence() -> None:
+    assert placements([1000, 1030, 1060, 500, 530])[3:] == [('start', 0.0), ('next', 30.0)]
+    # after a small step back the first photograph may be late; the second one proves the step
+    assert placements([0, 30, 60, 90, 120, 50, 80])[5:] == [('ignore', 0.0), ('start', 0.0)]
+
+
+def test_duplicates_are_left_out() -> None:
+    placement, state = place(0.0, 'a', SequenceState())
+    state = accept(0.0, 'a', placement, state)
+    assert place(0.0, 'b', state)[0].action == 'ignore'
+    assert 'duplicate' in place(30.0, 'a', state)[0].reason
+    assert place(0.0, 'a', SequenceState())[0].action == 'start'
