@@ -1,9 +1,10 @@
-"""The one place that turns messages into the types of the algorithms, and back.
+"""Conversions between messages and the types of the algorithms; the only place that has both.
 
-Everything arriving is checked here, once: shapes against grids, names, finite numbers.
+Every incoming message is checked here once: array sizes against grids, names, finite numbers.
 """
 
 import array
+import json
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -14,7 +15,14 @@ from std_msgs.msg import Header
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import Camera, Control, EffectDescription, Rig, rig_from_maps
+from porotwin_core.rig import (
+    Camera,
+    Control,
+    EffectDescription,
+    ObjectiveDescription,
+    Rig,
+    rig_from_maps,
+)
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_msgs.msg import (
@@ -32,25 +40,25 @@ from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
 RIG_FRAME = 'rig'
-"""Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the panel."""
+"""Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
 
 CAMERA_FRAME = 'camera_optical'
 """Frame of photographs (REP-103): z forward, x right, y down."""
 
 
 def time_to_msg(seconds: float) -> Time:
-    """Return seconds since the epoch of the clock in use as a stamp, to the nanosecond."""
+    """Return the stamp of a time [s], rounded to nanoseconds."""
     nanoseconds = round(seconds * 1e9)
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 
 def time_from_msg(stamp: Time) -> float:
-    """Return a stamp as seconds since the epoch of the clock in use."""
+    """Return the time of a stamp [s], since the epoch of the clock that made it."""
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9
 
 
 def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
-    """Return a header stamped with `seconds`."""
+    """Return a header with the stamp `seconds` [s]."""
     return Header(stamp=time_to_msg(seconds), frame_id=frame)
 
 
@@ -63,7 +71,7 @@ def grid_from_msg(message: GridInfo) -> Grid:
     """Return the grid of a message.
 
     Raises:
-        InputError: no cells, or sizes that are not positive.
+        InputError: no cells, or a size that is not positive.
     """
     return Grid(message.nx, message.nz, message.width, message.height)
 
@@ -78,7 +86,7 @@ def _values(kind: str, values: array.array, grid: Grid, dtype: type) -> FloatArr
 
 
 def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
-    """Return the message of a concentration map (nz, nx), valid at `seconds`; kept as float32."""
+    """Return the message of a concentration map (nz, nx) [-] at `seconds` [s], as float32."""
     values = np.ascontiguousarray(concentration, dtype=np.float32)
     return TracerField(
         header=header_at(seconds),
@@ -88,10 +96,10 @@ def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> Trac
 
 
 def tracer_from_msg(message: TracerField) -> tuple[FloatArray, Grid]:
-    """Return the map (nz, nx) float64 and its grid.
+    """Return the map (nz, nx) [-] in double precision, and its grid.
 
     Raises:
-        InputError: the number of values does not fit the grid.
+        InputError: the grid is wrong, or the number of values does not fit it.
     """
     grid = grid_from_msg(message.grid)
     values = _values('tracer field', message.concentration, grid, np.float32)
@@ -99,7 +107,7 @@ def tracer_from_msg(message: TracerField) -> tuple[FloatArray, Grid]:
 
 
 def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:
-    """Return the message of a source (nz, nx) [1/s]."""
+    """Return the message of a tracer source (nz, nx) [1/s] at `seconds` [s]."""
     values = np.ascontiguousarray(source, dtype=np.float64)
     return SourceField(
         header=header_at(seconds),
@@ -109,17 +117,17 @@ def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField
 
 
 def source_from_msg(message: SourceField) -> tuple[FloatArray, Grid]:
-    """Return the source (nz, nx) [1/s] and its grid.
+    """Return the tracer source (nz, nx) [1/s] and its grid.
 
     Raises:
-        InputError: the number of values does not fit the grid.
+        InputError: the grid is wrong, or the number of values does not fit it.
     """
     grid = grid_from_msg(message.grid)
     return _values('source field', message.source, grid, np.float64).copy(), grid
 
 
 def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
-    """Return the messages of all rates, in the order given."""
+    """Return one message for each rate, in the order of `rates`."""
     return [
         WellRateMessage(well=name, rate=well.rate, concentration=well.concentration)
         for name, well in rates.items()
@@ -130,7 +138,7 @@ def rates_from_msg(messages: Iterable[WellRateMessage]) -> dict[str, WellRate]:
     """Return the rates by well.
 
     Raises:
-        InputError: a well is named twice, a rate is not finite, a concentration not in [0, 1].
+        InputError: a well occurs twice, a rate is not finite, or a concentration lies outside 0..1.
     """
     rates: dict[str, WellRate] = {}
     for message in messages:
@@ -144,12 +152,12 @@ def rates_from_msg(messages: Iterable[WellRateMessage]) -> dict[str, WellRate]:
 
 
 def ok() -> Outcome:
-    """Return the outcome of a request that went well."""
+    """Return the outcome of a successful request."""
     return Outcome(code=Outcome.OK)
 
 
 def refusal(error: Exception) -> Outcome:
-    """Return the outcome of a request that raised `error`, its message on one line."""
+    """Return the outcome of a request that raised `error`, with its message on one line."""
     code = Outcome.INVALID_INPUT if isinstance(error, InputError) else Outcome.FAILED
     text = ' '.join(str(error).split())
     return Outcome(code=code, message=text or type(error).__name__)
@@ -173,7 +181,7 @@ def _quantity_from_msg(message: Quantity) -> float | FloatArray:
 
 
 def effect_to_msg(effect: EffectDescription) -> Effect:
-    """Return the message of an effect."""
+    """Return the message of an effect; NaN stands for a number where the value is a text."""
     message = Effect(name=effect.name)
     for name, value in effect.parameters.items():
         text = isinstance(value, str)
@@ -222,6 +230,21 @@ def _camera_from_msg(message: CameraGeometry) -> dict[str, Any]:
     }
 
 
+def _objective_from_msg(message: ControlLimits) -> dict[str, Any]:
+    # bags recorded before objectives could be chosen lack both fields
+    name = getattr(message, 'objective', '') or ObjectiveDescription().name
+    text = getattr(message, 'objective_parameters', '') or '{}'
+    try:
+        parameters = json.loads(text)
+    except ValueError:
+        parameters = None
+    if not isinstance(parameters, dict):
+        raise InputError(
+            f"rig description: objective_parameters '{text}': send a JSON object, or nothing"
+        )
+    return {**parameters, 'name': name}
+
+
 def _control_to_msg(control: Control) -> ControlLimits:
     fixed = {
         name: WellRate(from_ml_h(well.rate_ml_h), well.concentration)
@@ -235,32 +258,37 @@ def _control_to_msg(control: Control) -> ControlLimits:
         max_total_rate=from_ml_h(control.max_total_rate_ml_h),
         disallowed_zone=[value for point in control.disallowed_zone_m for value in point],
         fuzziness=control.fuzziness_m,
+        objective=control.objective.name,
+        objective_parameters=(
+            json.dumps(control.objective.parameters) if control.objective.parameters else ''
+        ),
     )
 
 
-def _tidy(value: float) -> float:
-    """Return `value` without the round-off of a change of units: 500.00000000000006 is 500."""
+def _rounded(value: float) -> float:
+    """Return `value` without the round-off of a change of units: 500.00000000000006 -> 500."""
     return float(f'{value:.14g}')
 
 
 def _control_from_msg(message: ControlLimits) -> dict[str, Any]:
     fixed = {
-        name: {'rate_ml_h': _tidy(to_ml_h(well.rate)), 'concentration': well.concentration}
+        name: {'rate_ml_h': _rounded(to_ml_h(well.rate)), 'concentration': well.concentration}
         for name, well in rates_from_msg(message.fixed).items()
     }
     return {
         'wells': tuple(message.wells),
         'producer': message.producer or None,
         'fixed': fixed,
-        'max_rate_ml_h': _tidy(to_ml_h(message.max_rate)),
-        'max_total_rate_ml_h': _tidy(to_ml_h(message.max_total_rate)),
+        'max_rate_ml_h': _rounded(to_ml_h(message.max_rate)),
+        'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
         'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
         'fuzziness_m': message.fuzziness,
+        'objective': _objective_from_msg(message),
     }
 
 
 def rig_to_msg(rig: Rig) -> RigDescription:
-    """Return the message of a rig, maps included."""
+    """Return the message of a rig with its maps."""
     return RigDescription(
         name=rig.name,
         width=rig.width_m,
@@ -288,7 +316,7 @@ def rig_from_msg(message: RigDescription) -> Rig:
     """Return the rig of a message.
 
     Raises:
-        InputError: the description is not one of a rig, or a map does not fit its grid.
+        InputError: a value is missing or wrong, or a map does not fit its grid.
     """
     sides = {
         side: 'open' if getattr(message, f'open_{side}') else 'closed'
