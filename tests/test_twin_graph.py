@@ -16,7 +16,6 @@ from porotwin_core import conversions
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_hub.control import Limits
 from porotwin_hub.graph import (
     GraphSettings,
     NodeDescription,
@@ -24,6 +23,7 @@ from porotwin_hub.graph import (
     operator_node,
     twin_nodes,
 )
+from porotwin_hub.setpoint_limits import Limits
 from porotwin_msgs.srv import ConfirmRates
 from porotwin_rig.experiment import make_experiment
 

@@ -13,6 +13,7 @@ from porotwin_core.rig.sections import (
     Camera,
     EffectDescription,
     MapReference,
+    Polygon,
     Well,
 )
 
@@ -25,6 +26,7 @@ __all__ = [
     'FixedWell',
     'MapReference',
     'ObjectiveDescription',
+    'Polygon',
     'Rig',
     'Well',
     'load_rig',

@@ -5,13 +5,10 @@ from typing import Annotated, Any, Self
 import pydantic
 from pydantic import Field, FiniteFloat, JsonValue
 
-from porotwin_core.rig.sections import Point, Positive, Section
+from porotwin_core.rig.sections import Point, Positive, Section, check_corners
 
 DEFAULT_OBJECTIVE = 'keep_out'
 """The objective of a rig that names none: keep the tracer out of a zone (paper, section 4)."""
-
-LEAST_CORNERS = 3
-"""Fewest corners of a polygon."""
 
 
 class FixedWell(Section):
@@ -70,9 +67,7 @@ class Control(Section):
     @pydantic.field_validator('disallowed_zone_m')
     @classmethod
     def _is_polygon(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        if points and len(points) < LEAST_CORNERS:
-            raise ValueError('needs at least three (x, z) points')
-        return points
+        return check_corners(points) if points else points
 
     def check_wells(self, known: dict[str, Any], *, closed: bool) -> Self:
         """Return `self` if its wells are `known` and each has one role.

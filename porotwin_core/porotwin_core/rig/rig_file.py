@@ -50,7 +50,7 @@ def parse_rig(data: Any, path: Path) -> Rig:
         rig = Rig.model_validate(data)
     except pydantic.ValidationError as error:
         raise InputError(one_line(path, error)) from None
-    maps = {}
+    maps: dict[str, FloatArray] = {}
     for name in PROPERTIES:
         value = getattr(rig, name)
         if isinstance(value, MapReference):

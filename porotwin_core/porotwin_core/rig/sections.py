@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
 DEFAULT_WELL_RADIUS = 0.004
 """Radius of a well without `radius_m` [m]: a tube of the small rig (experiment folder format)."""
@@ -15,6 +15,24 @@ Pixel = tuple[FiniteFloat, FiniteFloat]
 
 Point = tuple[FiniteFloat, FiniteFloat]
 """A place in the rig: (x, z) [m] from its lower left corner."""
+
+LEAST_CORNERS = 3
+"""Fewest corners of a polygon."""
+
+
+def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    """Return `points` (x, z) [m] if they can be a polygon.
+
+    Raises:
+        ValueError: fewer than three points.
+    """
+    if len(points) < LEAST_CORNERS:
+        raise ValueError('needs at least three (x, z) points')
+    return points
+
+
+Polygon = Annotated[tuple[Point, ...], AfterValidator(check_corners)]
+"""The corners (x, z) [m] of a zone, in either direction."""
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 """A finite number above zero."""
