@@ -1,29 +1,31 @@
 """Conversions between messages and the types of the algorithms; the only place that has both.
 
-Every incoming message is checked here once: array sizes against grids, names, finite numbers.
+The functions `..._from_msg` come from `from_messages`, which needs no ROS.
 """
 
 import array
 import json
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from porotwin_core.errors import InputError
+from porotwin_core.from_messages import grid_from_msg as grid_from_msg
+from porotwin_core.from_messages import rates_from_msg as rates_from_msg
+from porotwin_core.from_messages import rig_from_msg as rig_from_msg
+from porotwin_core.from_messages import source_from_msg as source_from_msg
+from porotwin_core.from_messages import time_from_msg as time_from_msg
+from porotwin_core.from_messages import tracer_from_msg as tracer_from_msg
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import (
     Camera,
     Control,
     EffectDescription,
-    ObjectiveDescription,
     Rig,
-    rig_from_maps,
 )
-from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_msgs.msg import (
     CameraGeometry,
@@ -52,11 +54,6 @@ def time_to_msg(seconds: float) -> Time:
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 
-def time_from_msg(stamp: Time) -> float:
-    """Return the time of a stamp [s], since the epoch of the clock that made it."""
-    return float(stamp.sec) + float(stamp.nanosec) * 1e-9
-
-
 def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
     """Return a header with the stamp `seconds` [s]."""
     return Header(stamp=time_to_msg(seconds), frame_id=frame)
@@ -65,24 +62,6 @@ def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
 def grid_to_msg(grid: Grid) -> GridInfo:
     """Return the message of a grid."""
     return GridInfo(nx=grid.nx, nz=grid.nz, width=grid.width, height=grid.height)
-
-
-def grid_from_msg(message: GridInfo) -> Grid:
-    """Return the grid of a message.
-
-    Raises:
-        InputError: no cells, or a size that is not positive.
-    """
-    return Grid(message.nx, message.nz, message.width, message.height)
-
-
-def _values(kind: str, values: array.array, grid: Grid, dtype: type) -> FloatArray:
-    if len(values) != grid.nx * grid.nz:
-        raise InputError(
-            f'{kind} has {len(values)} values on a grid of {grid.nx} x {grid.nz}; '
-            f'send {grid.nx * grid.nz}, row-major from the lower left'
-        )
-    return np.frombuffer(values, dtype=dtype).reshape(grid.shape)
 
 
 def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
@@ -95,17 +74,6 @@ def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> Trac
     )
 
 
-def tracer_from_msg(message: TracerField) -> tuple[FloatArray, Grid]:
-    """Return the map (nz, nx) [-] in double precision, and its grid.
-
-    Raises:
-        InputError: the grid is wrong, or the number of values does not fit it.
-    """
-    grid = grid_from_msg(message.grid)
-    values = _values('tracer field', message.concentration, grid, np.float32)
-    return values.astype(np.float64), grid
-
-
 def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:
     """Return the message of a tracer source (nz, nx) [1/s] at `seconds` [s]."""
     values = np.ascontiguousarray(source, dtype=np.float64)
@@ -116,39 +84,12 @@ def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField
     )
 
 
-def source_from_msg(message: SourceField) -> tuple[FloatArray, Grid]:
-    """Return the tracer source (nz, nx) [1/s] and its grid.
-
-    Raises:
-        InputError: the grid is wrong, or the number of values does not fit it.
-    """
-    grid = grid_from_msg(message.grid)
-    return _values('source field', message.source, grid, np.float64).copy(), grid
-
-
 def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
     """Return one message for each rate, in the order of `rates`."""
     return [
         WellRateMessage(well=name, rate=well.rate, concentration=well.concentration)
         for name, well in rates.items()
     ]
-
-
-def rates_from_msg(messages: Iterable[WellRateMessage]) -> dict[str, WellRate]:
-    """Return the rates by well.
-
-    Raises:
-        InputError: a well occurs twice, a rate is not finite, or a concentration lies outside 0..1.
-    """
-    rates: dict[str, WellRate] = {}
-    for message in messages:
-        if message.well in rates:
-            raise InputError(f"well '{message.well}' is named twice; name each once")
-        try:
-            rates[message.well] = WellRate(message.rate, message.concentration)
-        except InputError as error:
-            raise InputError(f"well '{message.well}': {error}") from None
-    return rates
 
 
 def ok() -> Outcome:
@@ -174,12 +115,6 @@ def _quantity_to_msg(value: float | FloatArray, rig: Rig) -> Quantity:
     )
 
 
-def _quantity_from_msg(message: Quantity) -> float | FloatArray:
-    if len(message.values) == 0:
-        return message.value
-    return _values('quantity', message.values, grid_from_msg(message.grid), np.float64).copy()
-
-
 def effect_to_msg(effect: EffectDescription) -> Effect:
     """Return the message of an effect; NaN stands for a number where the value is a text."""
     message = Effect(name=effect.name)
@@ -191,19 +126,6 @@ def effect_to_msg(effect: EffectDescription) -> Effect:
     return message
 
 
-def _named(names: Sequence[str], what: str, *columns: Sequence[Any]) -> Iterable[tuple[Any, ...]]:
-    if any(len(column) != len(names) for column in columns):
-        raise InputError(f'rig description: {what} has not one value for each name; send one')
-    return zip(names, *columns, strict=True)
-
-
-def _effect_from_msg(message: Effect) -> dict[str, Any]:
-    columns = (message.parameter_values, message.parameter_texts)
-    named = _named(message.parameter_names, f"effect '{message.name}'", *columns)
-    parameters = {name: text or value for name, value, text in named}
-    return {'name': message.name, 'parameters': parameters}
-
-
 def _camera_to_msg(camera: Camera) -> CameraGeometry:
     checker = camera.colour_checker_px or ()
     return CameraGeometry(
@@ -212,37 +134,6 @@ def _camera_to_msg(camera: Camera) -> CameraGeometry:
         curvature_names=list(camera.curvature),
         curvature_values=list(camera.curvature.values()),
     )
-
-
-def _pairs(values: Iterable[float], what: str) -> tuple[tuple[float, float], ...]:
-    flat = [float(value) for value in values]
-    if len(flat) % 2:
-        raise InputError(f'rig description: {what} has {len(flat)} numbers; send pairs')
-    return tuple(zip(flat[::2], flat[1::2], strict=True))
-
-
-def _camera_from_msg(message: CameraGeometry) -> dict[str, Any]:
-    names = message.curvature_names
-    return {
-        'corners_px': _pairs(message.corners, 'corners'),
-        'colour_checker_px': _pairs(message.colour_checker, 'colour_checker') or None,
-        'curvature': dict(_named(names, 'curvature', message.curvature_values)),
-    }
-
-
-def _objective_from_msg(message: ControlLimits) -> dict[str, Any]:
-    # bags recorded before objectives could be chosen lack both fields
-    name = getattr(message, 'objective', '') or ObjectiveDescription().name
-    text = getattr(message, 'objective_parameters', '') or '{}'
-    try:
-        parameters = json.loads(text)
-    except ValueError:
-        parameters = None
-    if not isinstance(parameters, dict):
-        raise InputError(
-            f"rig description: objective_parameters '{text}': send a JSON object, or nothing"
-        )
-    return {**parameters, 'name': name}
 
 
 def _control_to_msg(control: Control) -> ControlLimits:
@@ -263,28 +154,6 @@ def _control_to_msg(control: Control) -> ControlLimits:
             json.dumps(control.objective.parameters) if control.objective.parameters else ''
         ),
     )
-
-
-def _rounded(value: float) -> float:
-    """Return `value` without the round-off of a change of units: 500.00000000000006 -> 500."""
-    return float(f'{value:.14g}')
-
-
-def _control_from_msg(message: ControlLimits) -> dict[str, Any]:
-    fixed = {
-        name: {'rate_ml_h': _rounded(to_ml_h(well.rate)), 'concentration': well.concentration}
-        for name, well in rates_from_msg(message.fixed).items()
-    }
-    return {
-        'wells': tuple(message.wells),
-        'producer': message.producer or None,
-        'fixed': fixed,
-        'max_rate_ml_h': _rounded(to_ml_h(message.max_rate)),
-        'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
-        'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
-        'fuzziness_m': message.fuzziness,
-        'objective': _objective_from_msg(message),
-    }
 
 
 def rig_to_msg(rig: Rig) -> RigDescription:
@@ -309,38 +178,4 @@ def rig_to_msg(rig: Rig) -> RigDescription:
         camera=[_camera_to_msg(rig.camera)] if rig.camera else [],
         control=[_control_to_msg(rig.control)] if rig.control else [],
         effects=[effect_to_msg(effect) for effect in rig.effects],
-    )
-
-
-def rig_from_msg(message: RigDescription) -> Rig:
-    """Return the rig of a message.
-
-    Raises:
-        InputError: a value is missing or wrong, or a map does not fit its grid.
-    """
-    sides = {
-        side: 'open' if getattr(message, f'open_{side}') else 'closed'
-        for side in ('top', 'bottom', 'left', 'right')
-    }
-    return rig_from_maps(
-        {
-            'name': message.name,
-            'width_m': message.width,
-            'height_m': message.height,
-            'viscosity_pa_s': message.viscosity,
-            'density_kg_m3': message.density,
-            'boundaries': sides,
-            'wells': {
-                well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}
-                for well in message.wells
-            },
-            'camera': _camera_from_msg(message.camera[0]) if message.camera else None,
-            'control': _control_from_msg(message.control[0]) if message.control else None,
-            'effects': tuple(_effect_from_msg(effect) for effect in message.effects),
-        },
-        {
-            'depth_m': _quantity_from_msg(message.depth),
-            'porosity': _quantity_from_msg(message.porosity),
-            'permeability_m2': _quantity_from_msg(message.permeability),
-        },
     )

@@ -10,9 +10,10 @@ from typing import Any
 from rclpy.node import Node
 
 from porotwin_core import conversions
+from porotwin_core.correction import Correction
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
-from porotwin_hub.forecast import Correction, ModelUnavailable
+from porotwin_hub.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict
 
@@ -94,7 +95,7 @@ class PhysicsModelClient:
 
 
 class DataDrivenModelClient:
-    """The data-driven model behind `costa/corrective_source`; a `forecast.DataDrivenModel`."""
+    """The data-driven model behind `costa/corrective_source`; a `correction.CorrectionFn`."""
 
     def __init__(self, call: Caller, grid: Grid) -> None:
         """Ask for maps on `grid`."""

@@ -4,12 +4,12 @@ The models are callables: local objects in tests and benchmarks, service clients
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
-import numpy as np
-
+from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import WellRates, mean_rates
 from porotwin_hub.rates_in_force import RatePeriod
@@ -43,18 +43,6 @@ class PhysicsModel(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Correction:
-    """The answer of the data-driven model: sigma (nz, nx) [1/s], or None with the reason."""
-
-    sigma: FloatArray | None
-    status: str
-
-
-DataDrivenModel = Callable[[FloatArray, WellRates, float], Correction]
-"""sigma from the prediction c~^(n+1), the rates and the time step [s] (paper, eq. sigmadef)."""
-
-
 def no_correction(*_: object) -> Correction:
     """Return no correction: the loop without a data-driven model."""
     return Correction(None, 'no data-driven model')
@@ -81,7 +69,7 @@ class Forecast:
 class Forecaster:
     """Makes forecasts from a physics-based and a data-driven model."""
 
-    def __init__(self, physics: PhysicsModel, data_driven: DataDrivenModel) -> None:
+    def __init__(self, physics: PhysicsModel, data_driven: CorrectionFn) -> None:
         """Use `physics` and correct it by `data_driven`, which may be `no_correction`."""
         self._physics = physics
         self._data_driven = data_driven
@@ -117,18 +105,13 @@ class Forecaster:
         begin = clock()
         correction = self._data_driven(predicted, rates, end - start)
         corrected = predicted
-        if correction.sigma is not None:
-            corrected = self._corrected(state, correction.sigma, periods)
+        for number, period in enumerate(periods):
+            before = state if number == 0 else corrected
+            corrected = correction.applied_to(predicted, partial(self._correct, before, period))
         durations['correct'] = clock() - begin
         return Forecast(
-            start, end, rates, predicted, corrected, correction.status, correction.sigma is not None
+            start, end, rates, predicted, corrected, correction.status, correction.applied
         )
 
-    def _corrected(
-        self, state: FloatArray, sigma: FloatArray, periods: Sequence[RatePeriod]
-    ) -> FloatArray:
-        """Return the corrected prediction, clipped: a correction may overshoot, a state cannot."""
-        for period in periods:
-            step = period.end - period.start
-            state = np.clip(self._physics.correct(state, sigma, period.rates, step), 0.0, 1.0)
-        return state
+    def _correct(self, previous: FloatArray, period: RatePeriod, sigma: FloatArray) -> FloatArray:
+        return self._physics.correct(previous, sigma, period.rates, period.end - period.start)

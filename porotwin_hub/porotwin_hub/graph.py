@@ -46,7 +46,9 @@ class GraphSettings:
     Defaults and descriptions stand here alone; see `description_of`.
     """
 
-    rig: Path = field(metadata={'description': 'rig.yaml, or a folder with one'})
+    rig: Path = field(
+        metadata={'description': 'description of the rig: rig.yaml, or a folder with one'}
+    )
     photos: Path | None = _option(None, 'folder to watch for photographs')
     device: str = _option('', 'camera device, such as /dev/video0, instead of a folder')
     calibration: Path | None = _option(None, 'calibration of the camera')
@@ -66,13 +68,14 @@ class GraphSettings:
 
 
 def description_of(option: str) -> str:
-    """Return the description of an option of `GraphSettings`, as a phrase without a full stop.
+    """Return the description of an option of `GraphSettings`, as a sentence.
 
     Raises:
         KeyError: there is no such option.
     """
     options = {item.name: item for item in dataclasses.fields(GraphSettings)}
-    return str(options[option].metadata['description'])
+    description = str(options[option].metadata['description'])
+    return f'{description[0].upper()}{description[1:]}.'
 
 
 def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:

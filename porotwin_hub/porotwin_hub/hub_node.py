@@ -13,13 +13,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
 from porotwin_core import conversions, qos
+from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import Rig
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.controller import Controller
-from porotwin_hub.forecast import DataDrivenModel, ModelUnavailable, PhysicsModel
+from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
@@ -50,7 +51,7 @@ class HubNode(Node):
         self,
         *,
         physics: PhysicsModel | None = None,
-        data_driven: DataDrivenModel | None = None,
+        data_driven: CorrectionFn | None = None,
         **kwargs: Any,
     ) -> None:
         """Read the parameters and start the worker.

@@ -11,11 +11,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import (
-    DataDrivenModel,
     Forecast,
     Forecaster,
     ModelUnavailable,
@@ -96,7 +96,7 @@ class Twin:
     def __init__(
         self,
         physics: PhysicsModel,
-        data_driven: DataDrivenModel,
+        data_driven: CorrectionFn,
         *,
         photo_interval: float,
         controller: Controller | None = None,

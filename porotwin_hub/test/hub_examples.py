@@ -1,12 +1,16 @@
-"""A toy rig and a model of it in one line, for the tests of the hub."""
+"""Examples for the tests of the hub: a toy rig, a model of one line, limits, a parabola."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from porotwin_core.grid import FloatArray
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.forecast import ModelUnavailable
+from porotwin_hub.setpoint_limits import Limits
 
 SMALL_RIG = Path(__file__).resolve().parents[1] / 'config' / 'small_rig.yaml'
 
@@ -55,3 +59,23 @@ class ToyModel:
         self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
     ) -> FloatArray:
         return self.predict(previous, rates, time_step) + time_step * sigma
+
+
+LIMITS = Limits(
+    wells=('control1', 'control2', 'control3'),
+    producer='producer',
+    fixed={'injector': WellRate(from_ml_h(500.0), 1.0)},
+    max_rate=from_ml_h(500.0),
+    max_total_rate=from_ml_h(500.0),
+    all_wells=('injector', 'producer', 'control1', 'control2', 'control3', 'idle'),
+)
+
+
+def quadratic(best_ml_h: tuple[float, float, float]) -> Callable[[WellRates], float]:
+    """Return a cost of the rates in `LIMITS`: a parabola with its minimum at `best_ml_h`."""
+
+    def cost(rates: WellRates) -> float:
+        values = to_ml_h(1.0) * LIMITS.control_rates(rates)
+        return float(((values - np.array(best_ml_h)) ** 2).sum())
+
+    return cost

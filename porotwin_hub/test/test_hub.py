@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from hub_examples import ToyModel
 
+from porotwin_core.correction import Correction
 from porotwin_hub.controller import Controller
-from porotwin_hub.forecast import Correction, ModelUnavailable
+from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, ReadyState

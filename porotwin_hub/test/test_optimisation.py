@@ -5,46 +5,15 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import pytest
+from hub_examples import LIMITS, quadratic
 from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.wells import WellRates
 from porotwin_hub.optimisation import optimise
 from porotwin_hub.setpoint_limits import Limits
-
-LIMITS = Limits(
-    wells=('control1', 'control2', 'control3'),
-    producer='producer',
-    fixed={'injector': WellRate(from_ml_h(500.0), 1.0)},
-    max_rate=from_ml_h(500.0),
-    max_total_rate=from_ml_h(500.0),
-    all_wells=('injector', 'producer', 'control1', 'control2', 'control3', 'idle'),
-)
-
-
-def quadratic(best_ml_h: tuple[float, float, float]) -> Callable[[WellRates], float]:
-    def cost(rates: WellRates) -> float:
-        values = to_ml_h(1.0) * LIMITS.control_rates(rates)
-        return float(((values - np.array(best_ml_h)) ** 2).sum())
-
-    return cost
-
-
-@pytest.mark.parametrize('best', [(120.0, 40.0, 210.0), (0.0, 0.0, 0.0), (0.0, 480.0, 0.0)])
-def test_cobyla_finds_the_minimum_of_a_parabola(best: tuple[float, float, float]) -> None:
-    decision = optimise(LIMITS, quadratic(best), LIMITS.safe(), evaluations=120)
-    found = to_ml_h(1.0) * LIMITS.control_rates(decision.rates)
-    np.testing.assert_allclose(found, best, atol=6.0)
-    assert decision.evaluations <= 120
-
-
-def test_cobyla_ends_at_the_total_limit() -> None:
-    decision = optimise(LIMITS, quadratic((400.0, 400.0, 0.0)), LIMITS.safe(), evaluations=150)
-    found = to_ml_h(1.0) * LIMITS.control_rates(decision.rates)
-    np.testing.assert_allclose(found, (250.0, 250.0, 0.0), atol=10.0)
 
 
 def test_the_best_point_counts_when_the_time_is_over() -> None:

@@ -4,21 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hub_examples import LIMITS
 from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, net_rate
-from porotwin_hub.setpoint_limits import Limits
 
-LIMITS = Limits(
-    wells=('control1', 'control2', 'control3'),
-    producer='producer',
-    fixed={'injector': WellRate(from_ml_h(500.0), 1.0)},
-    max_rate=from_ml_h(500.0),
-    max_total_rate=from_ml_h(500.0),
-    all_wells=('injector', 'producer', 'control1', 'control2', 'control3', 'idle'),
-)
 ANYTHING = st.lists(
     st.one_of(st.floats(-1.0, 1.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300])),
     min_size=3,

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hub_examples import TOY, ToyModel
 
+from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.controller import Controller
-from porotwin_hub.forecast import Correction, DataDrivenModel, no_correction
+from porotwin_hub.forecast import no_correction
 from porotwin_hub.rates_in_force import KnownRates
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Observation, Twin
@@ -25,7 +26,7 @@ MakeTwin = Callable[..., Twin]
 def make_twin(toy_model: ToyModel, toy_controller: Controller) -> MakeTwin:
     """Return a function that makes a twin of the toy rig, with or without control."""
 
-    def make(data_driven: DataDrivenModel = no_correction, *, control: bool = True) -> Twin:
+    def make(data_driven: CorrectionFn = no_correction, *, control: bool = True) -> Twin:
         controller = toy_controller if control else None
         return Twin(toy_model, data_driven, photo_interval=30.0, controller=controller)
 
