@@ -26,7 +26,7 @@ def test_every_module_of_objectives_is_found() -> None:
     [
         (
             {'objective': 'keep_dry'},
-            "objective 'keep_dry': unknown; choose from keep_in, keep_out",
+            f"objective 'keep_dry': unknown; choose from {', '.join(OBJECTIVES)}",
         ),
         (
             {'objective': 'keep_in'},
