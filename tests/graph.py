@@ -54,14 +54,14 @@ class Listener:
         with until_shutdown(self._context):
             executor.spin()
 
-    def wait_for(self, what: str, condition: Callable[[], bool], *, timeout: float) -> None:
-        """Return when `condition` holds; fail after `timeout` [s] with `what` was awaited."""
+    def wait_for(self, purpose: str, condition: Callable[[], bool], *, timeout: float) -> None:
+        """Return when `condition` holds; fail after `timeout` [s] with the `purpose`."""
         with self._changed:
             deadline = time.monotonic() + timeout
             while not condition():
                 remaining = deadline - time.monotonic()
                 counts = {name: len(messages) for name, messages in self.messages.items()}
-                assert remaining > 0, f'waited {timeout:g} s for {what}; received {counts}'
+                assert remaining > 0, f'waited {timeout:g} s for {purpose}; received {counts}'
                 self._changed.wait(min(remaining, 0.5))
 
     def close(self) -> None:
@@ -79,7 +79,7 @@ class RunningGraph:
         self.messages = listener.messages
 
     def log(self, name: str) -> str:
-        """Return what a node has logged so far."""
+        """Return the log of a node so far."""
         return self.processes.log(name).read_text(encoding='utf-8', errors='replace')
 
     def wait_for_publishers(self, *topics: str) -> None:

@@ -36,7 +36,7 @@ def needs_ros(module: Path) -> bool:
 
 
 def dotted(module: Path) -> str:
-    """Return the name by which a module is imported."""
+    """Return the name of a module in an import."""
     parts = module.relative_to(ROOT).with_suffix('').parts[1:]
     return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
 

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
-
-CHANGE_ML_H = 0.05
-"""Smallest difference that is announced [ml/h]: half a step of a pump's display."""
+from porotwin_hub.setpoint_limits import SAME_SETTING_ML_H
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def _words(title: str, opening: str, rates: WellRates, before: WellRates) -> Ann
     changed = tuple(
         well
         for well, rate in rates.items()
-        if well not in before or abs(to_ml_h(rate.rate - before[well].rate)) > CHANGE_ML_H
+        if well not in before or abs(to_ml_h(rate.rate - before[well].rate)) > SAME_SETTING_ML_H
     )
     lines = [title]
     for well, rate in rates.items():

@@ -11,7 +11,7 @@ FIRST_STEP = 0.25
 """First change of a variable, as a share of the largest rate: far enough to leave a flat region."""
 
 LAST_STEP = 2e-3
-"""Change at which the search ends, as a share of the largest rate: 1 ml/h of 500."""
+"""Smallest change of a variable, as a share of the largest rate: 1 ml/h of 500."""
 
 
 def search(

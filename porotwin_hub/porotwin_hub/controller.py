@@ -21,7 +21,7 @@ class Controller:
         objective: the cost of a predicted state.
         horizon: how far ahead the state is predicted [s].
         evaluations: most predictions of one decision.
-        patience: wall-clock time [s] after which no further prediction is made.
+        patience: longest wall-clock time [s]; then the best rates so far are taken.
         search: the local optimiser.
     """
 

@@ -9,7 +9,7 @@ as by their arrivals; half an interval allows for jitter."""
 
 
 class PhotographClock:
-    """Finds how late photographs are from their stamps and the times at which they arrive.
+    """Finds how late photographs are from their stamps and their times of arrival.
 
     The camera's clock is trusted until photographs prove it wrong. One photograph from the future
     proves it; so do two late ones that arrive at the pace of a live camera. The photographs of a
@@ -26,7 +26,7 @@ class PhotographClock:
         self._interval = interval
         self._validity = validity
         self._behind = 0.0
-        """Time by which the camera's clock is behind the clock of arrivals [s]."""
+        """Lag of the camera's clock behind the clock of arrivals [s]."""
         self._trusted = False
         """Whether a photograph was in time according to `_behind`."""
         self._last: tuple[float, float] | None = None

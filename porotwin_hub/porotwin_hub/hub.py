@@ -33,7 +33,7 @@ class Hub:
             twin: the loop.
             limits: of the wells, checked again before a setpoint leaves; None: no control.
             photographs: tells how late photographs are; None: in simulated time none is late.
-            clock: the time [s] by which arrivals are counted; nobody sets it.
+            clock: returns the time [s] of arrivals; a clock that nobody sets.
         """
         self._twin = twin
         self._limits = limits

@@ -18,6 +18,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import Rig
+from porotwin_core.wells import WellRates
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
@@ -25,7 +26,7 @@ from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
 from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.rates_in_force import KnownRates
+from porotwin_hub.rates_in_force import KnownRates, balanced
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Cycle, Twin
@@ -37,8 +38,8 @@ from porotwin_msgs.msg import (
     Setpoint,
     StateRefreshed,
     TracerField,
-    WellRates,
 )
+from porotwin_msgs.msg import WellRates as WellRatesMessage
 
 OPTIMISER_SHARE = 0.5
 """Share of the photo interval that one optimisation may take: the rest is for the forecast."""
@@ -69,6 +70,7 @@ class HubNode(Node):
         self._grid = declare_grid(self, rig)
         control = declare(self, 'control', True, 'choose setpoints when rig.yaml allows it')
         self._wells = set(rig.wells)
+        self._balancing_well = rig.control.producer if rig.control and rig.closed else None
         self._limits = Limits.of(rig) if control and rig.control is not None else None
         simulated = bool(self.get_parameter('use_sim_time').value)
         interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
@@ -136,7 +138,7 @@ class HubNode(Node):
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
-        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+        self.create_subscription(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
         self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
         self.create_subscription(
@@ -145,18 +147,20 @@ class HubNode(Node):
 
     # --- messages in --------------------------------------------------------------------------
 
-    def _on_measured(self, message: WellRates) -> None:
+    def _on_measured(self, message: WellRatesMessage) -> None:
         try:
             rates = conversions.rates_from_msg(message.wells)
             self._refuse_unknown_wells(rates)
         except InputError as error:
             self.get_logger().error(f'measured rates ignored: {error}')
             return
+        if self._balancing_well is not None:
+            rates = balanced(rates, self._balancing_well)
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
         self._inbox.add_rates(KnownRates(start, end, rates))
 
-    def _refuse_unknown_wells(self, rates: dict[str, Any]) -> None:
+    def _refuse_unknown_wells(self, rates: WellRates) -> None:
         unknown = sorted(set(rates) - self._wells)
         if unknown:
             raise InputError(

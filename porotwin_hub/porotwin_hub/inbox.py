@@ -76,7 +76,7 @@ class Inbox(Generic[Envelope]):
         """Make an empty inbox.
 
         Args:
-            clock: the time [s] at which states become ready.
+            clock: returns the time [s]; it is asked whenever a state becomes ready.
             clock_tolerance: rates whose time lies further [s] outside the interval of two states
                 have another clock than the camera; they count from the earlier state on.
         """

@@ -114,7 +114,7 @@ def optimise(
         cost: of pumping some rates.
         previous: the rates until now; they are always evaluated.
         evaluations: most calls of `cost` by the search and the starts together.
-        patience: wall-clock time [s] after which no further point is evaluated.
+        patience: longest wall-clock time [s]; then the best point so far is taken.
         search: the local optimiser.
     """
     evaluated = EvaluatedSetpoints(limits, cost, patience=patience)

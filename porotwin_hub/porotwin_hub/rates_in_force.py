@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates, mean_rates
-from porotwin_hub.setpoint_limits import CONCENTRATION_TOLERANCE, PUMP_STEP_ML_H
+from porotwin_core.wells import WellRate, WellRates, mean_rates, net_rate
+from porotwin_hub.setpoint_limits import CONCENTRATION_TOLERANCE, SAME_SETTING_ML_H
 
-SAME_RATE = from_ml_h(0.5 * PUMP_STEP_ML_H)
-"""Rates that differ by less are the same setting of a pump [m^3/s]."""
+SAME_RATE = from_ml_h(SAME_SETTING_ML_H)
+"""Rates that differ by at most this are the same setting of a pump [m^3/s]."""
 
 SHORTEST_PERIOD_S = 0.5
 """Edges closer than this [s] coincide: clocks of pumps and cameras agree no better."""
@@ -53,9 +53,9 @@ def rates_in_force(
 ) -> tuple[RatePeriod, ...]:
     """Return the periods of constant rates that cover `start` to `end` [s].
 
-    Of the rates known at a time, those that began last count. Where none are known, the `commanded`
-    rates count as pumped; but until the moment at which the operator confirmed rates, the pumps
-    stayed `before`, at the rates at the end of the last interval.
+    Of several known rates, the ones that began last count. Where none are known, the `commanded`
+    rates count as pumped. There is one exception: until the operator confirms a change, the pumps
+    keep the rates of the end of the last interval (`before`).
 
     Args:
         known: measured and confirmed rates, in any order.
@@ -131,6 +131,15 @@ def _same(first: WellRate, second: WellRate) -> bool:
         return False
     injects = min(first.rate, second.rate) > 0.0
     return not injects or abs(first.concentration - second.concentration) <= CONCENTRATION_TOLERANCE
+
+
+def balanced(rates: WellRates, producer: str) -> dict[str, WellRate]:
+    """Return `rates` with the rate of the `producer` that balances all others.
+
+    In a rig whose sides are all closed the net rate is zero; meters never add up to zero.
+    """
+    others = {name: well for name, well in rates.items() if name != producer}
+    return {**others, producer: WellRate(-net_rate(others))}
 
 
 def describe_difference(periods: Sequence[RatePeriod], expected: WellRates) -> str:

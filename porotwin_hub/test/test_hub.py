@@ -1,4 +1,4 @@
-"""Tests of the hub without ROS: when setpoints are sent, and what a late photograph leads to."""
+"""Tests of the hub without ROS: setpoints leave first, and late photographs lead to none."""
 
 from collections.abc import Callable
 from typing import Any

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.graph
 
 
 class Slope:
-    """A model in which the tracer grows with the rate of the first control well."""
+    """A model: the tracer grows with the rate of the first control well."""
 
     def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
         return concentration + 1e-4 * time_step * (1.0 + 1e7 * abs(rates['control1'].rate))

@@ -1,4 +1,4 @@
-"""Tests of the operator's node: it announces valid setpoints and publishes what was confirmed."""
+"""Tests of the operator's node: it announces valid setpoints and publishes confirmed rates."""
 
 import time
 from collections.abc import Callable, Iterator

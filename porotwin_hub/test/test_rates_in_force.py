@@ -5,11 +5,12 @@ import math
 import pytest
 
 from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.wells import WellRate, net_rate
 from porotwin_hub.rates_in_force import (
     MOST_PERIODS,
     KnownRates,
     RatePeriod,
+    balanced,
     describe_difference,
     latest_known,
     rates_in_force,
@@ -99,6 +100,13 @@ def test_rates_are_the_same_within_half_a_step_of_a_pump() -> None:
     water, stock = WellRate(1e-7, 0.0), WellRate(1e-7, 1.0)
     assert not same_rates({'push': water}, {'push': stock})
     assert same_rates({'push': WellRate(-1e-7, 0.0)}, {'push': WellRate(-1e-7, 1.0)})
+
+
+def test_the_producer_balances_measured_rates() -> None:
+    measured = {**push(300.0), 'injector': WellRate(1e-7, 1.0), 'producer': WellRate(-1.7e-7)}
+    rates = balanced(measured, 'producer')
+    assert net_rate(rates) == pytest.approx(0.0, abs=1e-20)
+    assert (rates['push'], rates['injector']) == (measured['push'], measured['injector'])
 
 
 def test_a_difference_is_described_in_ml_h() -> None:

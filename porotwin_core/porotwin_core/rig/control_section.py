@@ -1,4 +1,4 @@
-"""The section `control` of `rig.yaml`: which wells the twin sets, within which limits, and why."""
+"""The section `control` of `rig.yaml`: the control wells, their limits, and the objective."""
 
 from typing import Annotated, Any, Self
 
