@@ -1,4 +1,4 @@
-"""How all tests run: property tests alike every time, ROS 2 nodes apart from all others."""
+"""Settings of all tests: repeatable property tests, and a DDS domain for every test run."""
 
 import fcntl
 import os
@@ -13,13 +13,13 @@ settings.register_profile('porotwin', deadline=None, derandomize=True)
 settings.load_profile('porotwin')
 
 DOMAINS = range(1, 102)
-"""DDS domains whose ports are free on Linux."""
+"""DDS domains whose ports lie below the ephemeral ports of Linux."""
 
 _claims: list[TextIO] = []
 
 
 def _claimed_domain() -> int:
-    """Return a DDS domain that no other tests on this machine use until this process ends."""
+    """Return a DDS domain and keep it from other tests on this machine until this process ends."""
     for number in DOMAINS:
         try:
             claim = (Path(tempfile.gettempdir()) / f'porotwin_test_domain_{number}').open('w')
@@ -32,12 +32,12 @@ def _claimed_domain() -> int:
 
 
 def pytest_configure() -> None:
-    """Keep nodes that tests start away from a rig's, and from those of other tests."""
+    """Separate the nodes of these tests from a rig's nodes and from other tests."""
     os.environ['ROS_DOMAIN_ID'] = str(_claimed_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 @pytest.fixture
 def domain() -> int:
-    """A DDS domain that no other test uses, nor nodes that a test before left to end."""
+    """A DDS domain of its own, free of nodes of earlier tests."""
     return _claimed_domain()

@@ -1,4 +1,4 @@
-"""What tests of the whole project share."""
+"""Fixtures of tests of the whole project."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ def real_photographs() -> Path:
 
 @pytest.fixture
 def small_rig_file(tmp_path: Path) -> Iterator[Path]:
-    """The paper's rig, with the place of the rig in the virtual camera's photographs."""
+    """The paper's rig.yaml, with the corners of the rig in the virtual camera's photographs."""
     from porotwin_core.rig import load_rig, write_rig
     from porotwin_rig.camera import camera_before
 

@@ -1,4 +1,4 @@
-"""A running graph for tests: real processes over real DDS, and an ear on what they say."""
+"""A running graph for tests: real processes over real DDS, and a listener to their messages."""
 
 import threading
 import time
@@ -26,15 +26,16 @@ TOPICS: dict[str, tuple[Any, Any]] = {
 }
 
 
-class Ear:
-    """Keeps every message of `TOPICS`; `node` may be used to call services."""
+class Listener:
+    """Keeps every message of `TOPICS`; its `node` may be used to call services."""
 
     def __init__(self, domain: int) -> None:
-        self.heard: dict[str, list[Any]] = {name: [] for name in TOPICS}
+        """Listen in the DDS domain `domain`."""
+        self.messages: dict[str, list[Any]] = {name: [] for name in TOPICS}
         self._changed = threading.Condition()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
-        self.node = rclpy.create_node('ear', namespace=NAMESPACE, context=self._context)
+        self.node = rclpy.create_node('listener', namespace=NAMESPACE, context=self._context)
         for name, (message_type, profile) in TOPICS.items():
             self.node.create_subscription(message_type, name, self._keep(name), profile)
         threading.Thread(target=self._spin, daemon=True).start()
@@ -42,7 +43,7 @@ class Ear:
     def _keep(self, name: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:
             with self._changed:
-                self.heard[name].append(message)
+                self.messages[name].append(message)
                 self._changed.notify_all()
 
         return keep
@@ -53,15 +54,15 @@ class Ear:
         with until_shutdown(self._context):
             executor.spin()
 
-    def wait_for(self, what: str, condition: Callable[[], bool], *, timeout: float) -> None:
-        """Return when `condition` holds; fail with `what` was waited for and what was heard."""
+    def wait_for(self, purpose: str, condition: Callable[[], bool], *, timeout: float) -> None:
+        """Return when `condition` holds; fail after `timeout` [s] with the `purpose`."""
         with self._changed:
             deadline = time.monotonic() + timeout
             while not condition():
-                left = deadline - time.monotonic()
-                counts = {name: len(messages) for name, messages in self.heard.items()}
-                assert left > 0, f'waited {timeout:g} s for {what}; heard {counts}'
-                self._changed.wait(min(left, 0.5))
+                remaining = deadline - time.monotonic()
+                counts = {name: len(messages) for name, messages in self.messages.items()}
+                assert remaining > 0, f'waited {timeout:g} s for {purpose}; received {counts}'
+                self._changed.wait(min(remaining, 0.5))
 
     def close(self) -> None:
         """Stop listening."""
@@ -69,45 +70,47 @@ class Ear:
 
 
 class RunningGraph:
-    """The processes, what they say on topics (`ear`) and what the supervisor tells (`told`)."""
+    """The processes of a graph, their messages by topic, and the `lines` of the supervisor."""
 
-    def __init__(self, processes: GraphProcesses, ear: Ear, told: list[str]) -> None:
+    def __init__(self, processes: GraphProcesses, listener: Listener, lines: list[str]) -> None:
         self.processes = processes
-        self.ear = ear
-        self.told = told
-        self.heard = ear.heard
+        self.listener = listener
+        self.lines = lines
+        self.messages = listener.messages
 
     def log(self, name: str) -> str:
-        """Return what a node has logged so far."""
+        """Return the log of a node so far."""
         return self.processes.log(name).read_text(encoding='utf-8', errors='replace')
 
     def wait_for_publishers(self, *topics: str) -> None:
-        """Return when the publishers of `topics` are seen, so that nothing they say is missed."""
+        """Return when the publishers of `topics` are found, so that no message is missed."""
         for topic in topics:
             name = f'{NAMESPACE}/{topic}'
-            self.ear.wait_for(
+            self.listener.wait_for(
                 f'a publisher of {topic}',
-                lambda name=name: self.ear.node.count_publishers(name) > 0,
+                lambda name=name: self.listener.node.count_publishers(name) > 0,
                 timeout=60.0,
             )
         time.sleep(1.0)  # the publisher learns of its subscriber a moment later
 
     def wait_for_messages(self, topic: str, count: int, *, timeout: float) -> list[Any]:
-        """Return the messages of `topic` when there are at least `count`."""
-        self.ear.wait_for(
-            f'{count} messages on {topic}', lambda: len(self.heard[topic]) >= count, timeout=timeout
+        """Return the messages of `topic` when there are `count`, after at most `timeout` [s]."""
+        self.listener.wait_for(
+            f'{count} messages on {topic}',
+            lambda: len(self.messages[topic]) >= count,
+            timeout=timeout,
         )
-        return self.heard[topic]
+        return self.messages[topic]
 
     def wait_for_log(self, name: str, text: str, *, timeout: float) -> str:
-        """Return the line of a node's log that holds `text`."""
+        """Return the first line of a node's log with `text`, after at most `timeout` [s]."""
         found: list[str] = []
 
         def there() -> bool:
             found[:] = [line for line in self.log(name).splitlines() if text in line]
             return bool(found)
 
-        self.ear.wait_for(f"'{text}' in the log of {name}", there, timeout=timeout)
+        self.listener.wait_for(f"'{text}' in the log of {name}", there, timeout=timeout)
         return found[0]
 
 
@@ -116,12 +119,12 @@ def running_graph(
     nodes: list[NodeDescription], folder: Path, domain: int
 ) -> Iterator[RunningGraph]:
     """Start `nodes` in a DDS domain of their own; print their logs when the test fails."""
-    told: list[str] = []
+    lines: list[str] = []
     environment = {'ROS_DOMAIN_ID': str(domain)}
-    ear = Ear(domain)
+    listener = Listener(domain)
     try:
-        with GraphProcesses(nodes, folder, say=told.append, environment=environment) as processes:
-            graph = RunningGraph(processes, ear, told)
+        with GraphProcesses(nodes, folder, say=lines.append, environment=environment) as processes:
+            graph = RunningGraph(processes, listener, lines)
             try:
                 yield graph
             except BaseException:
@@ -129,4 +132,4 @@ def running_graph(
                     print(f'--- {node.name}\n{graph.log(node.name)[-2000:]}')
                 raise
     finally:
-        ear.close()
+        listener.close()

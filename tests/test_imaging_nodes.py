@@ -70,7 +70,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
     ]
     with running_graph(nodes, tmp_path / 'run', domain) as graph:
         diagnostics: list[DiagnosticStatus] = []
-        graph.ear.node.create_subscription(
+        graph.listener.node.create_subscription(
             DiagnosticArray, '/diagnostics', lambda array: diagnostics.extend(array.status), 10
         )
         graph.wait_for_publishers('asset/new_state', 'asset/clean_state')
@@ -81,7 +81,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         first = camera.photograph(plume(0.05), time=30.0)
         put(photos, '01.jpg', first)
         states: list[Any] = graph.wait_for_messages('asset/new_state', 1, timeout=60)
-        assert graph.heard['asset/clean_state'][0].cause == CleanState.START
+        assert graph.messages['asset/clean_state'][0].cause == CleanState.START
 
         put(photos, '02.jpg', first)  # a camera that repeats its last photograph
         graph.wait_for_log('imaging', 'duplicate', timeout=20)
@@ -100,7 +100,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
 
         assert [state.sequence for state in states] == [0, 1, 2, 3]
         np.testing.assert_allclose([s.time_step for s in states], [0, 30, 30, 0], atol=1e-3)
-        assert [clean.cause for clean in graph.heard['asset/clean_state']] == [
+        assert [clean.cause for clean in graph.messages['asset/clean_state']] == [
             CleanState.START,
             CleanState.INTERRUPTED,
         ]

@@ -1,4 +1,4 @@
-"""The closed loop on the virtual rig: the same seed gives the same run, on any machine."""
+"""Tests of the closed loop on the virtual rig: the same seed gives the same run on any machine."""
 
 from pathlib import Path
 from typing import Any
@@ -41,15 +41,15 @@ def run_loop(folder: Path, domain: int) -> tuple[list[Any], list[Any]]:
     )
     nodes = [*twin_nodes(settings), operator_node(settings, asset=False), asset]
     with running_graph(nodes, folder, domain) as graph:
-        graph.ear.wait_for(
+        graph.listener.wait_for(
             'the end of the experiment',
             lambda: any(
-                event.cause == CleanState.FINISHED for event in graph.heard['asset/clean_state']
+                event.cause == CleanState.FINISHED for event in graph.messages['asset/clean_state']
             ),
             timeout=180.0,
         )
         graph.wait_for_messages('wells/setpoint', 5, timeout=10.0)
-        return graph.heard['asset/new_state'], graph.heard['wells/setpoint']
+        return graph.messages['asset/new_state'], graph.messages['wells/setpoint']
 
 
 def test_the_same_seed_gives_the_same_run(tmp_path: Path, domain: int) -> None:

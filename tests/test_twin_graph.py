@@ -1,4 +1,4 @@
-"""The whole twin as a user runs it: real processes, real DDS, photographs in, setpoints out."""
+"""Tests of the whole twin in real processes: photographs in, setpoints out."""
 
 import math
 import os
@@ -16,7 +16,6 @@ from porotwin_core import conversions
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_hub.control import Limits
 from porotwin_hub.graph import (
     GraphSettings,
     NodeDescription,
@@ -24,6 +23,7 @@ from porotwin_hub.graph import (
     operator_node,
     twin_nodes,
 )
+from porotwin_hub.setpoint_limits import Limits
 from porotwin_msgs.srv import ConfirmRates
 from porotwin_rig.experiment import make_experiment
 
@@ -31,7 +31,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 GRID = '94x56'
 START_S = 60.0
-"""A cold start of all nodes on a busy machine."""
+"""Longest cold start of all nodes on a busy machine [s]."""
 
 
 @pytest.fixture(scope='module')
@@ -40,14 +40,14 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp('session') / 'experiment'
     rig = load_rig(Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     rate = from_ml_h(500.0)
-    told = Schedule(
+    schedule = Schedule(
         (
             ScheduleRow(0.0, 'injector', WellRate(rate, 1.0)),
             ScheduleRow(0.0, 'producer', WellRate(-rate)),
         )
     )
     make_experiment(
-        folder, rig, told=told, duration=300.0, photo_interval=30.0, seed=11, photo_width=800
+        folder, rig, told=schedule, duration=300.0, photo_interval=30.0, seed=11, photo_width=800
     )
     return folder
 
@@ -72,7 +72,7 @@ def test_a_camera_session_leads_to_setpoints(session: Path, tmp_path: Path, doma
     with running_graph(nodes, tmp_path, domain) as graph:
         setpoints = graph.wait_for_messages('wells/setpoint', 8, timeout=START_S + 60.0)
         reports = graph.wait_for_messages('hub/cycle', 8, timeout=30.0)
-        states = graph.heard['asset/new_state']
+        states = graph.messages['asset/new_state']
         stamps = {conversions.time_from_msg(state.header.stamp) for state in states}
         for setpoint in setpoints:
             assert conversions.time_from_msg(setpoint.header.stamp) in stamps
@@ -86,7 +86,7 @@ def test_a_camera_session_leads_to_setpoints(session: Path, tmp_path: Path, doma
         assert np.nanmax(seen) > 0.5
 
 
-def test_photographs_that_cannot_be_used_cost_one_line_each(
+def test_every_unusable_photograph_costs_one_line(
     session: Path, tmp_path: Path, domain: int
 ) -> None:
     camera = mock_camera(session, period_s=1.0, faults='2:truncated,4:half_size,5:black')
@@ -101,21 +101,21 @@ def test_photographs_that_cannot_be_used_cost_one_line_each(
         graph.wait_for_messages('hub/cycle', 5, timeout=30.0)
 
 
-def test_a_killed_solver_is_found_again(session: Path, tmp_path: Path, domain: int) -> None:
+def test_the_hub_uses_a_restarted_solver(session: Path, tmp_path: Path, domain: int) -> None:
     nodes = [*twin_beside(session), mock_camera(session, period_s=4.0)]
     with running_graph(nodes, tmp_path, domain) as graph:
         graph.wait_for_messages('tracer/predicted', 2, timeout=START_S + 60.0)
         os.kill(graph.processes.process('solver').pid, signal.SIGKILL)
-        before = len(graph.heard['hub/cycle'])
-        graph.ear.wait_for(
+        before = len(graph.messages['hub/cycle'])
+        graph.listener.wait_for(
             'a forecast by the restarted solver',
             lambda: any(
                 not report.remarks and math.isfinite(report.objective)
-                for report in graph.heard['hub/cycle'][before + 1 :]
+                for report in graph.messages['hub/cycle'][before + 1 :]
             ),
             timeout=60.0,
         )
-        assert any('solver ended' in line for line in graph.told)
+        assert any('solver ended' in line for line in graph.lines)
 
 
 def test_an_unknown_well_in_rig_yaml_is_named_at_once(
@@ -127,27 +127,44 @@ def test_an_unknown_well_in_rig_yaml_is_named_at_once(
     wrong.write_text(yaml.safe_dump(data))
     settings = GraphSettings(rig=wrong, grid=GRID)
     with running_graph(twin_nodes(settings), tmp_path, domain) as graph:
-        graph.ear.wait_for(
+        graph.listener.wait_for(
             'all four nodes to refuse', lambda: len(graph.processes.failed) == 4, timeout=START_S
         )
         for name, line in graph.processes.failed.items():
             assert "unknown well 'control9'" in line, name
 
 
-def test_the_operator_confirms_what_was_set(session: Path, tmp_path: Path, domain: int) -> None:
+def test_the_operator_confirms_the_rates_that_were_set(
+    session: Path, tmp_path: Path, domain: int
+) -> None:
     nodes = [*twin_beside(session), mock_camera(session, period_s=2.0)]
     with running_graph(nodes, tmp_path, domain) as graph:
         setpoint = graph.wait_for_messages('wells/setpoint', 1, timeout=START_S + 60.0)[0]
-        client = graph.ear.node.create_client(ConfirmRates, 'operator/confirm')
+        client = graph.listener.node.create_client(ConfirmRates, 'operator/confirm')
         assert client.wait_for_service(10.0)
 
         def answer(request: ConfirmRates.Request) -> ConfirmRates.Response:
             future = client.call_async(request)
-            graph.ear.wait_for('an answer of the operator', future.done, timeout=10.0)
+            graph.listener.wait_for('an answer of the operator', future.done, timeout=10.0)
             return future.result()
 
         good = answer(ConfirmRates.Request(sequence=setpoint.sequence))
         assert (good.outcome.code, good.outcome.message) == (0, '')
+        # the rig in the photographs pumps its safe rates, whatever the setpoints say
+        safe = Limits.of(load_rig(session)).safe()
+        other = ConfirmRates.Request(
+            sequence=setpoint.sequence, wells=conversions.rates_to_msg(safe)
+        )
+        assert answer(other).outcome.message == ''
+        graph.listener.wait_for(
+            'a prediction with the confirmed rates',
+            lambda: any(
+                remark.startswith('predicted again with the rates in force')
+                for report in graph.messages['hub/cycle']
+                for remark in report.remarks
+            ),
+            timeout=60.0,
+        )
         unknown = answer(ConfirmRates.Request(sequence=999))
         assert 'setpoint 999 is not known' in unknown.outcome.message
 

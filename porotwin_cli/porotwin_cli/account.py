@@ -11,7 +11,7 @@ from porotwin_core.grid import FloatArray, Grid, relative_error
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_hub.graph import NAMESPACE
-from porotwin_hub.objective import Objective
+from porotwin_hub.objective_registry import make_objective
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.concentration import ConcentrationMaps
 
@@ -79,7 +79,7 @@ class Truth:
 
     def disallowed(self, rig: Rig) -> FloatArray:
         """Return the tracer truly in the disallowed zone at every time [m^3], shape (nt,)."""
-        objective = Objective(rig, self.grid)
+        objective = make_objective(rig, self.grid)
         return np.array([objective.disallowed_tracer(values) for values in self.maps])
 
     def at(self, time: float) -> FloatArray:

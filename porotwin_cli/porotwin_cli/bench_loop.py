@@ -7,9 +7,11 @@ import numpy as np
 
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
-from porotwin_hub.control import Limits
-from porotwin_hub.objective import Objective
-from porotwin_hub.twin import Observation, Twin, no_correction
+from porotwin_hub.controller import Controller
+from porotwin_hub.forecast import no_correction
+from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.twin import Observation, Twin
 from porotwin_solver.model import Model
 
 PHOTO_INTERVAL_S = 30.0
@@ -34,19 +36,17 @@ def _row(nx: int, nz: int) -> dict[str, Any]:
     twin = Twin(
         model,
         no_correction,
-        grid,
         photo_interval=PHOTO_INTERVAL_S,
-        horizon=600.0,
-        evaluations=60,
-        limits=Limits.of(rig),
-        objective=Objective(rig, grid),
+        controller=Controller(
+            Limits.of(rig), make_objective(rig, grid), horizon=600.0, evaluations=60
+        ),
     )
     state = model.predict(model.initial_condition(), Limits.of(rig).safe(), 1800.0)
     seconds = []
     evaluations = []
     for number in range(CYCLES):
         begun = time.perf_counter()
-        cycle = twin.cycle(Observation(number * PHOTO_INTERVAL_S, state), None)
+        cycle = twin.cycle(Observation(number * PHOTO_INTERVAL_S, state))
         seconds.append(time.perf_counter() - begun)
         assert cycle.forecast is not None
         assert cycle.decision is not None

@@ -20,9 +20,9 @@ from porotwin_cli.output import (
 from porotwin_cli.workspace import run_folder, small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
-from porotwin_hub.control import Limits
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
+from porotwin_hub.setpoint_limits import Limits
 
 PHOTO_INTERVAL_S = 30.0
 PRODUCER_DELIVERY = 0.99

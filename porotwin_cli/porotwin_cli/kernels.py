@@ -7,7 +7,7 @@ beside the sources and compiles again by itself what changes.
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
 from porotwin_core.wells import Schedule
-from porotwin_hub.control import Limits
+from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_rig.asset import VirtualRig

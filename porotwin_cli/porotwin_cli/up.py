@@ -13,7 +13,8 @@ from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
-from porotwin_hub.graph import GraphSettings, live_graph
+from porotwin_hub.graph import GraphSettings, description_of, live_graph
+from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.processes import GraphProcesses
 
 NEEDED = ('imaging', 'solver', 'hub', 'camera')
@@ -21,31 +22,27 @@ NEEDED = ('imaging', 'solver', 'hub', 'camera')
 
 
 def command(
-    rig: Annotated[Path, typer.Option(help='rig.yaml, or a folder with one.')],
-    photos: Annotated[Path | None, typer.Option(help='Folder to watch for photographs.')] = None,
-    camera: Annotated[
-        str, typer.Option(help='Camera device, such as /dev/video0, or camera source NAME:ADDRESS.')
-    ] = '',
+    rig: Annotated[Path, typer.Option(help=description_of('rig'))],
+    photos: Annotated[Path | None, typer.Option(help=description_of('photos'))] = None,
+    camera: Annotated[str, typer.Option(help=description_of('camera'))] = GraphSettings.camera,
     replay: Annotated[
         bool, typer.Option('--replay', help='Photographs and time from ./porotwin replay.')
     ] = False,
-    page: Annotated[str, typer.Option(help='HOST:PORT of the page; empty: none.')] = (
-        '127.0.0.1:8765'
-    ),
-    grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
-    preset: Annotated[str, typer.Option(help='Scheme: fast, accurate or upwind.')] = 'fast',
-    calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
-    model: Annotated[Path | None, typer.Option(help='COSTA model to start with.')] = None,
+    page: Annotated[str, typer.Option(help=description_of('page'))] = ('127.0.0.1:8765'),
+    grid: Annotated[str, typer.Option(help=description_of('grid'))] = GraphSettings.grid,
+    preset: Annotated[str, typer.Option(help=description_of('preset'))] = GraphSettings.preset,
+    calibration: Annotated[Path | None, typer.Option(help=description_of('calibration'))] = None,
+    model: Annotated[Path | None, typer.Option(help=description_of('model'))] = None,
     retrain_every: Annotated[
-        int, typer.Option(help='Retrain COSTA after so many states; 0: never.', min=0)
-    ] = 0,
+        int, typer.Option(help=description_of('retrain_every'), min=0)
+    ] = GraphSettings.retrain_every,
     photo_interval_s: Annotated[
-        float, typer.Option(help='Time between photographs [s].', min=0.1)
-    ] = 30.0,
+        float, typer.Option(help=description_of('photo_interval_s'), min=0.1)
+    ] = GraphSettings.photo_interval_s,
     horizon_s: Annotated[
-        float, typer.Option(help='How far the optimiser looks ahead [s].', min=1.0)
-    ] = 600.0,
-    speak: Annotated[bool, typer.Option(help='Speak setpoints with espeak-ng.')] = False,
+        float, typer.Option(help=description_of('horizon_s'), min=1.0)
+    ] = GraphSettings.horizon_s,
+    speak: Annotated[bool, typer.Option(help=description_of('speak'))] = GraphSettings.speak,
     predict_only: Annotated[bool, typer.Option(help='Never choose setpoints.')] = False,
     diagnosis: Annotated[
         bool, typer.Option(help='Offer a diagnosis of the run so far: ./porotwin diagnose --live.')
@@ -113,6 +110,8 @@ def _refuse_early(
     from porotwin_solver.presets import preset_named
 
     preset_named(preset)
+    if rig.control is not None:
+        make_objective(rig, grid)
     if calibration is not None:
         load_calibration(calibration)
     if model is not None:

@@ -1,9 +1,9 @@
-"""The one error that a user is meant to read."""
+"""The error of wrong input, the only one that a user is meant to read."""
 
 
 class InputError(ValueError):
-    """Something given to the twin is wrong: a file, a value, a name, a message.
+    """A file, value, name or message given to the twin is wrong.
 
-    The message is one line that names the thing, its value and what would mend it. Commands print
-    it and exit with status 2; nodes log it and go on.
+    The message is one line with the thing, its value and the remedy. Commands print it and exit
+    with status 2; nodes log it and go on.
     """

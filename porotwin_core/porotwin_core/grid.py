@@ -1,4 +1,4 @@
-"""The Cartesian grid of a rig: where its cells lie, and how a map moves to another grid."""
+"""The Cartesian grid of a rig, and maps on it: resampling, errors, unseen cells."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -9,13 +9,17 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 
 FloatArray = NDArray[np.floating]
+"""An array of floating-point numbers."""
 
 
 @dataclass(frozen=True)
 class Grid:
     """Uniform cells over a rig of `width` x `height` [m]: `nx` columns, `nz` rows.
 
-    Fields are arrays of shape (nz, nx), cell-centred; row 0 is the bottom, column 0 the left.
+    Fields are cell-centred arrays of shape (nz, nx). Row 0 is the bottom, column 0 the left.
+
+    Raises:
+        InputError: no cells, or a size that is not positive.
     """
 
     nx: int
@@ -60,15 +64,15 @@ class Grid:
         return self.dx * self.dz
 
     def refined(self, factor: int) -> Self:
-        """Return the grid with every cell split into `factor` x `factor`."""
+        """Return the grid with every cell split into `factor` x `factor` cells."""
         return type(self)(self.nx * factor, self.nz * factor, self.width, self.height)
 
     @classmethod
     def parse(cls, text: str, width: float, height: float) -> Self:
-        """Return the grid named on a command line as `187x112` (columns x rows).
+        """Return the grid written as `187x112` (columns x rows) over `width` x `height` [m].
 
         Raises:
-            InputError: the text is not two whole numbers joined by an x.
+            InputError: the text is not two whole numbers joined by an x, or there are no cells.
         """
         try:
             nx, nz = (int(part) for part in text.lower().split('x'))
@@ -77,23 +81,28 @@ class Grid:
         return cls(nx, nz, width, height)
 
     def __str__(self) -> str:
+        """Return `187x112`, the form that `parse` reads."""
         return f'{self.nx}x{self.nz}'
 
 
-def _overlap(coarse_or_fine: int, source: int) -> FloatArray:
-    """Return the row-stochastic matrix (target, source) of overlaps of two uniform partitions."""
-    target_edges = np.linspace(0.0, 1.0, coarse_or_fine + 1)
+def _overlap(target: int, source: int) -> FloatArray:
+    """Return the overlaps of two uniform partitions of a line, (target, source); rows sum to 1."""
+    target_edges = np.linspace(0.0, 1.0, target + 1)
     source_edges = np.linspace(0.0, 1.0, source + 1)
     low = np.maximum(target_edges[:-1, None], source_edges[None, :-1])
     high = np.minimum(target_edges[1:, None], source_edges[None, 1:])
-    return np.maximum(high - low, 0.0) * coarse_or_fine
+    return np.maximum(high - low, 0.0) * target
 
 
 def conservative_resample(field: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Return `field` (nz, nx) averaged over the cells of another grid of the same rig.
+    """Return the averages of `field` (nz, nx) over the cells of another grid of the same rig.
 
-    First-order conservative: the integral over the rig is kept to round-off, and the result stays
-    within the range of the field. NaN spreads to every cell it touches.
+    First-order conservative: the integral over the rig stays the same to round-off, and the result
+    stays within the range of the field. A cell that overlaps a NaN becomes NaN.
+
+    Args:
+        field: cell averages, (nz, nx).
+        shape: (nz, nx) of the result.
     """
     if field.shape == tuple(shape):
         return field.copy()
@@ -110,9 +119,9 @@ def conservative_resample(field: FloatArray, shape: tuple[int, int]) -> FloatArr
 
 
 def relative_error(values: FloatArray, reference: FloatArray) -> float:
-    """Return the relative L2 norm of values - reference over the cells known in both.
+    """Return norm(values - reference) / norm(reference), L2 over the cells finite in both (nz, nx).
 
-    NaN when nothing is known, or `reference` is zero: there is nothing to be relative to.
+    NaN if there is no such cell or the reference is zero there.
     """
     known = np.isfinite(values) & np.isfinite(reference)
     norm = np.linalg.norm(reference[known])
@@ -120,9 +129,10 @@ def relative_error(values: FloatArray, reference: FloatArray) -> float:
 
 
 def fill_unseen(observed: FloatArray, prediction: FloatArray | None) -> FloatArray:
-    """Return the observed map (nz, nx) within 0..1; unseen cells take the `prediction`, or 0.
+    """Return the observed map (nz, nx), clipped to 0..1, with its unseen cells (NaN) filled in.
 
-    What the physics-based model starts from, in the twin and in what COSTA learns from alike.
+    They take the `prediction`, or 0 without one. The physics-based model starts from this state in
+    the live twin, in the training data of COSTA and in its evaluation.
     """
     substitute = np.zeros_like(observed) if prediction is None else prediction
     return np.where(np.isfinite(observed), np.clip(observed, 0.0, 1.0), substitute)

@@ -1,4 +1,4 @@
-"""What every node of the graph does the same way: parameters, diagnostics, a clean end."""
+"""Shared parts of all nodes: parameters, diagnostics, and the main loop with a clean end."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ from porotwin_core.rig import Rig, load_rig
 
 
 def declare(node: Node, name: str, default: Any, description: str) -> Any:
-    """Declare a read-only parameter of the type of `default` and return its value.
+    """Declare a read-only parameter and return its value, which has the type of `default`.
 
     Raises:
         InputError: the value given is of another type.
@@ -43,7 +43,7 @@ def declare_rig(node: Node) -> Rig:
 
 
 def declare_grid(node: Node, rig: Rig) -> Grid:
-    """Declare the parameter `grid`, columns x rows of the maps, and return the grid over `rig`.
+    """Declare the parameter `grid` (columns x rows of the maps) and return that grid over `rig`.
 
     The default has square cells of about 5 mm.
 
@@ -58,11 +58,18 @@ class Diagnostics:
     """Publishes the health of one node on /diagnostics (REP-107)."""
 
     def __init__(self, node: Node) -> None:
+        """Make the publisher of `node`."""
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
 
     def report(self, level: bytes, message: str, **values: object) -> None:
-        """Publish one line of health; `level` is one of DiagnosticStatus.OK, WARN, ERROR."""
+        """Publish the health of the node.
+
+        Args:
+            level: DiagnosticStatus.OK, WARN or ERROR.
+            message: one line.
+            values: numbers and texts by name, published as text.
+        """
         status = DiagnosticStatus(
             level=level,
             name=self._node.get_name(),
@@ -77,9 +84,10 @@ class Diagnostics:
 
 @contextmanager
 def until_shutdown(context: Context) -> Iterator[None]:
-    """End the block, which spins or makes a node, without complaint when `context` is shut down.
+    """Leave the block quietly when `context` is shut down while a node is made or spun in it.
 
-    A signal or another thread may do that at any time, also after the block saw that it was not.
+    A signal or another thread may shut the context down at any time, also between the executor's
+    check of the context and its use. Errors under a valid context are raised.
     """
     try:
         yield
@@ -91,10 +99,11 @@ def until_shutdown(context: Context) -> Iterator[None]:
 
 
 def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
-    """Spin the node until it is told to stop: the `main` of every node.
+    """Spin a node until its process is asked to stop: the `main` of every node.
 
-    Callbacks run on `threads` threads. A mistake in the parameters ends the process with status 2
-    and one line.
+    Args:
+        make_node: makes the node; an InputError ends the process with status 2 and one line.
+        threads: threads that run callbacks.
     """
     end_with_parent()
     rclpy.init()
@@ -111,7 +120,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         print(f'error: {error}', file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        pass  # told to stop, perhaps while still starting
+        pass  # asked to stop, perhaps during the start
     finally:
         if node is not None:
             node.destroy_node()

@@ -1,4 +1,4 @@
-"""Processes that must not outlive the one that started them."""
+"""Processes that end with the process that started them."""
 
 import ctypes
 import os
@@ -6,16 +6,19 @@ import signal
 import sys
 
 PARENT = 'POROTWIN_PARENT'
-"""Environment variable: number of the process that started this one and must outlive it."""
+"""Environment variable with the number of the process that started this one."""
 
 _PR_SET_PDEATHSIG = 1
+"""Option of Linux' prctl(2): the signal to receive when the parent ends."""
 
 
 def end_with_parent() -> None:
-    """Have Linux end this process when the one that `PARENT` names ends, however that happens.
+    """Let Linux end this process when its parent ends, in whatever way the parent ends.
 
-    The kernel watches the thread that started this process, so that thread has to live as long.
-    Asked for here and not between fork and exec, where a program with threads may do little.
+    Without the environment variable `PARENT`, or on another system, nothing happens. The kernel
+    watches the thread that started this process, so that thread must live as long as the process.
+    The request is made here rather than between fork and exec, where a program with threads may do
+    little.
     """
     parent = os.environ.get(PARENT)
     if parent is None or sys.platform != 'linux':

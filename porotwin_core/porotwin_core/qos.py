@@ -1,4 +1,4 @@
-"""Qualities of service by what is carried; used on both ends of every topic."""
+"""The quality of service of every kind of topic, for publishers and subscribers."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -13,16 +13,16 @@ def _profile(depth: int, durability: DurabilityPolicy) -> QoSProfile:
 
 
 PHOTO = _profile(8, DurabilityPolicy.VOLATILE)
-"""Photographs: each is precious, none is repeated."""
+"""Photographs: none may be lost; a late subscriber gets none again."""
 
 BASELINE = _profile(8, DurabilityPolicy.TRANSIENT_LOCAL)
-"""Photographs without tracer: a node that starts late needs them all."""
+"""Photographs without tracer: a late subscriber gets them all."""
 
 FIELD = _profile(64, DurabilityPolicy.VOLATILE)
 """Maps, reports and events of the state sequence: deep enough that a burst loses none."""
 
 CONFIG = _profile(1, DurabilityPolicy.TRANSIENT_LOCAL)
-"""What does not change while the graph runs, such as the rig's description."""
+"""Constants of a running graph, such as the description of the rig: late subscribers get them."""
 
 SETPOINT = _profile(1, DurabilityPolicy.VOLATILE)
-"""Setpoints: only the newest counts, and a late joiner never receives an old one."""
+"""Setpoints: only the newest counts, and a late subscriber never gets an old one."""

@@ -1,10 +1,10 @@
-"""Conversions between the laboratory's units and SI; the only place that knows them."""
+"""Conversions between laboratory units and SI, and constants of nature."""
 
 ML_H = 1e-6 / 3600.0
 """One millilitre per hour in m^3/s."""
 
 GRAVITY = 9.81
-"""Standard acceleration of free fall [m/s^2]."""
+"""Acceleration of free fall [m/s^2], rounded as in the experiment folder format."""
 
 MOLECULAR_DIFFUSION = 1e-9
 """Molecular diffusion of the tracer in the pores [m^2/s] (experiment folder contract)."""

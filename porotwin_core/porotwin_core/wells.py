@@ -1,4 +1,4 @@
-"""What the wells pump: one well's rate, all wells at once, and the schedule over time."""
+"""Rates of wells: of one well, of all wells, and over time."""
 
 import bisect
 import itertools
@@ -11,10 +11,13 @@ from porotwin_core.errors import InputError
 
 @dataclass(frozen=True)
 class WellRate:
-    """One well: `rate` [m^3/s], positive injects, negative produces.
+    """The rate of one well [m^3/s]; positive injects, negative produces.
 
-    `concentration` is that of the injected fluid relative to the tracer stock (0 water, 1 stock);
-    it has no meaning for a producing well.
+    `concentration` is the concentration of the injected fluid relative to the tracer stock
+    (0 water, 1 stock). It has no meaning for a producing well.
+
+    Raises:
+        InputError: the rate is not finite, or the concentration lies outside 0..1.
     """
 
     rate: float = 0.0
@@ -30,17 +33,17 @@ class WellRate:
 
 
 WellRates = Mapping[str, WellRate]
-"""Rates by well name; a well that is not named pumps nothing."""
+"""Rates by well name; a well without an entry pumps nothing."""
 
 
 def net_rate(rates: WellRates) -> float:
-    """Return the sum of all rates [m^3/s]; positive where more is injected than produced."""
+    """Return the sum of all rates [m^3/s]: injection minus production."""
     return math.fsum(well.rate for well in rates.values())
 
 
 @dataclass(frozen=True)
 class ScheduleRow:
-    """From `time` [s] on, until its next row, `well` is told to pump `rate`."""
+    """A change of one well: from `time` [s] until its next row, `well` pumps `rate`."""
 
     time: float
     well: str
@@ -49,7 +52,7 @@ class ScheduleRow:
 
 @dataclass(frozen=True)
 class Schedule:
-    """What every pump was told over time; rows in the order of their times."""
+    """The rates of all wells over time, as rows in the order of their times."""
 
     rows: tuple[ScheduleRow, ...] = ()
     _times: tuple[float, ...] = field(init=False, repr=False, compare=False)
@@ -61,15 +64,18 @@ class Schedule:
 
     @classmethod
     def constant(cls, rates: WellRates) -> 'Schedule':
-        """Return the schedule that pumps the same from the start on."""
+        """Return the schedule with the same `rates` from time zero on."""
         return cls(tuple(ScheduleRow(0.0, well, rate) for well, rate in rates.items()))
 
     @classmethod
-    def from_rates(cls, told: Iterable[tuple[float, WellRates]]) -> 'Schedule':
-        """Return the schedule of all rates told at each time, without rows that change nothing."""
+    def from_rates(cls, rates_by_time: Iterable[tuple[float, WellRates]]) -> 'Schedule':
+        """Return the schedule of all rates at given times [s], without rows that change nothing.
+
+        A well that is missing at a time stops then.
+        """
         rows: list[ScheduleRow] = []
         current: dict[str, WellRate] = {}
-        for time, rates in sorted(told, key=lambda item: item[0]):
+        for time, rates in sorted(rates_by_time, key=lambda item: item[0]):
             stopped = {well: WellRate() for well in current if well not in rates}
             for well, rate in {**rates, **stopped}.items():
                 if current.get(well) != rate:
@@ -78,13 +84,13 @@ class Schedule:
         return cls(tuple(rows))
 
     def at(self, time: float) -> dict[str, WellRate]:
-        """Return the rates of all wells named so far that hold from `time` [s] on."""
+        """Return the rates that hold from `time` [s] on, of all wells that had a row by then."""
         return {row.well: row.rate for row in self.rows[: bisect.bisect_right(self._times, time)]}
 
     def intervals(
         self, start: float, end: float
     ) -> Iterator[tuple[float, float, dict[str, WellRate]]]:
-        """Yield (start, end, rates) of constant rates that cover `start` to `end` [s]."""
+        """Yield (start, end, rates) of periods of constant rates from `start` to `end` [s]."""
         changes = sorted({time for time in self._times if start < time < end})
         edges = [start, *changes, end]
         for low, high in itertools.pairwise(edges):
@@ -95,3 +101,30 @@ class Schedule:
     def wells(self) -> tuple[str, ...]:
         """Names of the wells, in the order of their first rows."""
         return tuple(dict.fromkeys(row.well for row in self.rows))
+
+
+def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, WellRate]:
+    """Return the constant rates that pump as much water and tracer as periods of other rates.
+
+    The mean rate of a well is sum(duration * rate) / sum(duration). Its concentration is the mean
+    over the water that it injected; a well that also produced counts by its injection alone.
+
+    Args:
+        periods: (start [s], end [s], rates), each longer than zero.
+    """
+    spans = list(periods)
+    duration = sum(end - start for start, end, _ in spans)
+    water: dict[str, float] = {}
+    injected: dict[str, float] = {}
+    tracer: dict[str, float] = {}
+    for start, end, rates in spans:
+        share = (end - start) / duration
+        for name, well in rates.items():
+            injection = max(well.rate, 0.0)
+            water[name] = water.get(name, 0.0) + share * well.rate
+            injected[name] = injected.get(name, 0.0) + share * injection
+            tracer[name] = tracer.get(name, 0.0) + share * injection * well.concentration
+    return {
+        name: WellRate(rate, min(tracer[name] / injected[name], 1.0) if injected[name] > 0 else 0.0)
+        for name, rate in water.items()
+    }

@@ -1,6 +1,7 @@
-"""Messages and back: nothing lost, nothing wrong let in."""
+"""Tests of the conversions: values survive, wrong messages are refused."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,18 @@ from porotwin_msgs.msg import Outcome
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
 GRID = Grid(7, 4, 0.934, 0.562)
+PLAIN: dict[str, Any] = {
+    'name': 'small',
+    'width_m': 0.9,
+    'height_m': 0.5,
+    'depth_m': 0.01,
+    'porosity': 0.4,
+    'permeability_m2': 1e-9,
+    'viscosity_pa_s': 1e-3,
+    'density_kg_m3': 998.0,
+    'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}},
+}
+CONTROL: dict[str, Any] = {'wells': ['a'], 'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]]}
 
 
 @given(seconds=st.floats(0, 4e9))
@@ -105,6 +118,28 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
         assert again == parse_rig({**data, **quantities}, Path('rig.yaml'))
 
 
+@pytest.mark.parametrize(
+    'objective', ['keep_out', 'keep_in', {'name': 'keep_in', 'zone_m': [[0, 0.1], [1, 2], [3, 0]]}]
+)
+def test_an_objective_survives_the_wire(objective: Any) -> None:
+    rig = parse_rig({**PLAIN, 'control': {**CONTROL, 'objective': objective}}, Path('rig.yaml'))
+    message = conversions.rig_to_msg(rig)
+    again = conversions.rig_from_msg(deserialize_message(serialize_message(message), type(message)))
+    assert again == rig
+
+
+def test_a_message_without_the_fields_of_the_objective_means_keep_out() -> None:
+    rig = parse_rig({**PLAIN, 'control': CONTROL}, Path('rig.yaml'))
+    message = conversions.rig_to_msg(rig)
+    limits = message.control[0]
+    names = [name for name in limits.get_fields_and_field_types() if 'objective' not in name]
+    old = SimpleNamespace(**{name: getattr(limits, name) for name in names})
+    fields = message.get_fields_and_field_types()
+    record = SimpleNamespace(**{name: getattr(message, name) for name in fields})
+    record.control = [old]
+    assert conversions.rig_from_msg(record) == rig
+
+
 def spoil_radius(message: Any) -> None:
     message.wells[0].radius = -1.0
 
@@ -125,6 +160,10 @@ def spoil_limit(message: Any) -> None:
     message.control[0].max_rate = 0.0
 
 
+def spoil_objective(message: Any) -> None:
+    message.control[0].objective_parameters = '[1, 2'
+
+
 def spoil_effect(message: Any) -> None:
     message.effects[0].parameter_texts = []
 
@@ -137,22 +176,18 @@ def spoil_effect(message: Any) -> None:
         (spoil_curvature, 'curvature has not one value for each name'),
         (spoil_zone, 'disallowed_zone has 7 numbers; send pairs'),
         (spoil_limit, 'control.max_rate_ml_h = 0.0'),
+        (spoil_objective, "objective_parameters '[1, 2': send a JSON object"),
         (spoil_effect, "effect 'rate' has not one value for each name"),
     ],
 )
-def test_an_odd_rig_description_is_refused_in_one_line(spoil: Any, complaint: str) -> None:
+def test_a_wrong_rig_description_is_refused_in_one_line(spoil: Any, complaint: str) -> None:
     data = {
-        'name': 'small',
-        'width_m': 0.9,
-        'height_m': 0.5,
-        'viscosity_pa_s': 1e-3,
-        'density_kg_m3': 998.0,
-        'wells': {'a': {'x_m': 0.2, 'z_m': 0.2}},
+        **PLAIN,
         'camera': {'corners_px': [[1, 8], [1, 17], [31, 17], [31, 8]], 'curvature': {'bulge': 1.0}},
-        'control': {'wells': ['a'], 'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]]},
+        'control': CONTROL,
         'effects': [{'name': 'rate', 'parameters': {'well': 'a', 'factor': 0.95}}],
     }
-    rig = rig_from_maps(data, {'depth_m': 0.01, 'porosity': 0.4, 'permeability_m2': 1e-9})
+    rig = parse_rig(data, Path('rig.yaml'))
     message = conversions.rig_to_msg(rig)
     spoil(message)
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""Grids: where cells lie, and resampling that keeps integrals and ranges."""
+"""Tests of grids and maps: cell centres, resampling, errors and unseen cells."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_coarsening_after_refining_returns_the_field() -> None:
     )
 
 
-def test_not_a_number_spreads_only_to_the_cells_it_touches() -> None:
+def test_not_a_number_spreads_only_to_the_cells_that_overlap_it() -> None:
     field = np.zeros((4, 4))
     field[0, 0] = np.nan
     unknown = np.isnan(conservative_resample(field, (2, 2)))
@@ -61,7 +61,7 @@ def test_unseen_cells_do_not_count_in_the_relative_error() -> None:
     assert np.isnan(relative_error(np.ones((1, 2)), np.zeros((1, 2))))
 
 
-def test_unseen_cells_are_taken_from_what_is_believed() -> None:
+def test_unseen_cells_are_taken_from_the_prediction() -> None:
     observed = np.array([[0.2, np.nan], [1.3, 0.0]])
     prediction = np.array([[0.9, 0.7], [0.9, 0.9]])
     assert fill_unseen(observed, prediction).tolist() == [[0.2, 0.7], [1.0, 0.0]]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import ML_H, from_ml_h, to_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate, net_rate
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate, mean_rates, net_rate
 
 SCHEDULE = Schedule(
     (
@@ -40,10 +40,26 @@ def test_intervals_cover_the_time_without_gap(start: float, length: float) -> No
     assert all(before[1] == after[0] for before, after in itertools.pairwise(spans))
 
 
-def test_a_schedule_of_told_rates_has_rows_only_where_something_changes() -> None:
-    told = [(0.0, {'a': WellRate(1.0)}), (30.0, {'a': WellRate(1.0)}), (60.0, {})]
-    rows = Schedule.from_rates(told).rows
+def test_a_schedule_of_commanded_rates_has_rows_only_where_a_rate_changes() -> None:
+    commanded = [(0.0, {'a': WellRate(1.0)}), (30.0, {'a': WellRate(1.0)}), (60.0, {})]
+    rows = Schedule.from_rates(commanded).rows
     assert rows == (ScheduleRow(0.0, 'a', WellRate(1.0)), ScheduleRow(60.0, 'a', WellRate()))
+
+
+def test_mean_rates_pump_as_much_water_and_tracer_as_the_periods() -> None:
+    periods = [
+        (0.0, 10.0, {'a': WellRate(3.0, 1.0), 'b': WellRate(-3.0)}),
+        (10.0, 40.0, {'a': WellRate(1.0, 0.0)}),
+    ]
+    mean = mean_rates(periods)
+    assert mean['a'].rate * 40.0 == pytest.approx(3.0 * 10.0 + 1.0 * 30.0)
+    assert mean['a'].rate * mean['a'].concentration * 40.0 == pytest.approx(3.0 * 10.0)
+    assert mean['b'].rate * 40.0 == pytest.approx(-3.0 * 10.0)
+
+
+def test_the_production_of_a_well_does_not_dilute_the_tracer_that_it_injected() -> None:
+    periods = [(0.0, 1.0, {'a': WellRate(2.0, 0.5)}), (1.0, 2.0, {'a': WellRate(-1.0)})]
+    assert mean_rates(periods) == {'a': WellRate(0.5, 0.5)}
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,14 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from porotwin_hub.graph import NAMESPACE, GraphSettings, live_graph
+from porotwin_hub.graph import NAMESPACE, GraphSettings, description_of, live_graph
+
+RESTART_PAUSE_S = 1.0
+"""Pause before a node that ended is started again [s]."""
 
 
 def converted(text: str, hint: object) -> object:
-    """Return an argument's text as the type of its field; empty is None for optional paths."""
+    """Return the text of an argument as the type of its field; empty means None for a path."""
     if isinstance(hint, types.UnionType):
         return Path(text) if text else None
     if hint is bool:
@@ -23,7 +26,7 @@ def converted(text: str, hint: object) -> object:
 
 
 def nodes(context: LaunchContext) -> list[Node]:
-    """Return the launch actions for the arguments given."""
+    """Return the launch actions of all nodes for the arguments in `context`."""
     hints = typing.get_type_hints(GraphSettings)
     values = {
         name: converted(LaunchConfiguration(name).perform(context), hint)
@@ -40,20 +43,20 @@ def nodes(context: LaunchContext) -> list[Node]:
             output='screen',
             emulate_tty=True,
             respawn=True,
-            respawn_delay=1.0,
+            respawn_delay=RESTART_PAUSE_S,
         )
         for node in live_graph(GraphSettings(**values))
     ]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare an argument for every preset of the graph, then start its nodes."""
+    """Declare one argument for every option of the graph, then start the nodes."""
     arguments = []
     for field in dataclasses.fields(GraphSettings):
         default = {}
         if field.default is not dataclasses.MISSING:
             default['default_value'] = '' if field.default is None else str(field.default)
         arguments.append(
-            DeclareLaunchArgument(field.name, description=field.metadata['description'], **default)
+            DeclareLaunchArgument(field.name, description=description_of(field.name), **default)
         )
     return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])

@@ -1,17 +1,15 @@
-"""Setpoints in words: for an operator at a terminal, and for a voice."""
+"""Setpoints in words: text for a terminal, sentences for a voice."""
 
 from dataclasses import dataclass
 
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
-
-CHANGE_ML_H = 0.05
-"""Smaller differences are not worth an operator's hand [ml/h]."""
+from porotwin_hub.setpoint_limits import SAME_SETTING_ML_H
 
 
 @dataclass(frozen=True)
 class Announcement:
-    """One setpoint as people read and hear it; `changed` names the wells to turn."""
+    """A setpoint in words: `text` to read, `speech` to hear, `changed` wells to set."""
 
     text: str
     speech: str
@@ -19,21 +17,24 @@ class Announcement:
 
 
 def _spoken_name(well: str) -> str:
-    """Return 'control 2' for 'control2': digits are read apart from words."""
+    """Return 'control 2' for 'control2', so that a voice reads the number by itself."""
     head = well.rstrip('0123456789')
     return f'{head} {well[len(head) :]}'.replace('_', ' ').strip()
 
 
 def announce(sequence: int, rates: WellRates, before: WellRates) -> Announcement:
-    """Return the words for `rates` [m^3/s] after `before`; every rate in ml/h.
+    """Return the words for setpoint `sequence`, with every rate in ml/h.
 
-    A well of which nobody knows what it does before is to be set whatever its rate.
+    Args:
+        sequence: the number of the setpoint.
+        rates: the rates to set [m^3/s].
+        before: the rates until now [m^3/s]; a well that is missing there counts as changed.
     """
     return _words(f'setpoint {sequence}', '', rates, before)
 
 
 def announce_expiry(sequence: int, safe: WellRates, before: WellRates) -> Announcement:
-    """Return the words for a setpoint that has no successor: the `safe` rates [m^3/s] hold now."""
+    """Return the words for the expired setpoint `sequence`: the `safe` rates [m^3/s] hold now."""
     title = f'setpoint {sequence} has expired and none followed; the safe rates hold'
     return _words(title, f'Setpoint {sequence} has expired. ', safe, before)
 
@@ -42,7 +43,7 @@ def _words(title: str, opening: str, rates: WellRates, before: WellRates) -> Ann
     changed = tuple(
         well
         for well, rate in rates.items()
-        if well not in before or abs(to_ml_h(rate.rate - before[well].rate)) > CHANGE_ML_H
+        if well not in before or abs(to_ml_h(rate.rate - before[well].rate)) > SAME_SETTING_ML_H
     )
     lines = [title]
     for well, rate in rates.items():

@@ -1,7 +1,7 @@
-"""The models of the graph as plain callables: service clients that wait, and say who is absent.
+"""The models of the graph as plain callables: clients of their services.
 
-They block the calling thread until the answer is there, so they are for worker threads; the
-executor must spin in another one. A blocking call in a callback would deadlock.
+A call blocks its thread until the answer is there, so it belongs in a worker thread while the
+executor spins in another. A blocking call in a callback would deadlock.
 """
 
 import threading
@@ -10,11 +10,15 @@ from typing import Any
 from rclpy.node import Node
 
 from porotwin_core import conversions
+from porotwin_core.correction import Correction
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
-from porotwin_hub.twin import Correction, ModelUnavailable
+from porotwin_hub.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict
+
+LONGEST_SEARCH_S = 2.0
+"""Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
 
 
 class Caller:
@@ -27,7 +31,7 @@ class Caller:
         self._clients: dict[str, Any] = {}
 
     def __call__(self, service_type: Any, name: str, request: Any) -> Any:
-        """Return the response.
+        """Return the response to `request` from the service called `name`.
 
         Raises:
             ModelUnavailable: the service is absent, silent, or refuses the request.
@@ -35,12 +39,12 @@ class Caller:
         if name not in self._clients:
             self._clients[name] = self._node.create_client(service_type, name)
         client = self._clients[name]
-        if not client.wait_for_service(timeout_sec=min(self._timeout, 2.0)):
+        if not client.wait_for_service(timeout_sec=min(self._timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
-        answered = threading.Event()
+        received = threading.Event()
         future = client.call_async(request)
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(self._timeout):
+        future.add_done_callback(lambda _: received.set())
+        if not received.wait(self._timeout):
             client.remove_pending_request(future)
             raise ModelUnavailable(f"service '{name}' did not answer within {self._timeout:g} s")
         response = future.result()
@@ -51,14 +55,19 @@ class Caller:
 
 
 class PhysicsModelClient:
-    """The physics-based model behind `solver/...`, with the signature of a local one."""
+    """The physics-based model behind `solver/...`; a `forecast.PhysicsModel`."""
 
     def __init__(self, call: Caller, grid: Grid) -> None:
+        """Ask for maps on `grid`."""
         self._call = call
         self._grid = grid
 
     def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
-        """Return c~^(n+1) (nz, nx) after `time_step` [s]."""
+        """Return the prediction c~^(n+1) (nz, nx) after `time_step` [s].
+
+        Raises:
+            ModelUnavailable: the solver is absent, silent, or refuses the request.
+        """
         request = Predict.Request(
             previous=conversions.tracer_to_msg(concentration, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),
@@ -70,7 +79,11 @@ class PhysicsModelClient:
     def correct(
         self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
     ) -> FloatArray:
-        """Return c^(n+1) with the source `sigma` (nz, nx) [1/s] added."""
+        """Return the corrected prediction c^(n+1) (nz, nx), with the source `sigma` [1/s].
+
+        Raises:
+            ModelUnavailable: the solver is absent, silent, or refuses the request.
+        """
         request = Correct.Request(
             previous=conversions.tracer_to_msg(previous, self._grid, 0.0),
             source=conversions.source_to_msg(sigma, self._grid, 0.0),
@@ -82,14 +95,15 @@ class PhysicsModelClient:
 
 
 class DataDrivenModelClient:
-    """The data-driven model behind `costa/corrective_source`; its absence is an answer."""
+    """The data-driven model behind `costa/corrective_source`; a `correction.CorrectionFn`."""
 
     def __init__(self, call: Caller, grid: Grid) -> None:
+        """Ask for maps on `grid`."""
         self._call = call
         self._grid = grid
 
     def __call__(self, predicted: FloatArray, rates: WellRates, time_step: float) -> Correction:
-        """Return sigma, or None with the reason."""
+        """Return sigma (nz, nx) [1/s], or None with the reason, also if the service is absent."""
         request = CorrectiveSource.Request(
             predicted=conversions.tracer_to_msg(predicted, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),

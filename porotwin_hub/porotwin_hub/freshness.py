@@ -1,35 +1,46 @@
-"""Whether a photograph is new enough to act on, by clocks that need not agree."""
+"""The age of photographs, from clocks that need not agree."""
 
 SINCE_1970 = 1e9
-"""Stamps below this [s] count from the start of an experiment, not from 1970: nobody's clock."""
+"""Stamps below this [s] count from the start of an experiment, not from 1970: they tell no age."""
 
-LIVE_PACE = 0.5
-"""A live camera's photographs are further apart than this share of the interval, and arrive so."""
+LIVE_SHARE = 0.5
+"""Photographs of a live camera are at least this share of the photo interval apart, by their stamps
+as by their arrivals; half an interval allows for jitter."""
 
 
 class PhotographClock:
-    """How late photographs are, found from their stamps and the times at which they arrive.
+    """Finds how late photographs are from their stamps and their times of arrival.
 
-    The camera's clock is believed until the photographs show that it is off: one from the future
-    does, and so do two that are late, with the pace of a live camera between them. Those of a
-    backlog, a folder of last week or a share that was away, come faster than they were taken.
+    The camera's clock is trusted until photographs prove it wrong. One photograph from the future
+    proves it; so do two late ones that arrive at the pace of a live camera. The photographs of a
+    backlog (an old folder, a network share that was away) arrive faster than they were taken.
     """
 
     def __init__(self, *, interval: float, validity: float) -> None:
-        """Take photographs as `interval` [s] apart and as good to act on for `validity` [s]."""
+        """Begin without any photograph.
+
+        Args:
+            interval: time between photographs [s].
+            validity: age up to which a photograph may be acted on [s].
+        """
         self._interval = interval
         self._validity = validity
         self._behind = 0.0
-        """The camera's clock is behind the arrivals' clock by this [s]."""
-        self._nominal = False
-        """A photograph was in time by `_behind`."""
+        """Lag of the camera's clock behind the clock of arrivals [s]."""
+        self._trusted = False
+        """Whether a photograph was in time according to `_behind`."""
         self._last: tuple[float, float] | None = None
+        """Stamp and arrival of the last photograph [s]."""
 
     def lateness(self, stamp: float, arrival: float) -> float:
-        """Return how long before its `arrival` a photograph was taken at `stamp` [s]; 0: unknown.
+        """Return the age [s] of a photograph on arrival; 0 if its stamp tells no age.
 
-        To be asked once for every photograph, in the order of their arrivals. `arrival` is the time
-        since 1970 on a clock that is never set; it may be as wrong as the camera's.
+        Call it once for every photograph, in the order of their arrivals.
+
+        Args:
+            stamp: the time of the photograph by the camera's clock [s].
+            arrival: its arrival [s] since 1970, by a clock that is never set; that clock may be as
+                wrong as the camera's.
         """
         if stamp < SINCE_1970:
             return 0.0
@@ -37,11 +48,11 @@ class PhotographClock:
         if self._last is not None:
             taken, came = stamp - self._last[0], arrival - self._last[1]
             if taken <= 0.0:
-                self._nominal = False  # a clock was set back, or old photographs come again
-            live = came >= LIVE_PACE * taken >= LIVE_PACE**2 * self._interval
-            if live and not self._nominal:
+                self._trusted = False  # a clock was set back, or old photographs come again
+            live = came >= LIVE_SHARE * taken >= LIVE_SHARE**2 * self._interval
+            if live and not self._trusted:
                 self._behind = late
         self._last = (stamp, arrival)
         self._behind = min(self._behind, late)
-        self._nominal = self._nominal or late - self._behind <= self._validity
+        self._trusted = self._trusted or late - self._behind <= self._validity
         return late - self._behind

@@ -1,31 +1,37 @@
-"""The one description of the node graph: `./porotwin up`, `demo` and the launch file start this.
+"""The description of the node graph, for `./porotwin up`, `./porotwin demo` and the launch file.
 
-A node is a package, an executable (which is also a module of that package) and its parameters.
-Names of topics and services are relative to the namespace, `/clock` and `/diagnostics` apart.
+A node is a package, an executable (also a module of that package) and its parameters. Names of
+topics and services are relative to the namespace, except `/clock` and `/diagnostics`.
 """
 
+import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 NAMESPACE = '/porotwin'
+"""Namespace of all nodes."""
 
 Parameter = bool | int | float | str
+"""A value of a node's parameter."""
+
+Parameters = dict[str, Parameter]
+"""The parameters of a node by name."""
 
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """One process of the graph."""
+    """One process of the graph: `executable` of `package`, started under `name`."""
 
     name: str
     package: str
     executable: str
-    parameters: dict[str, Parameter] = field(default_factory=dict)
+    parameters: Parameters = field(default_factory=dict)
     remappings: dict[str, str] = field(default_factory=dict)
 
     @property
     def module(self) -> str:
-        """Return the module to run where executables are not installed."""
+        """The module to run where executables are not installed."""
         return f'{self.package}.{self.executable}'
 
 
@@ -35,98 +41,115 @@ def _option(default: Any, description: str) -> Any:
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """What a user chooses when the graph starts; the arguments of the launch file."""
+    """The choices of a user at the start: options of `up` and arguments of the launch file.
 
-    rig: Path = field(metadata={'description': 'path of rig.yaml'})
+    Defaults and descriptions stand here alone; see `description_of`.
+    """
+
+    rig: Path = field(
+        metadata={'description': 'description of the rig: rig.yaml, or a folder with one'}
+    )
     photos: Path | None = _option(None, 'folder to watch for photographs')
     camera: str = _option('', 'camera source instead of a folder: /dev/video0, or NAME:ADDRESS')
-    calibration: Path | None = _option(None, 'calibration of the photographs')
-    model: Path | None = _option(None, 'COSTA model to load; without one the correction is zero')
+    calibration: Path | None = _option(None, 'calibration of the camera')
+    model: Path | None = _option(None, 'COSTA model to load; none: forecasts are not corrected')
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', 'scheme of the physics-based model: fast, accurate or upwind')
     photo_interval_s: float = _option(30.0, 'time between photographs [s]')
     horizon_s: float = _option(600.0, 'how far the optimiser looks ahead [s]')
-    evaluations: int = _option(60, 'predictions that one optimisation may ask for')
-    control: bool = _option(True, 'choose setpoints, when rig.yaml says what may be controlled')
-    retrain_every: int = _option(0, 'retrain COSTA after so many new states; 0: never')
+    evaluations: int = _option(60, 'most predictions of one optimisation')
+    control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
+    retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')
     record: Path | None = _option(None, 'bag to record everything into')
-    diagnoses: Path | None = _option(None, 'folder for diagnoses of the run, made when asked for')
+    diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     use_sim_time: bool = _option(False, 'take the time from /clock')
 
 
+def description_of(option: str) -> str:
+    """Return the description of an option of `GraphSettings`, as a sentence.
+
+    Raises:
+        KeyError: there is no such option.
+    """
+    options = {item.name: item for item in dataclasses.fields(GraphSettings)}
+    description = str(options[option].metadata['description'])
+    return f'{description[0].upper()}{description[1:]}.'
+
+
 def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
-    """Return the nodes of the twin itself, without what stands for the physical asset."""
-    common: dict[str, Parameter] = {'rig': str(settings.rig), 'use_sim_time': settings.use_sim_time}
+    """Return the nodes of the twin, without the nodes that represent the physical asset."""
+    common: Parameters = {'rig': str(settings.rig), 'use_sim_time': settings.use_sim_time}
     mapped = {**common, 'grid': settings.grid} if settings.grid else common
-    calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
-    model = {'model': str(settings.model)} if settings.model else {}
     modelled = {**mapped, 'preset': settings.preset}
-    nodes = [
-        NodeDescription(
-            'imaging',
-            'porotwin_imaging',
-            'imaging_node',
-            {**mapped, **calibration},
-        ),
+    return [
+        _imaging_node(settings, mapped),
         NodeDescription('solver', 'porotwin_solver', 'solver_node', modelled),
-        NodeDescription('costa', 'porotwin_costa', 'costa_node', {**modelled, **model}),
-        NodeDescription(
-            'hub',
-            'porotwin_hub',
-            'hub_node',
-            {
-                **mapped,
-                'photo_interval_s': settings.photo_interval_s,
-                'horizon_s': settings.horizon_s,
-                'evaluations': settings.evaluations,
-                'control': settings.control,
-            },
-        ),
+        _costa_node(settings, modelled),
+        _hub_node(settings, mapped),
+        *_trainer_node(settings, modelled),
+        *_recorder_node(settings),
+        *_diagnosis_node(settings, modelled),
+        *_page_node(settings, common),
     ]
-    if settings.retrain_every > 0:
-        nodes.append(
-            NodeDescription(
-                'trainer',
-                'porotwin_costa',
-                'trainer_node',
-                {
-                    **modelled,
-                    'photo_interval_s': settings.photo_interval_s,
-                    'retrain_every': settings.retrain_every,
-                },
-            )
-        )
-    if settings.record is not None:
-        nodes.append(
-            NodeDescription(
-                'recorder',
-                'porotwin_recording',
-                'recorder_node',
-                {
-                    'output': str(settings.record),
-                    'continues': True,
-                    'use_sim_time': settings.use_sim_time,
-                },
-            )
-        )
-    if settings.diagnoses is not None:
-        nodes.append(
-            NodeDescription(
-                'diagnosis',
-                'porotwin_diagnosis',
-                'diagnosis_node',
-                {**modelled, 'output': str(settings.diagnoses)},
-            )
-        )
-    if settings.page:
-        nodes.append(
-            NodeDescription(
-                'page', 'porotwin_page', 'page_node', {**common, 'address': settings.page}
-            )
-        )
-    return nodes
+
+
+def _imaging_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
+    calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
+    return NodeDescription('imaging', 'porotwin_imaging', 'imaging_node', {**mapped, **calibration})
+
+
+def _costa_node(settings: GraphSettings, modelled: Parameters) -> NodeDescription:
+    model = {'model': str(settings.model)} if settings.model else {}
+    return NodeDescription('costa', 'porotwin_costa', 'costa_node', {**modelled, **model})
+
+
+def _hub_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
+    parameters = {
+        **mapped,
+        'photo_interval_s': settings.photo_interval_s,
+        'horizon_s': settings.horizon_s,
+        'evaluations': settings.evaluations,
+        'control': settings.control,
+    }
+    return NodeDescription('hub', 'porotwin_hub', 'hub_node', parameters)
+
+
+def _trainer_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
+    if settings.retrain_every <= 0:
+        return []
+    parameters = {
+        **modelled,
+        'photo_interval_s': settings.photo_interval_s,
+        'retrain_every': settings.retrain_every,
+    }
+    return [NodeDescription('trainer', 'porotwin_costa', 'trainer_node', parameters)]
+
+
+def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:
+    if settings.record is None:
+        return []
+    parameters: Parameters = {
+        'output': str(settings.record),
+        'continues': True,
+        'use_sim_time': settings.use_sim_time,
+    }
+    return [NodeDescription('recorder', 'porotwin_recording', 'recorder_node', parameters)]
+
+
+def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
+    if settings.diagnoses is None:
+        return []
+    parameters = {**modelled, 'output': str(settings.diagnoses)}
+    return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
+
+
+def _page_node(settings: GraphSettings, common: Parameters) -> list[NodeDescription]:
+    if not settings.page:
+        return []
+    parameters = {**common, 'address': settings.page}
+    return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
 
 
 def camera_node(settings: GraphSettings) -> NodeDescription:
@@ -145,7 +168,7 @@ def camera_node(settings: GraphSettings) -> NodeDescription:
 
 
 def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
-    """Return the bridge to the operator; `asset`: a person sets the pumps."""
+    """Return the bridge to the operator; with `asset` a person sets the pumps."""
     return NodeDescription(
         'operator',
         'porotwin_hub',
@@ -162,7 +185,7 @@ def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
 def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
 
-    Without a source of photographs there is no camera: they are replayed from a bag.
+    Without a folder or device there is no camera: photographs are replayed from a bag.
     """
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
     return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]

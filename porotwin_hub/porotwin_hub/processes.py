@@ -1,6 +1,6 @@
-"""Starts the graph as processes on this machine, watches them, and ends them in order.
+"""Starts the graph as processes on this machine, restarts nodes that die, and ends all in order.
 
-For machines without `ros2 launch`; it starts the same description.
+For machines without `ros2 launch`; both start the same description.
 """
 
 import contextlib
@@ -20,23 +20,30 @@ from porotwin_core.parent import PARENT
 from porotwin_hub.graph import NAMESPACE, NodeDescription
 
 RESTART_PAUSE_S = 1.0
-"""Wait before a node that died is started again; doubled each time, to a minute."""
+"""Pause before a node that died is started again [s]; doubled with every restart in a row."""
+
+LONGEST_PAUSE_S = 60.0
+"""Longest pause before a restart [s]; a node that ran longer begins with the short one again."""
 
 END_PATIENCE_S = 30.0
-"""Time for all nodes together to end by themselves: a recorder closes its bag."""
+"""Time for all nodes together to end by themselves [s]: a recorder closes its bag."""
+
+WRONG_PARAMETERS = 2
+"""Exit status of a node whose parameters are wrong: a restart would change nothing."""
 
 SayFn = Callable[[str], None]
+"""Receives one line for the user."""
 
 
 class GraphProcesses:
-    """The graph's processes, each with a log file of its own; a context manager.
+    """The processes of the graph, each with its own log file; a context manager.
 
-    A node that dies is started again, unless it ended by itself with status 0 or said (status 2)
-    that its parameters are wrong: that would only happen again.
+    A node that dies is started again, unless it ended with status 0, or with status 2 because its
+    parameters are wrong.
 
-    A lost terminal and a polite kill end the graph as Ctrl-C does: within the context, SIGHUP and
-    SIGTERM have the handler of SIGINT. Should this process be killed, Linux ends the nodes
-    (`porotwin_core.parent`), so enter from a thread that lives as long as they do.
+    Within the context, SIGHUP (a lost terminal) and SIGTERM have the handler of SIGINT (Ctrl-C).
+    If this process is killed, Linux ends the nodes (`porotwin_core.parent`); enter the context from
+    a thread that lives as long as they do.
     """
 
     def __init__(
@@ -47,20 +54,23 @@ class GraphProcesses:
         say: SayFn = lambda text: print(text, file=sys.stderr, flush=True),
         show: Sequence[str] = (),
         environment: dict[str, str] | None = None,
+        restart_pause_s: float = RESTART_PAUSE_S,
     ) -> None:
         """Prepare to start `nodes`.
 
         Args:
-            nodes: what to start, in this order; they end in the reverse order.
-            folder: where parameter files and logs go.
-            say: told in one line when a node dies or starts again.
-            show: names of nodes whose output goes to the terminal as well as to the log.
-            environment: added to this process's environment.
+            nodes: the nodes in the order of their starts; they end in the reverse order.
+            folder: the folder for parameter files and logs.
+            say: receives a line when a node dies or starts again.
+            show: names of nodes whose output goes to `say` as well as to the log.
+            environment: variables added to this process's environment.
+            restart_pause_s: pause before the first restart of a node [s].
         """
         self._nodes = list(nodes)
         self._folder = folder
         self._say = say
         self._show = set(show)
+        self._restart_pause_s = restart_pause_s
         self._environment = {
             **os.environ,
             'PYTHONUNBUFFERED': '1',
@@ -72,9 +82,10 @@ class GraphProcesses:
         self._ending = threading.Event()
         self._watchers: list[threading.Thread] = []
         self.failed: dict[str, str] = {}
-        """Nodes that will not be started again, and the last line each said."""
+        """Nodes that are not started again, with the last line of their output."""
 
     def __enter__(self) -> Self:
+        """Start all nodes."""
         (self._folder / 'log').mkdir(parents=True, exist_ok=True)
         for node in self._nodes:
             self._write_parameters(node)
@@ -91,7 +102,8 @@ class GraphProcesses:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number in self._handlers:  # a terminal that goes tells more than once
+        """End all nodes; kill those that do not end by themselves."""
+        for number in self._handlers:  # a terminal that closes may signal more than once
             signal.signal(number, signal.SIG_IGN)
         self._ending.set()
         started = [node.name for node in reversed(self._nodes) if node.name in self._processes]
@@ -110,9 +122,9 @@ class GraphProcesses:
 
     def _take_signals(self) -> None:
         if threading.current_thread() is not threading.main_thread():
-            return  # only the main thread may
+            return  # Python lets only the main thread set handlers
         interrupt = signal.getsignal(signal.SIGINT)
-        if not callable(interrupt):  # a shell's background job ignores Ctrl-C, but not these
+        if not callable(interrupt):  # a background job of a shell ignores Ctrl-C, not these
             interrupt = signal.default_int_handler
         for number in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:  # nohup wants it ignored
@@ -123,11 +135,15 @@ class GraphProcesses:
         return self._folder / 'log' / f'{name}.log'
 
     def process(self, name: str) -> subprocess.Popen[bytes]:
-        """Return the newest process of a node."""
+        """Return the current process of a node.
+
+        Raises:
+            KeyError: it was not started.
+        """
         return self._processes[name]
 
     def running(self, name: str) -> bool:
-        """Return whether a node's process is there."""
+        """Return whether the process of a node runs."""
         return self._processes[name].poll() is None
 
     def _parameters(self, node: NodeDescription) -> Path:
@@ -158,45 +174,45 @@ class GraphProcesses:
         if node.name in self._show:
             threading.Thread(target=self._tee, args=(node.name, process), daemon=True).start()
 
-    def _tell(self, text: str) -> None:
-        """Say it, unless nobody is there to hear it any more."""
+    def _report(self, text: str) -> None:
+        """Pass a line to the user; a terminal that is gone is no error."""
         with contextlib.suppress(OSError):
             self._say(text)
 
     def _tee(self, name: str, process: subprocess.Popen[bytes]) -> None:
-        """Show and log what a node says; whatever happens, the pipe it says it into is emptied."""
+        """Show and log the output of a node; read on even if the log cannot be written."""
         assert process.stdout is not None
-        log, told = self.log(name), False
+        log, reported = self.log(name), False
         for line in process.stdout:
-            self._tell(line.decode(errors='replace').rstrip())
+            self._report(line.decode(errors='replace').rstrip())
             try:
                 with log.open('ab') as file:
                     file.write(line)
             except OSError as error:
-                if not told:
-                    self._tell(f'{log} cannot be written ({error.strerror}); going on without')
-                told = True
+                if not reported:
+                    self._report(f'{log} cannot be written ({error.strerror}); going on without')
+                reported = True
 
     def _watch(self, node: NodeDescription) -> None:
-        pause = RESTART_PAUSE_S
+        pause = self._restart_pause_s
         while not self._ending.is_set():
             started = time.monotonic()
             status = self._processes[node.name].wait()
             if self._ending.is_set():
                 return
             if status == 0:
-                self._tell(f'{node.name} has ended')
+                self._report(f'{node.name} has ended')
                 return
-            if status == 2:
+            if status == WRONG_PARAMETERS:
                 self.failed[node.name] = self._last_line(node.name)
-                self._tell(f'{node.name} cannot run: {self.failed[node.name]}')
+                self._report(f'{node.name} cannot run: {self.failed[node.name]}')
                 return
-            if time.monotonic() - started > 60.0:
-                pause = RESTART_PAUSE_S
-            self._tell(f'{node.name} ended ({status}); starting it again in {pause:g} s')
+            if time.monotonic() - started > LONGEST_PAUSE_S:
+                pause = self._restart_pause_s
+            self._report(f'{node.name} ended ({status}); starting it again in {pause:g} s')
             if self._ending.wait(pause):
                 return
-            pause = min(2 * pause, 60.0)
+            pause = min(2 * pause, LONGEST_PAUSE_S)
             self._start(node)
 
     def _last_line(self, name: str) -> str:

@@ -1,132 +1,105 @@
-"""The twin's loop on a page: one observed state in, a setpoint and a forecast out.
+"""The loop of the twin: one observed state in, a setpoint and a forecast out.
 
-The five steps of the paper (section 2.4): the asset emits a state; ask the physics-based model for
-a prediction; ask the data-driven model for a correction; ask the physics-based model for the
-corrected prediction; emit it. In the optimising mode (section 4) the rates are chosen first. The
-models are callables: local objects in tests, service clients in the running graph.
+The five steps of the paper (section 2.4): the asset emits a state; the physics-based model predicts
+the next one; the data-driven model corrects the prediction; the physics-based model predicts again
+with the correction; the twin emits the result. In the optimising mode (section 4) the twin chooses
+the rates first.
 """
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
-import numpy as np
+from porotwin_core.correction import CorrectionFn
+from porotwin_core.grid import FloatArray, fill_unseen, relative_error
+from porotwin_core.wells import WellRates
+from porotwin_hub.controller import Controller
+from porotwin_hub.forecast import (
+    Forecast,
+    Forecaster,
+    ModelUnavailable,
+    PhysicsModel,
+)
+from porotwin_hub.optimisation import Decision
+from porotwin_hub.rates_in_force import (
+    KnownRates,
+    RatePeriod,
+    describe_difference,
+    known_within,
+    latest_known,
+    rates_in_force,
+    same_rates,
+)
+from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 
-from porotwin_core.grid import FloatArray, Grid, fill_unseen, relative_error
-from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.control import Decision, Limits, optimise
-from porotwin_hub.objective import Objective
-
-TIME_TOLERANCE = 0.5
-"""A forecast is for a photograph when their times differ by no more than this [s]."""
-
-
-class ModelUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake
-    """A model did not answer; the message says which and what would mend it."""
-
-
-class PhysicsModel(Protocol):
-    """The physics-based model as the loop needs it; arrays (nz, nx), time_step [s]."""
-
-    def predict(
-        self, concentration: FloatArray, rates: WellRates, time_step: float
-    ) -> FloatArray: ...
-
-    def correct(
-        self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
-    ) -> FloatArray: ...
-
-
-@dataclass(frozen=True)
-class Correction:
-    """The data-driven model's answer: sigma (nz, nx) [1/s], or why there is none."""
-
-    sigma: FloatArray | None
-    status: str
-
-
-DataDrivenModel = Callable[[FloatArray, WellRates, float], Correction]
-"""sigma from the prediction c~^(n+1), the rates and the time step (paper, eq. sigmadef)."""
-
-
-def no_correction(*_: object) -> Correction:
-    """Return no correction: the loop without a data-driven model."""
-    return Correction(None, 'no data-driven model')
+SAME_TIME_S = 0.5
+"""A forecast belongs to a photograph if their times differ by at most this [s]."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """An observed state: concentration (nz, nx) with NaN where nothing was seen, at `time` [s]."""
+    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen."""
 
     time: float
     concentration: FloatArray
 
 
-@dataclass(frozen=True)
-class Forecast:
-    """What the twin expects at `time`, from the state at `start`, if `rates` are pumped."""
-
-    start: float
-    time: float
-    rates: WellRates
-    predicted: FloatArray
-    corrected: FloatArray
-    correction_status: str
-    is_corrected: bool
-
-
-@dataclass(frozen=True)
-class SetpointDecision:
-    """Rates for the wells, until when they are good, and why."""
-
-    rates: dict[str, WellRate]
-    valid_until: float
-    reason: str
-
-
 @dataclass
 class Cycle:
-    """All that one observation led to.
+    """The results of one observation.
 
-    `state` is the observation with unseen cells filled in, `pumped` what was pumped before it.
+    Attributes:
+        observation: the state that the asset emitted.
+        state: the observation with its unseen cells filled in, (nz, nx).
+        periods: the rates in force since the last observation; empty: there was none, or no model.
+        pumped: the rates in force when the observation was made.
+        prediction_error: relative error of the prediction made for the observation; NaN: none.
+        corrected_error: the same for the corrected prediction.
+        disallowed_tracer: observed tracer where the objective does not allow it [m^3].
+        setpoint: the rates to command; None: none follows from this observation.
+        accepted: whether the asset took the setpoint.
+        decision: the result of the optimiser, if it ran.
+        elapsed: the forecast of the observation that is judged; None: none could be made.
+        forecast: the forecast of the next observation; None: none could be made.
+        durations: wall-clock times [s] of 'optimise', 'predict' and 'correct'.
+        remarks: faults of the cycle, one line each.
+        notes: lines for people that are no faults.
+        previous_command: the setpoint in force before this cycle.
     """
 
     observation: Observation
     state: FloatArray
+    periods: tuple[RatePeriod, ...]
     pumped: WellRates
     prediction_error: float = math.nan
     corrected_error: float = math.nan
     disallowed_tracer: float = math.nan
     setpoint: SetpointDecision | None = None
-    told_before: SetpointDecision | None = None
-    taken: bool = True
+    accepted: bool = True
     decision: Decision | None = None
+    elapsed: Forecast | None = None
     forecast: Forecast | None = None
     durations: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    previous_command: SetpointDecision | None = None
 
 
 class Twin:
-    """State of the loop between two photographs; `cycle` advances it by one.
+    """The loop between two photographs; `cycle` advances it by one observation.
 
-    `decide` and `look_ahead` are its halves, so that a setpoint need not wait for forecasts.
+    `decide` and `look_ahead` are the halves of `cycle`: a setpoint need not wait for the forecast
+    of the next photograph.
     """
 
     def __init__(
         self,
         physics: PhysicsModel,
-        data_driven: DataDrivenModel,
-        grid: Grid,
+        data_driven: CorrectionFn,
         *,
         photo_interval: float,
-        horizon: float,
-        evaluations: int,
-        limits: Limits | None = None,
-        objective: Objective | None = None,
-        validity_intervals: int = 3,
-        patience: float = math.inf,
+        controller: Controller | None = None,
         assumed: WellRates | None = None,
     ) -> None:
         """Make the loop.
@@ -134,82 +107,75 @@ class Twin:
         Args:
             physics: the physics-based model.
             data_driven: the data-driven model, or `no_correction`.
-            grid: the grid of all maps.
             photo_interval: time between photographs [s]; how far a forecast looks ahead.
-            horizon: how far the optimiser looks ahead [s].
-            evaluations: predictions that the optimiser may ask for in one cycle.
-            limits: of the wells; None: the twin predicts and does not control.
-            objective: what the optimiser minimises; needed with `limits`.
-            validity_intervals: for how many photo intervals a setpoint is good.
-            patience: how long one optimisation may take by the wall clock [s].
-            assumed: what the wells pump while nobody says, without `limits`; None: nothing.
+            controller: chooses setpoints; None: the twin predicts and does not control.
+            assumed: rates until any are known, without a controller; None: all wells are off.
         """
         self._physics = physics
-        self._data_driven = data_driven
-        self._grid = grid
+        self._forecaster = Forecaster(physics, data_driven)
         self._photo_interval = photo_interval
-        self._horizon = horizon
-        self._evaluations = evaluations
-        self._limits = limits
-        self._objective = objective
-        self._patience = patience
+        self._controller = controller
         self._assumed = assumed or {}
-        self.validity = validity_intervals * photo_interval
-        """How long a setpoint is good after its photograph [s]."""
-        self._told: SetpointDecision | None = None
-        self._nominal: FloatArray | None = None
+        self.validity = validity(photo_interval)
+        """How long a setpoint is valid after its photograph [s]."""
+        self._command: SetpointDecision | None = None
+        self._pumped: WellRates | None = None
         self._state: Observation | None = None
         self._forecast: Forecast | None = None
+        self._expected: FloatArray | None = None
 
     def interrupt(self) -> None:
-        """Forget the sequence of time: the next state does not follow from the last."""
+        """Forget state and forecast: the next state does not follow from the last."""
         self._state = None
         self._forecast = None
-        self._nominal = None
+        self._expected = None
 
     def begin_anew(self) -> None:
-        """Forget everything: time went back, so what was told belongs to another course of it."""
+        """Forget everything, also the setpoint in force: time went back."""
         self.interrupt()
-        self._told = None
+        self._command = None
+        self._pumped = None
 
-    def cycle(self, observation: Observation, measured: WellRates | None) -> Cycle:
-        """Return what follows from an observation: `decide`, then `look_ahead`."""
-        cycle = self.decide(observation, measured)
+    def cycle(self, observation: Observation, known: Sequence[KnownRates] = ()) -> Cycle:
+        """Return the results of an observation: `decide`, then `look_ahead`."""
+        cycle = self.decide(observation, known)
         self.look_ahead(cycle)
         return cycle
 
     def decide(
-        self, observation: Observation, measured: WellRates | None, *, steer: bool = True
+        self,
+        observation: Observation,
+        known: Sequence[KnownRates] = (),
+        *,
+        actuate: bool = True,
     ) -> Cycle:
-        """Return the setpoint that follows from an observation.
+        """Return the state estimate and the setpoint that follow from an observation.
+
+        If the rates in force since the last observation differ from the rates of the forecast, the
+        elapsed interval is forecast again first. A model that does not answer is a remark of the
+        cycle; the setpoint is then the last one while it is valid, afterwards the safe rates.
 
         Args:
             observation: the state that the asset emitted.
-            measured: what the wells pumped since the previous state; None: not known, so the last
-                setpoint is taken to have been followed.
-            steer: False for a state that is too old to act on: no setpoint follows from it.
-
-        A model that does not answer is a remark of the cycle, never an exception: the setpoint is
-        then the last one while it is valid, afterwards the safe rates.
+            known: rates measured or confirmed since the last observation. Where none are known, the
+                commanded rates count as pumped.
+            actuate: False for a state too old to act on: no setpoint follows from it.
         """
-        cycle = Cycle(
-            observation,
-            state=fill_unseen(observation.concentration, self._nominal),
-            pumped=measured if measured is not None else self._told_rates(observation.time),
-        )
-        if self._objective is not None:
-            cycle.disallowed_tracer = self._objective.disallowed_tracer(observation.concentration)
-        if steer:
-            self._decide(cycle)
+        cycle = self._begin(observation, known)
+        if self._controller is not None:
+            objective = self._controller.objective
+            cycle.disallowed_tracer = objective.disallowed_tracer(observation.concentration)
+            if actuate:
+                self._choose_setpoint(cycle, self._controller)
         return cycle
 
-    def not_taken(self, cycle: Cycle) -> None:
-        """Go on as if the setpoint of `cycle` had not been told: the rig did not take it."""
-        cycle.taken = False
-        self._told = cycle.told_before
+    def reject_setpoint(self, cycle: Cycle) -> None:
+        """Go on without the setpoint of `cycle`, because the asset did not take it."""
+        cycle.accepted = False
+        self._command = cycle.previous_command
 
     def look_ahead(self, cycle: Cycle) -> None:
-        """Judge the forecast made for the observation, and forecast the next photograph.
+        """Judge the forecast of the observation, and forecast the next observation.
 
         A model that does not answer is a remark of the cycle.
         """
@@ -217,109 +183,105 @@ class Twin:
         self._forecast_next(cycle)
         self._state = Observation(cycle.observation.time, cycle.state)
         self._forecast = cycle.forecast
-        self._nominal = cycle.forecast.corrected if cycle.forecast is not None else cycle.state
+        self._pumped = cycle.pumped
+        self._expected = cycle.forecast.corrected if cycle.forecast is not None else cycle.state
 
-    def _told_rates(self, now: float) -> WellRates:
-        if self._told is None:
-            return self._limits.safe() if self._limits is not None else self._assumed
-        if now > self._told.valid_until and self._limits is not None:
-            return self._limits.safe()
-        return self._told.rates
+    def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
+        """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
+        now = observation.time
+        commanded = self._commanded_rates(now)
+        if self._state is None:
+            periods: tuple[RatePeriod, ...] = ()
+            pumped = latest_known(known, now) or commanded
+        else:
+            before = self._pumped if self._pumped is not None else commanded
+            periods = rates_in_force(
+                known, self._state.time, now, commanded=commanded, before=before
+            )
+            pumped = periods[-1].rates
+        cycle = Cycle(observation, observation.concentration, periods, pumped)
+        if self._state is not None and known_within(known, self._state.time, now):
+            self._forecast_elapsed_again(cycle, self._state)
+        expected = cycle.elapsed.corrected if cycle.elapsed is not None else self._expected
+        cycle.state = fill_unseen(observation.concentration, expected)
+        return cycle
+
+    def _forecast_elapsed_again(self, cycle: Cycle, last: Observation) -> None:
+        """Forecast the observation again if other rates were pumped than its forecast assumed."""
+        planned = self._forecast
+        if planned is None or all(
+            same_rates(period.rates, planned.rates) for period in cycle.periods
+        ):
+            return
+        try:
+            cycle.elapsed = self._forecaster.forecast(last.concentration, cycle.periods)
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no prediction for this photograph: {error}')
+            cycle.periods = ()
+            return
+        difference = describe_difference(cycle.periods, planned.rates)
+        cycle.notes.append(f'predicted again with the rates in force: {difference}')
+
+    def _commanded_rates(self, now: float) -> WellRates:
+        """Return the rates that the wells should pump at `now` [s]."""
+        if self._controller is None:
+            return self._pumped if self._pumped is not None else self._assumed
+        if self._command is None or self._command.expired(now):
+            return self._controller.limits.safe()
+        return self._command.rates
 
     def _judge(self, cycle: Cycle) -> None:
-        """Compare the observation with the forecast made for its time, or with one made now."""
-        if self._state is None:
+        """Compare the observation with its forecast, or with one made now for its time."""
+        if self._state is None or not cycle.periods:
             return
-        forecast, now = self._forecast, cycle.observation.time
-        if forecast is None or abs(forecast.time - now) > TIME_TOLERANCE:
+        planned, now = self._forecast, cycle.observation.time
+        if cycle.elapsed is None and planned and abs(planned.time - now) <= SAME_TIME_S:
+            cycle.elapsed = planned
+        if cycle.elapsed is None:
             try:
-                forecast = self._make_forecast(
-                    self._state.concentration, cycle.pumped, self._state.time, now, durations={}
-                )
+                cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
             except ModelUnavailable as error:
                 cycle.remarks.append(f'no prediction for this photograph: {error}')
                 return
         observed = cycle.observation.concentration
-        cycle.prediction_error = relative_error(forecast.predicted, observed)
-        cycle.corrected_error = relative_error(forecast.corrected, observed)
+        cycle.prediction_error = relative_error(cycle.elapsed.predicted, observed)
+        cycle.corrected_error = relative_error(cycle.elapsed.corrected, observed)
 
-    def _decide(self, cycle: Cycle) -> None:
-        if self._limits is None or self._objective is None:
-            return
+    def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
         now = cycle.observation.time
-        started = time.perf_counter()
+        begin = time.perf_counter()
         try:
-            cycle.decision = self._optimise(cycle.state, now)
+            cycle.decision = controller.decide(
+                self._physics, cycle.state, self._commanded_rates(now)
+            )
         except ModelUnavailable as error:
-            cycle.setpoint = self._without_model(now, str(error))
+            cycle.setpoint = self._setpoint_without_model(now, str(error), controller)
             cycle.remarks.append(f'not optimised: {error}')
         else:
-            rates, reason = cycle.decision.rates, 'least tracer in the disallowed zone'
-            broken = self._limits.violations(rates)
-            if (
-                broken
-            ):  # cannot happen while `Limits.setpoint` is right; the pumps are worth a check
+            rates, reason = cycle.decision.rates, controller.objective.goal
+            broken = controller.limits.violations(rates)
+            if broken:  # impossible while `Limits.setpoint` is right; a cheap check of the pumps
                 cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
-                rates, reason = self._limits.safe(), 'optimised rates broke a limit'
+                rates, reason = controller.limits.safe(), 'optimised rates broke a limit'
             cycle.setpoint = SetpointDecision(rates, now + self.validity, reason)
-        cycle.durations['optimise'] = time.perf_counter() - started
-        cycle.told_before, self._told = self._told, cycle.setpoint
+        cycle.durations['optimise'] = time.perf_counter() - begin
+        cycle.previous_command, self._command = self._command, cycle.setpoint
 
-    def _optimise(self, state: FloatArray, now: float) -> Decision:
-        assert self._limits is not None
-        objective = self._objective
-        assert objective is not None
-
-        def cost(rates: WellRates) -> float:
-            return objective(self._physics.predict(state, rates, self._horizon))
-
-        return optimise(
-            self._limits,
-            cost,
-            self._told_rates(now),
-            evaluations=self._evaluations,
-            patience=self._patience,
-        )
-
-    def _without_model(self, now: float, why: str) -> SetpointDecision:
-        assert self._limits is not None
-        if self._told is not None and now <= self._told.valid_until:
-            return SetpointDecision(self._told.rates, self._told.valid_until, f'held: {why}')
-        return SetpointDecision(self._limits.safe(), now + self.validity, f'safe rates: {why}')
+    def _setpoint_without_model(
+        self, now: float, reason: str, controller: Controller
+    ) -> SetpointDecision:
+        """Return the setpoint in force while it is valid, afterwards the safe rates."""
+        held = self._command
+        if held is not None and not held.expired(now):
+            return SetpointDecision(held.rates, held.valid_until, f'held: {reason}')
+        safe = controller.limits.safe()
+        return SetpointDecision(safe, now + self.validity, f'safe rates: {reason}')
 
     def _forecast_next(self, cycle: Cycle) -> None:
         now = cycle.observation.time
-        planned = cycle.setpoint.rates if cycle.setpoint and cycle.taken else cycle.pumped
+        planned = cycle.setpoint.rates if cycle.setpoint and cycle.accepted else cycle.pumped
+        period = RatePeriod(now, now + self._photo_interval, planned)
         try:
-            cycle.forecast = self._make_forecast(
-                cycle.state, planned, now, now + self._photo_interval, durations=cycle.durations
-            )
+            cycle.forecast = self._forecaster.forecast(cycle.state, [period], cycle.durations)
         except ModelUnavailable as error:
             cycle.remarks.append(f'no forecast: {error}')
-
-    def _make_forecast(
-        self,
-        state: FloatArray,
-        rates: WellRates,
-        start: float,
-        end: float,
-        *,
-        durations: dict[str, float],
-    ) -> Forecast:
-        step = end - start
-        clock = time.perf_counter
-        begun = clock()
-        predicted = self._physics.predict(state, rates, step)
-        durations['predict'] = clock() - begun
-        begun = clock()
-        correction = self._data_driven(predicted, rates, step)
-        corrected = predicted
-        if correction.sigma is not None:
-            # the correction may overshoot; a concentration cannot
-            corrected = np.clip(
-                self._physics.correct(state, correction.sigma, rates, step), 0.0, 1.0
-            )
-        durations['correct'] = clock() - begun
-        return Forecast(
-            start, end, rates, predicted, corrected, correction.status, correction.sigma is not None
-        )

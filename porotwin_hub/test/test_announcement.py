@@ -1,4 +1,4 @@
-"""Setpoints in words: what changed is what is said."""
+"""Tests of setpoints in words: changes are marked and spoken."""
 
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
@@ -21,7 +21,7 @@ def test_speech_names_only_what_changed() -> None:
     assert (same.speech, same.changed) == ('No change.', ())
 
 
-def test_a_well_of_which_nothing_is_known_is_to_be_set_whatever_its_rate() -> None:
+def test_a_well_whose_rate_is_unknown_is_always_announced() -> None:
     words = announce(1, {**AFTER, 'control2': WellRate()}, AFTER)
     assert words.changed == ('control2',)
     assert words.text.endswith('0.0 ml/h   <-- set')
@@ -33,7 +33,7 @@ def test_a_difference_below_the_pumps_step_is_no_change() -> None:
     assert announce(9, nearly, AFTER).changed == ()
 
 
-def test_an_expired_setpoint_is_said_with_the_rates_that_hold_now() -> None:
+def test_an_expired_setpoint_is_announced_with_the_safe_rates() -> None:
     words = announce_expiry(7, BEFORE, AFTER)
     assert words.text.splitlines()[0].startswith('setpoint 7 has expired')
     assert words.speech == 'Setpoint 7 has expired. Set control 1: 120, producer: minus 620.'

@@ -1,4 +1,4 @@
-"""Which photographs are too late to act on, whatever the camera's clock says."""
+"""Tests of the age of photographs: which are too late to act on, whatever the camera's clock."""
 
 import pytest
 
@@ -9,7 +9,7 @@ NOW = 1.8e9
 
 
 def lateness(*photographs: tuple[float, float]) -> list[float]:
-    """Return how late photographs are: (stamp, arrival) in seconds after `NOW`."""
+    """Return how late photographs are, given as (stamp, arrival) [s] after `NOW`."""
     clock = PhotographClock(interval=30.0, validity=90.0)
     return [round(clock.lateness(NOW + stamp, NOW + arrival)) for stamp, arrival in photographs]
 
@@ -38,28 +38,28 @@ def test_last_weeks_photographs_are_not_acted_on(age: float) -> None:
     assert in_time(*backlog(40, age=age), *live(2, after=60.0))[-2:] == [True, True]
 
 
-def test_of_a_short_backlog_the_newest_are_in_time() -> None:
+def test_the_newest_photographs_of_a_short_backlog_are_in_time() -> None:
     assert in_time(*backlog(10, age=300.0)) == [False] * 8 + [True] * 2
 
 
-def test_a_camera_that_begins_again_sends_no_news() -> None:
+def test_photographs_that_come_again_are_not_acted_on() -> None:
     again = [(30.0 * n, 3600.0 + n) for n in range(100)]
     assert in_time(*live(121), *again)[121:] == [False] * 100
 
 
 @pytest.mark.parametrize('ahead', [-7200.0, -86400.0 * 365])
-def test_a_camera_whose_clock_is_behind_is_believed_from_its_second_photograph(
+def test_a_camera_whose_clock_is_behind_is_trusted_from_its_second_photograph(
     ahead: float,
 ) -> None:
     assert in_time(*live(5, ahead=ahead)) == [False, True, True, True, True]
 
 
-def test_a_camera_whose_clock_is_ahead_is_believed_and_its_old_photographs_are_not() -> None:
+def test_a_camera_whose_clock_is_ahead_is_trusted_and_its_old_photographs_are_not() -> None:
     again = [(7200.0 + 30.0 * n, 3600.0 + n) for n in range(50)]
     assert in_time(*live(121, ahead=7200.0), *again) == [True] * 121 + [False] * 50
 
 
-def test_photographs_that_lag_ever_more_become_late_although_they_come_at_a_live_pace() -> None:
+def test_photographs_that_lag_more_and_more_become_late_at_a_live_pace() -> None:
     lagging = [(30.0 * n, 36.0 * n) for n in range(20)]
     assert in_time(*lagging) == [True] * 16 + [False] * 4
 
@@ -70,7 +70,7 @@ def test_a_clock_set_back_costs_one_photograph() -> None:
     ]  # fmt: skip
 
 
-def test_stamps_since_the_start_of_an_experiment_say_nothing() -> None:
+def test_stamps_since_the_start_of_an_experiment_tell_no_age() -> None:
     clock = PhotographClock(interval=30.0, validity=90.0)
     assert clock.lateness(1800.0, NOW) == 0.0
     assert clock.lateness(9000.0, NOW + 1.0) == 0.0

@@ -1,13 +1,21 @@
-"""The description of the graph: complete, consistent, and what its parts really offer."""
+"""Tests of the graph's description: it agrees with the nodes, their parameters and packages."""
 
 import ast
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from porotwin_core.rig import load_rig
-from porotwin_hub.control import Limits
-from porotwin_hub.graph import GraphSettings, NodeDescription, camera_node, live_graph, twin_nodes
+from porotwin_hub.graph import (
+    GraphSettings,
+    NodeDescription,
+    camera_node,
+    description_of,
+    live_graph,
+    twin_nodes,
+)
+from porotwin_hub.setpoint_limits import Limits
 
 ROOT = Path(__file__).resolve().parents[2]
 FULL = GraphSettings(
@@ -23,17 +31,26 @@ FULL = GraphSettings(
 )
 
 
+SHARED_DECLARATIONS = {'declare_rig': 'rig', 'declare_grid': 'grid'}
+"""Helpers of `porotwin_core.node` that declare one parameter each."""
+
+
 def declared_parameters(module: Path) -> set[str]:
-    """Return the names that a node module hands to `declare` or `declare_parameter`."""
-    return {
-        argument.value
-        for call in ast.walk(ast.parse(module.read_text()))
-        if isinstance(call, ast.Call)
-        and getattr(call.func, 'id', getattr(call.func, 'attr', ''))
-        in ('declare', 'declare_parameter')
-        for argument in call.args[:2]
-        if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
-    }
+    """Return the parameters that a node module declares by name or through a shared helper."""
+    names: set[str] = set()
+    for call in ast.walk(ast.parse(module.read_text())):
+        if not isinstance(call, ast.Call):
+            continue
+        function = getattr(call.func, 'id', getattr(call.func, 'attr', ''))
+        if function in SHARED_DECLARATIONS:
+            names.add(SHARED_DECLARATIONS[function])
+        if function in ('declare', 'declare_parameter'):
+            names |= {
+                argument.value
+                for argument in call.args[:2]
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+            }
+    return names
 
 
 @pytest.mark.parametrize('node', live_graph(FULL), ids=lambda node: node.name)
@@ -60,20 +77,22 @@ def test_names_are_unique() -> None:
     assert len(names) == len(set(names))
 
 
-def test_what_was_not_asked_for_is_not_started() -> None:
+def test_optional_nodes_start_only_on_request() -> None:
     names = {node.name for node in twin_nodes(GraphSettings(rig=Path('rig.yaml')))}
     assert names == {'imaging', 'solver', 'costa', 'hub'}
 
 
-def test_a_recorder_that_is_started_again_goes_on() -> None:
+def test_a_recorder_that_restarts_continues_its_bag() -> None:
     recorder = next(node for node in twin_nodes(FULL) if node.name == 'recorder')
     assert recorder.parameters['continues'] is True
 
 
-def test_all_who_pair_photographs_know_how_far_they_are_apart() -> None:
+def test_hub_and_trainer_know_the_time_between_photographs() -> None:
     settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, photo_interval_s=12.0)
-    told = {node.name: node.parameters.get('photo_interval_s') for node in twin_nodes(settings)}
-    assert (told['hub'], told['trainer']) == (12.0, 12.0)
+    intervals = {
+        node.name: node.parameters.get('photo_interval_s') for node in twin_nodes(settings)
+    }
+    assert (intervals['hub'], intervals['trainer']) == (12.0, 12.0)
 
 
 def test_a_device_takes_the_place_of_the_folder() -> None:
@@ -98,7 +117,12 @@ def test_the_papers_rig_can_be_controlled() -> None:
     assert limits.violations(limits.safe()) == []
 
 
-def test_costa_and_its_trainer_know_the_scheme_that_they_correct() -> None:
+def test_costa_and_its_trainer_know_the_scheme_of_the_solver() -> None:
     settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, preset='upwind')
-    told = {node.name: node.parameters.get('preset') for node in twin_nodes(settings)}
-    assert told['solver'] == told['costa'] == told['trainer'] == 'upwind'
+    presets = {node.name: node.parameters.get('preset') for node in twin_nodes(settings)}
+    assert presets['solver'] == presets['costa'] == presets['trainer'] == 'upwind'
+
+
+def test_every_option_of_the_graph_has_a_description() -> None:
+    names = [option.name for option in dataclasses.fields(GraphSettings)]
+    assert all(description_of(name) for name in names)

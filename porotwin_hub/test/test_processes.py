@@ -1,4 +1,4 @@
-"""The graph's processes: they end with the one that started them, and outlive a full disk."""
+"""Tests of the graph's processes: they end with their starter, and a full disk stops nothing."""
 
 import os
 import signal
@@ -58,8 +58,8 @@ def alive(pid: int) -> bool:
         return False
 
 
-def hear_signals() -> None:
-    """Undo what a test run in the background or under nohup hands down."""
+def restore_signals() -> None:
+    """Undo the ignored signals that a test run in the background or under nohup inherits."""
     for number in (signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)
 
@@ -81,7 +81,7 @@ def test_no_node_outlives_its_graph(number: signal.Signals, bound: bool, tmp_pat
         stderr=subprocess.DEVNULL,
         text=True,
         env={**os.environ, **with_path(tmp_path)},
-        preexec_fn=hear_signals,
+        preexec_fn=restore_signals,
     )
     assert graph.stdout is not None
     node = int(graph.stdout.readline())
@@ -91,24 +91,33 @@ def test_no_node_outlives_its_graph(number: signal.Signals, bound: bool, tmp_pat
     assert until(lambda: not alive(node))
 
 
-def test_a_full_disk_takes_neither_the_display_nor_a_restart(
+class FullDisk(GraphProcesses):
+    """A graph whose logs lie on a full disk."""
+
+    def log(self, name: str) -> Path:
+        return Path('/dev/full')
+
+
+def test_a_full_disk_stops_neither_the_display_nor_a_restart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = 'import sys\nfor n in range(9): print(n, "x" * 99)\nsys.exit(1)'
-    node, told = pretend_node(tmp_path, source), []
-    monkeypatch.setattr('porotwin_hub.processes.RESTART_PAUSE_S', 0.1)
-    graph = GraphProcesses(
-        [node], tmp_path, say=told.append, show=['sleeper'], environment=with_path(tmp_path)
+    node, lines = pretend_node(tmp_path, source), []
+    graph = FullDisk(
+        [node],
+        tmp_path,
+        say=lines.append,
+        show=['sleeper'],
+        environment=with_path(tmp_path),
+        restart_pause_s=0.1,
     )
-    full = Path('/dev/full')
-    monkeypatch.setattr(graph, 'log', lambda name: full)
     with graph:
         monkeypatch.setattr(Path, 'write_text', lambda *_, **__: 1 / 0)
-        assert until(lambda: sum(line.startswith('8 x') for line in told) >= 2), told
-    assert sum('cannot be written (No space left' in line for line in told) <= 3, told
+        assert until(lambda: sum(line.startswith('8 x') for line in lines) >= 2), lines
+    assert sum('cannot be written (No space left' in line for line in lines) <= 3, lines
 
 
-def test_a_display_that_is_gone_does_not_stop_the_log(tmp_path: Path) -> None:
+def test_a_closed_terminal_does_not_stop_the_log(tmp_path: Path) -> None:
     def gone(text: str) -> None:
         raise OSError(5, text)
 

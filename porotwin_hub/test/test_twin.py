@@ -1,92 +1,48 @@
-"""The loop with models that are plain functions: what it decides, forecasts and survives."""
+"""Tests of the loop with models that are plain functions: decisions, forecasts, failures."""
 
 import math
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hub_examples import TOY, ToyModel
 
-from porotwin_core.grid import FloatArray
-from porotwin_core.rig import Rig, parse_rig
+from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.control import Limits
-from porotwin_hub.objective import Objective
-from porotwin_hub.twin import (
-    Correction,
-    ModelUnavailable,
-    Observation,
-    Twin,
-    no_correction,
-)
+from porotwin_hub.controller import Controller
+from porotwin_hub.forecast import no_correction
+from porotwin_hub.rates_in_force import KnownRates
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.twin import Observation, Twin
 
-RIG: Rig = parse_rig(
-    {
-        'name': 'toy',
-        'width_m': 1.0,
-        'height_m': 0.5,
-        'depth_m': 0.01,
-        'porosity': 0.4,
-        'permeability_m2': 1e-9,
-        'viscosity_pa_s': 1e-3,
-        'density_kg_m3': 998.0,
-        'wells': {
-            name: {'x_m': x, 'z_m': 0.2}
-            for name, x in [('injector', 0.2), ('push', 0.5), ('producer', 0.8)]
-        },
-        'control': {
-            'wells': ['push'],
-            'producer': 'producer',
-            'fixed': {'injector': {'rate_ml_h': 500.0, 'concentration': 1.0}},
-            'disallowed_zone_m': [[0, 0.4], [1, 0.4], [1, 0.5], [0, 0.5]],
-            'fuzziness_m': 0.0,
-        },
-    },
-    Path('rig.yaml'),
-)
-GRID = RIG.grid(20, 10)
-LIMITS = Limits.of(RIG)
+SHAPE = (10, 20)
+"""Shape of the toy grid, (nz, nx)."""
+
+MakeTwin = Callable[..., Twin]
 
 
-class Toy:
-    """Tracer appears in the zone at a rate that falls with the push; sigma adds to it."""
+@pytest.fixture
+def make_twin(toy_model: ToyModel, toy_controller: Controller) -> MakeTwin:
+    """Return a function that makes a twin of the toy rig, with or without control."""
 
-    def __init__(self) -> None:
-        self.there = True
-        self.calls = 0
+    def make(data_driven: CorrectionFn = no_correction, *, control: bool = True) -> Twin:
+        controller = toy_controller if control else None
+        return Twin(toy_model, data_driven, photo_interval=30.0, controller=controller)
 
-    def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
-        self.calls += 1
-        if not self.there:
-            raise ModelUnavailable('the solver does not answer; start it')
-        push = to_ml_h(rates['push'].rate)
-        return concentration + time_step * 1e-4 * (1.0 + (push - 300.0) ** 2 / 3e5)
-
-    def correct(
-        self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
-    ) -> FloatArray:
-        return self.predict(previous, rates, time_step) + time_step * sigma
-
-
-def make_twin(physics: Toy, *, data_driven: 'object' = no_correction, control: bool = True) -> Twin:
-    return Twin(
-        physics,
-        data_driven,  # type: ignore[arg-type]
-        GRID,
-        photo_interval=30.0,
-        horizon=600.0,
-        evaluations=40,
-        limits=LIMITS if control else None,
-        objective=Objective(RIG, GRID) if control else None,
-    )
+    return make
 
 
 def empty(time: float) -> Observation:
-    return Observation(time, np.zeros(GRID.shape))
+    return Observation(time, np.zeros(SHAPE))
 
 
-def test_a_state_leads_to_the_best_setpoint_and_a_forecast_with_it() -> None:
-    cycle = make_twin(Toy()).cycle(empty(0.0), None)
+def full(time: float, concentration: float) -> Observation:
+    return Observation(time, np.full(SHAPE, concentration))
+
+
+def test_a_state_leads_to_the_best_setpoint_and_a_forecast_with_it(make_twin: MakeTwin) -> None:
+    cycle = make_twin().cycle(empty(0.0))
     assert cycle.setpoint is not None
     assert cycle.forecast is not None
     assert to_ml_h(cycle.setpoint.rates['push'].rate) == pytest.approx(300.0, abs=6.0)
@@ -96,100 +52,104 @@ def test_a_state_leads_to_the_best_setpoint_and_a_forecast_with_it() -> None:
     assert cycle.remarks == []
 
 
-def test_the_forecast_is_judged_by_the_next_photograph() -> None:
-    twin = make_twin(Toy())
-    first = twin.cycle(empty(0.0), None)
+def test_the_forecast_is_judged_by_the_next_photograph(make_twin: MakeTwin) -> None:
+    twin = make_twin()
+    first = twin.cycle(empty(0.0))
     assert math.isnan(first.prediction_error)
     assert first.forecast is not None
     observed = first.forecast.predicted * 1.25
-    second = twin.cycle(Observation(30.0, observed), None)
+    second = twin.cycle(Observation(30.0, observed))
     assert second.prediction_error == pytest.approx(0.2)
 
 
-def test_a_photograph_at_another_time_is_judged_by_a_forecast_for_that_time() -> None:
-    physics = Toy()
-    twin = make_twin(physics)
-    first = twin.cycle(empty(0.0), None)
+def test_a_photograph_at_another_time_is_judged_by_a_forecast_for_that_time(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    twin = make_twin()
+    first = twin.cycle(empty(0.0))
     assert first.setpoint is not None
-    exact = physics.predict(np.zeros(GRID.shape), first.setpoint.rates, 75.0)
-    late = twin.cycle(Observation(75.0, exact), None)
+    exact = toy_model.predict(np.zeros(SHAPE), first.setpoint.rates, 75.0)
+    late = twin.cycle(Observation(75.0, exact))
     assert late.prediction_error == pytest.approx(0.0, abs=1e-12)
 
 
-def test_after_an_interruption_nothing_is_judged() -> None:
-    twin = make_twin(Toy())
-    twin.cycle(empty(0.0), None)
+def test_after_an_interruption_nothing_is_judged(make_twin: MakeTwin) -> None:
+    twin = make_twin()
+    twin.cycle(empty(0.0))
     twin.interrupt()
-    assert math.isnan(twin.cycle(Observation(30.0, np.ones(GRID.shape)), None).prediction_error)
+    assert math.isnan(twin.cycle(Observation(30.0, np.ones(SHAPE))).prediction_error)
 
 
-def test_a_perfect_correction_makes_the_corrected_error_vanish() -> None:
+def test_a_perfect_correction_makes_the_corrected_error_vanish(make_twin: MakeTwin) -> None:
     def perfect(*_: object) -> Correction:
-        return Correction(np.full(GRID.shape, 1e-3), 'perfect')
+        return Correction(np.full(SHAPE, 1e-3), 'perfect')
 
-    physics = Toy()
-    twin = make_twin(physics, data_driven=perfect)
-    first = twin.cycle(empty(0.0), None)
+    twin = make_twin(perfect)
+    first = twin.cycle(empty(0.0))
     assert first.forecast is not None
     truth = first.forecast.predicted + 30.0 * 1e-3
-    second = twin.cycle(Observation(30.0, truth), None)
+    second = twin.cycle(Observation(30.0, truth))
     assert second.corrected_error == pytest.approx(0.0, abs=1e-12)
     assert second.prediction_error > 0.5
 
 
-def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe() -> None:
-    physics = Toy()
-    twin = make_twin(physics)
-    good = twin.cycle(empty(0.0), None).setpoint
+def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe(
+    make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    good = twin.cycle(empty(0.0)).setpoint
     assert good is not None
-    physics.there = False
-    held = twin.cycle(empty(60.0), None)
+    toy_model.available = False
+    held = twin.cycle(empty(60.0))
     assert held.setpoint is not None
     assert held.setpoint.rates == good.rates
     assert held.setpoint.valid_until == good.valid_until
     assert any('solver does not answer' in remark for remark in held.remarks)
-    late = twin.cycle(empty(120.0), None)
+    late = twin.cycle(empty(120.0))
     assert late.setpoint is not None
-    assert late.setpoint.rates == LIMITS.safe()
-    physics.there = True
-    again = twin.cycle(empty(150.0), None)
+    assert late.setpoint.rates == toy_limits.safe()
+    toy_model.available = True
+    again = twin.cycle(empty(150.0))
     assert again.setpoint is not None
     assert again.setpoint.rates == good.rates
 
 
-def test_after_time_went_back_no_setpoint_is_held() -> None:
-    physics = Toy()
-    twin = make_twin(physics)
-    twin.cycle(empty(3600.0), None)
-    physics.there = False
+def test_after_time_went_back_no_setpoint_is_held(
+    make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    twin.cycle(empty(3600.0))
+    toy_model.available = False
     twin.begin_anew()
-    first = twin.cycle(empty(0.0), None)
+    first = twin.cycle(empty(0.0))
     assert first.setpoint is not None
-    assert first.setpoint.rates == LIMITS.safe()
+    assert first.setpoint.rates == toy_limits.safe()
     assert first.setpoint.valid_until == 90.0
 
 
-def test_a_setpoint_is_decided_before_any_forecast_is_asked_for() -> None:
-    asked: list[float] = []
+def test_a_setpoint_is_decided_before_any_forecast_is_made(make_twin: MakeTwin) -> None:
+    requests: list[float] = []
 
     def correction(*_: object) -> Correction:
-        asked.append(0.0)
+        requests.append(0.0)
         return Correction(None, 'silent')
 
-    twin = make_twin(Toy(), data_driven=correction)
-    cycle = twin.decide(empty(0.0), None)
+    twin = make_twin(correction)
+    cycle = twin.decide(empty(0.0))
     assert cycle.setpoint is not None
-    assert (cycle.forecast, asked) == (None, [])
+    assert (cycle.forecast, requests) == (None, [])
     twin.look_ahead(cycle)
     assert cycle.forecast is not None
     assert cycle.forecast.rates == cycle.setpoint.rates
 
 
-def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint() -> None:
-    twin = make_twin(Toy())
-    twin.cycle(empty(0.0), None)
-    pumped = LIMITS.safe()
-    late = twin.decide(empty(30.0), pumped, steer=False)
+def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint(
+    make_twin: MakeTwin, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    twin.cycle(empty(0.0))
+    pumped = toy_limits.safe()
+    late = twin.decide(empty(30.0), [KnownRates(0.0, 30.0, pumped)], actuate=False)
     twin.look_ahead(late)
     assert (late.setpoint, late.decision) == (None, None)
     assert math.isfinite(late.disallowed_tracer)
@@ -197,35 +157,161 @@ def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint() -
     assert late.forecast.rates == pumped
 
 
-def test_without_control_the_twin_predicts_with_the_measured_rates() -> None:
-    cycle = make_twin(Toy(), control=False).cycle(empty(0.0), LIMITS.safe())
+def test_without_control_the_twin_predicts_with_the_measured_rates(
+    make_twin: MakeTwin, toy_limits: Limits
+) -> None:
+    known = [KnownRates(-30.0, 0.0, toy_limits.safe())]
+    cycle = make_twin(control=False).cycle(empty(0.0), known)
     assert cycle.setpoint is None
     assert cycle.forecast is not None
-    assert cycle.forecast.rates == LIMITS.safe()
+    assert cycle.forecast.rates == toy_limits.safe()
 
 
-def test_without_control_the_wells_pump_what_is_assumed_until_somebody_says() -> None:
-    twin = Twin(
-        Toy(),
-        no_correction,
-        GRID,
-        photo_interval=30.0,
-        horizon=600.0,
-        evaluations=40,
-        assumed=LIMITS.safe(),
-    )
-    assert twin.cycle(empty(0.0), None).pumped == LIMITS.safe()
-    told = {'push': WellRate(from_ml_h(10.0))}
-    assert twin.cycle(empty(30.0), told).pumped == told
+def test_without_control_the_assumed_rates_count_until_others_are_known(
+    toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    twin = Twin(toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe())
+    assert twin.cycle(empty(0.0)).pumped == toy_limits.safe()
+    known = {'push': WellRate(from_ml_h(10.0))}
+    assert twin.cycle(empty(30.0), [KnownRates(12.0, 12.0, known)]).pumped == known
+    assert twin.cycle(empty(60.0)).pumped == known
 
 
-def test_a_setpoint_that_the_rig_did_not_take_is_not_taken_as_pumped() -> None:
-    twin = make_twin(Toy())
-    first = twin.cycle(empty(0.0), None)
+def test_a_setpoint_that_the_rig_rejects_does_not_count_as_pumped(make_twin: MakeTwin) -> None:
+    twin = make_twin()
+    first = twin.cycle(empty(0.0))
     assert first.setpoint is not None
-    second = twin.decide(Observation(30.0, np.full(GRID.shape, 0.2)), None)
-    twin.not_taken(second)
+    second = twin.decide(Observation(30.0, np.full(SHAPE, 0.2)))
+    twin.reject_setpoint(second)
     twin.look_ahead(second)
     assert second.forecast is not None
     assert second.forecast.rates == second.pumped == first.setpoint.rates
-    assert twin.cycle(empty(60.0), None).pumped == first.setpoint.rates
+    assert twin.cycle(empty(60.0)).pumped == first.setpoint.rates
+
+
+def pushing(rate_ml_h: float) -> dict[str, WellRate]:
+    """Return the rates of the toy rig with a push, balanced by the producer."""
+    injector = TOY['control']['fixed']['injector']
+    return {
+        'injector': WellRate(from_ml_h(injector['rate_ml_h']), injector['concentration']),
+        'push': WellRate(from_ml_h(rate_ml_h)),
+        'producer': WellRate(-from_ml_h(injector['rate_ml_h'] + rate_ml_h)),
+    }
+
+
+def run_with_operator(
+    twin: Twin, toy_model: ToyModel, pumped: WellRates, known: Callable[[float], list[KnownRates]]
+) -> list[float]:
+    """Return the prediction errors while a perfect rig pumps `pumped` instead of the setpoints.
+
+    `known(start)` returns the rates that are known of the interval from `start` [s].
+    """
+    state = full(0.0, 0.1)
+    twin.cycle(state)
+    errors = []
+    for number in range(1, 6):
+        concentration = toy_model.predict(state.concentration, pumped, 30.0)
+        state = Observation(30.0 * number, concentration)
+        errors.append(twin.cycle(state, known(30.0 * (number - 1))).prediction_error)
+    return errors
+
+
+def test_the_model_is_not_blamed_for_an_operator_who_sets_something_else(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    pumped = pushing(0.0)
+    blamed = run_with_operator(make_twin(), toy_model, pumped, lambda _: [])
+    assert min(blamed) > 0.005
+    judged = run_with_operator(
+        make_twin(), toy_model, pumped, lambda start: [KnownRates(start, start + 30.0, pumped)]
+    )
+    assert max(judged) < 1e-12
+
+
+def test_a_setpoint_that_is_followed_is_judged_by_its_own_forecast(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    twin = make_twin()
+    first = twin.cycle(empty(0.0))
+    assert first.setpoint is not None
+    assert first.forecast is not None
+    steps = len(toy_model.steps)
+    second = twin.decide(
+        full(30.0, 0.01), [KnownRates(0.0, 30.0, first.setpoint.rates)], actuate=False
+    )
+    assert len(toy_model.steps) == steps
+    twin.look_ahead(second)
+    assert second.elapsed is first.forecast
+    assert second.notes == []
+
+
+def test_rates_that_change_within_the_interval_are_predicted_piece_by_piece(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    twin = make_twin()
+    first = twin.cycle(full(0.0, 0.1))
+    assert first.setpoint is not None
+    early = toy_model.predict(np.full(SHAPE, 0.1), pushing(50.0), 12.0)
+    seen = Observation(30.0, toy_model.predict(early, first.setpoint.rates, 18.0))
+    measured = [
+        KnownRates(0.0, 12.0, pushing(50.0)),
+        KnownRates(12.0, 30.0, first.setpoint.rates),
+    ]
+    cycle = twin.cycle(seen, measured)
+    assert cycle.prediction_error < 1e-12
+    assert len(cycle.periods) == 2
+
+
+def test_until_the_operator_confirms_the_pumps_stay_as_they_were(
+    make_twin: MakeTwin, toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    twin = make_twin()
+    first = twin.cycle(full(0.0, 0.1))
+    assert first.setpoint is not None
+    early = toy_model.predict(np.full(SHAPE, 0.1), toy_limits.safe(), 20.0)
+    seen = Observation(30.0, toy_model.predict(early, first.setpoint.rates, 10.0))
+    cycle = twin.cycle(seen, [KnownRates(20.0, 20.0, first.setpoint.rates)])
+    assert [period.rates for period in cycle.periods] == [toy_limits.safe(), first.setpoint.rates]
+    assert cycle.prediction_error < 1e-12
+
+
+def test_a_repeated_forecast_is_noted_and_is_no_fault(make_twin: MakeTwin) -> None:
+    twin = make_twin()
+    twin.cycle(full(0.0, 0.1))
+    cycle = twin.cycle(full(30.0, 0.1), [KnownRates(0.0, 30.0, pushing(0.0))])
+    (note,) = cycle.notes
+    assert note.startswith('predicted again with the rates in force: push 0.0 instead of ')
+    assert cycle.remarks == []
+
+
+def test_unseen_cells_are_estimated_with_the_rates_in_force(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    twin = make_twin()
+    twin.cycle(full(0.0, 0.1))
+    blind = Observation(30.0, np.full(SHAPE, np.nan))
+    cycle = twin.cycle(blind, [KnownRates(0.0, 30.0, pushing(0.0))])
+    expected = toy_model.predict(np.full(SHAPE, 0.1), pushing(0.0), 30.0)
+    np.testing.assert_array_equal(cycle.state, expected)
+
+
+def test_without_a_solver_other_rates_are_one_remark(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    twin = make_twin()
+    twin.cycle(full(0.0, 0.1))
+    toy_model.available = False
+    cycle = twin.cycle(full(30.0, 0.1), [KnownRates(0.0, 30.0, pushing(0.0))])
+    assert math.isnan(cycle.prediction_error)
+    lines = [line for line in cycle.remarks if line.startswith('no prediction for this photograph')]
+    assert len(lines) == 1
+
+
+def test_without_control_other_rates_are_predicted_again_too(
+    make_twin: MakeTwin, toy_model: ToyModel
+) -> None:
+    twin = make_twin(control=False)
+    twin.cycle(full(0.0, 0.1))
+    seen = toy_model.predict(np.full(SHAPE, 0.1), pushing(300.0), 30.0)
+    cycle = twin.cycle(Observation(30.0, seen), [KnownRates(0.0, 30.0, pushing(300.0))])
+    assert cycle.prediction_error < 1e-12

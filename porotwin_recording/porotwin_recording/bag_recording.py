@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from porotwin_core.conversions import rates_from_msg, rig_from_msg
 from porotwin_core.errors import InputError
+from porotwin_core.from_messages import rates_from_msg, rig_from_msg
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates

@@ -189,8 +189,7 @@ def with_permeability(rig: Rig, values: np.ndarray) -> Rig:
     changed = rig.model_copy(
         update={'permeability_m2': MapReference(file='permeability.nc', variable='permeability')}
     )
-    changed._maps = {**rig._maps, 'permeability_m2': values}
-    return changed
+    return changed.with_maps({'permeability_m2': values})
 
 
 @pytest.mark.parametrize('preset', PRESETS)

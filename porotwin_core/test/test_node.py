@@ -1,4 +1,4 @@
-"""A node that is told to end ends quietly, whenever it hears of it."""
+"""Tests of the main loop of nodes: a shutdown at any moment ends it quietly."""
 
 import sys
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.graph
 
 
 class ShutDownBetween(Node):
-    """Its context goes after the executor saw that it is there, before it waits."""
+    """A node whose context is shut down between the executor's check and its wait."""
 
     def __init__(self) -> None:
         super().__init__('shut_down_between')
@@ -27,11 +27,11 @@ class ShutDownBetween(Node):
         yield from super().timers
 
 
-def _broken() -> Node:
+def broken_node() -> Node:
     raise RCLError('no such luck')
 
 
-def _shut_down_while_made() -> Node:
+def node_shut_down_while_made() -> Node:
     rclpy.try_shutdown()
     return Node('late')
 
@@ -42,26 +42,26 @@ def arguments(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize('threads', [1, 2])
-def test_a_shutdown_between_two_looks_of_the_executor_is_no_failure(threads: int) -> None:
+def test_a_shutdown_between_two_checks_of_the_executor_is_no_failure(threads: int) -> None:
     run(ShutDownBetween, threads=threads)
 
 
 def test_a_shutdown_while_the_node_is_made_is_no_failure() -> None:
-    run(_shut_down_while_made)
+    run(node_shut_down_while_made)
 
 
-def test_a_failure_of_the_middleware_is_told() -> None:
+def test_a_failure_of_the_middleware_is_raised() -> None:
     with pytest.raises(RCLError, match='no such luck'):
-        run(_broken)
+        run(broken_node)
 
 
 def test_a_mistake_in_the_parameters_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
     complaint = "parameter 'rate' of pump: below 0; name a rate from 0"
 
-    def mistaken() -> Node:
+    def wrong_node() -> Node:
         raise InputError(complaint)
 
     with pytest.raises(SystemExit) as ended:
-        run(mistaken)
+        run(wrong_node)
     assert ended.value.code == 2
     assert capfd.readouterr().err == f'error: {complaint}\n'

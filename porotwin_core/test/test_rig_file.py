@@ -1,4 +1,4 @@
-"""rig.yaml: everything wrong is refused by name, everything right comes back unchanged."""
+"""Tests of rig.yaml: mistakes are refused by name, and a rig survives writing and reading."""
 
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ CONTROL: dict[str, Any] = {
 }
 
 
-def test_defaults_are_those_of_the_contract() -> None:
+def test_defaults_agree_with_the_experiment_folder_format() -> None:
     rig = parse_rig(SMALL, Path('rig.yaml'))
     assert rig.wells['injector'].radius_m == 0.004
     assert str(rig.default_grid()) == '187x112'
@@ -49,9 +49,11 @@ def test_defaults_are_those_of_the_contract() -> None:
         ({'control': {**CONTROL, 'wells': ['control9']}}, "unknown well 'control9'"),
         ({'control': {**CONTROL, 'wells': ['producer']}}, 'two roles'),
         ({'control': {**CONTROL, 'disallowed_zone_m': [[0, 0]]}}, 'three'),
+        ({'control': {**CONTROL, 'objective': {'zone_m': []}}}, 'control.objective'),
+        ({'control': {**CONTROL, 'objective': 7}}, 'control.objective'),
     ],
 )
-def test_what_is_wrong_is_named_on_one_line(change: dict[str, Any], named: str) -> None:
+def test_a_mistake_is_named_on_one_line(change: dict[str, Any], named: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_rig({**SMALL, **change}, Path('rig.yaml'))
     assert named in str(caught.value)
@@ -94,6 +96,36 @@ def test_a_rig_with_maps_survives_writing_and_reading(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.nominal_map('depth_m'), depth)
 
 
+@pytest.mark.parametrize(
+    ('objective', 'written'),
+    [
+        ('keep_in', 'keep_in'),
+        ({'name': 'keep_in'}, 'keep_in'),
+        (
+            {'name': 'keep_in', 'zone_m': [[0, 0], [0.5, 0], [0.5, 0.5]], 'fuzziness_m': 0.05},
+            {'name': 'keep_in', 'zone_m': [[0, 0], [0.5, 0], [0.5, 0.5]], 'fuzziness_m': 0.05},
+        ),
+    ],
+)
+def test_an_objective_survives_writing_and_reading(
+    objective: object, written: object, tmp_path: Path
+) -> None:
+    control = {'wells': ['injector'], 'producer': 'producer', 'objective': objective}
+    rig = parse_rig({**SMALL, 'control': control}, Path('rig.yaml'))
+    assert rig.control is not None
+    assert rig.control.objective.name == 'keep_in'
+    write_rig(rig, tmp_path / 'rig.yaml')
+    assert load_rig(tmp_path) == rig
+    data = yaml.safe_load((tmp_path / 'rig.yaml').read_text())
+    assert data['control']['objective'] == written
+
+
+def test_the_default_objective_is_keep_out() -> None:
+    rig = parse_rig({**SMALL, 'control': CONTROL}, Path('rig.yaml'))
+    assert rig.control is not None
+    assert (rig.control.objective.name, rig.control.objective.parameters) == ('keep_out', {})
+
+
 def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
     depth = np.random.default_rng(3).uniform(0.018, 0.028, (5, 7))
     porosity = np.random.default_rng(4).uniform(0.3, 0.5, (4, 6))
@@ -132,12 +164,12 @@ def test_two_maps_of_one_file_both_survive_writing(tmp_path: Path) -> None:
         ({'wells': {**SMALL['wells'], 'injector': {'x_m': 0.24, 'z_m': 0.235}}}, False),
     ],
 )
-def test_fingerprint_tells_what_physics_depends_on(change: dict[str, Any], same: bool) -> None:
+def test_the_fingerprint_depends_on_the_physics_alone(change: dict[str, Any], same: bool) -> None:
     first, second = (parse_rig(data, Path('rig.yaml')) for data in (SMALL, SMALL | change))
     assert (first.physics_fingerprint == second.physics_fingerprint) is same
 
 
-def test_fingerprint_of_maps_is_that_of_their_numbers(tmp_path: Path) -> None:
+def test_the_fingerprint_of_a_map_depends_on_its_numbers_alone(tmp_path: Path) -> None:
     data = {key: SMALL[key] for key in SMALL if key not in ('porosity', 'permeability_m2')}
     maps = [np.full((3, 4), 0.3), np.full((3, 4), 0.3), np.full((3, 4), 0.31)]
     rigs = [rig_from_maps(data, {'porosity': m, 'permeability_m2': 1e-9}) for m in maps]

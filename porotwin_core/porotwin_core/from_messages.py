@@ -1,0 +1,186 @@
+"""Messages into the types of the algorithms, without ROS.
+
+A message is any object with the fields of its interface: an instance of a generated class, or a
+message that was read from a bag. Every message is checked here once: array sizes against grids,
+names, finite numbers.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
+from porotwin_core.units import to_ml_h
+from porotwin_core.wells import WellRate
+
+
+def time_from_msg(stamp: Any) -> float:
+    """Return the time of a stamp [s], since the epoch of the clock that made it."""
+    return float(stamp.sec) + float(stamp.nanosec) * 1e-9
+
+
+def grid_from_msg(message: Any) -> Grid:
+    """Return the grid of a message.
+
+    Raises:
+        InputError: no cells, or a size that is not positive.
+    """
+    return Grid(message.nx, message.nz, message.width, message.height)
+
+
+def _values(kind: str, values: Any, grid: Grid, dtype: type) -> FloatArray:
+    """Return the `values` of a message, an array or a buffer, as a map (nz, nx) on `grid`."""
+    if len(values) != grid.nx * grid.nz:
+        raise InputError(
+            f'{kind} has {len(values)} values on a grid of {grid.nx} x {grid.nz}; '
+            f'send {grid.nx * grid.nz}, row-major from the lower left'
+        )
+    return np.frombuffer(values, dtype=dtype).reshape(grid.shape)
+
+
+def tracer_from_msg(message: Any) -> tuple[FloatArray, Grid]:
+    """Return the map (nz, nx) [-] in double precision, and its grid.
+
+    Raises:
+        InputError: the grid is wrong, or the number of values does not fit it.
+    """
+    grid = grid_from_msg(message.grid)
+    values = _values('tracer field', message.concentration, grid, np.float32)
+    return values.astype(np.float64), grid
+
+
+def source_from_msg(message: Any) -> tuple[FloatArray, Grid]:
+    """Return the tracer source (nz, nx) [1/s] and its grid.
+
+    Raises:
+        InputError: the grid is wrong, or the number of values does not fit it.
+    """
+    grid = grid_from_msg(message.grid)
+    return _values('source field', message.source, grid, np.float64).copy(), grid
+
+
+def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
+    """Return the rates by well.
+
+    Raises:
+        InputError: a well occurs twice, a rate is not finite, or a concentration lies outside 0..1.
+    """
+    rates: dict[str, WellRate] = {}
+    for message in messages:
+        if message.well in rates:
+            raise InputError(f"well '{message.well}' is named twice; name each once")
+        try:
+            rates[message.well] = WellRate(message.rate, message.concentration)
+        except InputError as error:
+            raise InputError(f"well '{message.well}': {error}") from None
+    return rates
+
+
+def _quantity_from_msg(message: Any) -> float | FloatArray:
+    if len(message.values) == 0:
+        return message.value
+    return _values('quantity', message.values, grid_from_msg(message.grid), np.float64).copy()
+
+
+def _named(names: Sequence[str], what: str, *columns: Sequence[Any]) -> Iterable[tuple[Any, ...]]:
+    if any(len(column) != len(names) for column in columns):
+        raise InputError(f'rig description: {what} has not one value for each name; send one')
+    return zip(names, *columns, strict=True)
+
+
+def _effect_from_msg(message: Any) -> dict[str, Any]:
+    columns = (message.parameter_values, message.parameter_texts)
+    named = _named(message.parameter_names, f"effect '{message.name}'", *columns)
+    parameters = {name: text or value for name, value, text in named}
+    return {'name': message.name, 'parameters': parameters}
+
+
+def _pairs(values: Iterable[float], what: str) -> tuple[tuple[float, float], ...]:
+    flat = [float(value) for value in values]
+    if len(flat) % 2:
+        raise InputError(f'rig description: {what} has {len(flat)} numbers; send pairs')
+    return tuple(zip(flat[::2], flat[1::2], strict=True))
+
+
+def _camera_from_msg(message: Any) -> dict[str, Any]:
+    names = message.curvature_names
+    return {
+        'corners_px': _pairs(message.corners, 'corners'),
+        'colour_checker_px': _pairs(message.colour_checker, 'colour_checker') or None,
+        'curvature': dict(_named(names, 'curvature', message.curvature_values)),
+    }
+
+
+def _objective_from_msg(message: Any) -> dict[str, Any]:
+    # bags recorded before objectives could be chosen lack both fields
+    name = getattr(message, 'objective', '') or ObjectiveDescription().name
+    text = getattr(message, 'objective_parameters', '') or '{}'
+    try:
+        parameters = json.loads(text)
+    except ValueError:
+        parameters = None
+    if not isinstance(parameters, dict):
+        raise InputError(
+            f"rig description: objective_parameters '{text}': send a JSON object, or nothing"
+        )
+    return {**parameters, 'name': name}
+
+
+def _rounded(value: float) -> float:
+    """Return `value` without the round-off of a change of units: 500.00000000000006 -> 500."""
+    return float(f'{value:.14g}')
+
+
+def _control_from_msg(message: Any) -> dict[str, Any]:
+    fixed = {
+        name: {'rate_ml_h': _rounded(to_ml_h(well.rate)), 'concentration': well.concentration}
+        for name, well in rates_from_msg(message.fixed).items()
+    }
+    return {
+        'wells': tuple(message.wells),
+        'producer': message.producer or None,
+        'fixed': fixed,
+        'max_rate_ml_h': _rounded(to_ml_h(message.max_rate)),
+        'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
+        'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
+        'fuzziness_m': message.fuzziness,
+        'objective': _objective_from_msg(message),
+    }
+
+
+def rig_from_msg(message: Any) -> Rig:
+    """Return the rig of a message.
+
+    Raises:
+        InputError: a value is missing or wrong, or a map does not fit its grid.
+    """
+    sides = {
+        side: 'open' if getattr(message, f'open_{side}') else 'closed'
+        for side in ('top', 'bottom', 'left', 'right')
+    }
+    return rig_from_maps(
+        {
+            'name': message.name,
+            'width_m': message.width,
+            'height_m': message.height,
+            'viscosity_pa_s': message.viscosity,
+            'density_kg_m3': message.density,
+            'boundaries': sides,
+            'wells': {
+                well.name: {'x_m': well.x, 'z_m': well.z, 'radius_m': well.radius}
+                for well in message.wells
+            },
+            'camera': _camera_from_msg(message.camera[0]) if message.camera else None,
+            'control': _control_from_msg(message.control[0]) if message.control else None,
+            'effects': tuple(_effect_from_msg(effect) for effect in message.effects),
+        },
+        {
+            'depth_m': _quantity_from_msg(message.depth),
+            'porosity': _quantity_from_msg(message.porosity),
+            'permeability_m2': _quantity_from_msg(message.permeability),
+        },
+    )

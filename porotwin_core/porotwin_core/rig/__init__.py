@@ -1,0 +1,36 @@
+"""The description of a rig: `rig.yaml` as immutable records, read, checked and written.
+
+`sections` holds the parts of the description, `description` the whole rig, `rig_file` reads and
+writes files, `complaints` turns validation errors into one line. docs/rig.md lists every key.
+"""
+
+from porotwin_core.rig.control_section import Control, FixedWell, ObjectiveDescription
+from porotwin_core.rig.description import Rig
+from porotwin_core.rig.rig_file import load_rig, parse_rig, rig_from_maps, write_rig
+from porotwin_core.rig.sections import (
+    DEFAULT_WELL_RADIUS,
+    Boundaries,
+    Camera,
+    EffectDescription,
+    MapReference,
+    Polygon,
+    Well,
+)
+
+__all__ = [
+    'DEFAULT_WELL_RADIUS',
+    'Boundaries',
+    'Camera',
+    'Control',
+    'EffectDescription',
+    'FixedWell',
+    'MapReference',
+    'ObjectiveDescription',
+    'Polygon',
+    'Rig',
+    'Well',
+    'load_rig',
+    'parse_rig',
+    'rig_from_maps',
+    'write_rig',
+]

@@ -1,0 +1,172 @@
+"""The inbox of the hub: matches messages of different topics, and orders them by their stamps.
+
+Topics keep no order between them, so everything counts by its stamp: a state is ready when it is
+here and refreshed, in whichever order the two messages arrive; an interruption or a rate belongs to
+the interval that its stamp lies in. This module knows neither messages nor ROS.
+"""
+
+import math
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from porotwin_core.grid import FloatArray
+from porotwin_hub.rates_in_force import KnownRates
+
+REMEMBERED_STATES = 16
+"""States that wait for their refreshed message, and the other way round: half a burst of 30."""
+
+REMEMBERED_RATES = 1024
+"""Known rates that wait for the next state: a flow meter at 10 Hz, photographs every 100 s."""
+
+Envelope = TypeVar('Envelope')
+
+
+@dataclass(frozen=True)
+class ArrivedState(Generic[Envelope]):
+    """A state of the asset.
+
+    `sequence` is its number, `stamp` the time of its photograph [s], `concentration` its map
+    (nz, nx) [-]. The `envelope` (the message) is passed on untouched.
+    """
+
+    sequence: int
+    stamp: float
+    concentration: FloatArray
+    envelope: Envelope
+
+
+@dataclass(frozen=True)
+class ReadyState(Generic[Envelope]):
+    """A refreshed state with everything that belongs to it.
+
+    Attributes:
+        state: the state.
+        arrival: when it was ready, by the clock given to the inbox [s].
+        known: rates measured or confirmed since the last state that was taken.
+        interruptions: reasons why it does not follow from the last state; empty: it does.
+        skipped: states that were ready too, but older.
+        time_went_back: whether its stamp is not later than the last one.
+    """
+
+    state: ArrivedState[Envelope]
+    arrival: float
+    known: tuple[KnownRates, ...] = ()
+    interruptions: tuple[str, ...] = ()
+    skipped: int = 0
+    time_went_back: bool = False
+
+
+@dataclass
+class _Timeline:
+    """Events by stamp, and the stamp of the last state that was taken."""
+
+    last_stamp: float = -math.inf
+    rates: deque[KnownRates] = field(default_factory=lambda: deque(maxlen=REMEMBERED_RATES))
+    interruptions: deque[tuple[float, str]] = field(default_factory=deque)
+
+
+class Inbox(Generic[Envelope]):
+    """Collects messages from several threads; `take` hands out one ready state after the other."""
+
+    def __init__(self, clock: Callable[[], float], *, clock_tolerance: float = math.inf) -> None:
+        """Make an empty inbox.
+
+        Args:
+            clock: returns the time [s]; it is asked whenever a state becomes ready.
+            clock_tolerance: rates whose time lies further [s] outside the interval of two states
+                have another clock than the camera; they count from the earlier state on.
+        """
+        self._clock = clock
+        self._clock_tolerance = clock_tolerance
+        self._states: dict[int, ArrivedState[Envelope]] = {}
+        self._refreshed: deque[int] = deque(maxlen=REMEMBERED_STATES)
+        self._ready: queue.SimpleQueue[ReadyState[Envelope]] = queue.SimpleQueue()
+        self._timeline = _Timeline()
+        self._lock = threading.Lock()
+
+    def add_state(self, state: ArrivedState[Envelope]) -> None:
+        """Add a state of the asset."""
+        with self._lock:
+            self._states[state.sequence] = state
+            self._match()
+
+    def add_refreshed(self, sequence: int) -> None:
+        """Add the message that the state `sequence` is complete."""
+        with self._lock:
+            self._refreshed.append(sequence)
+            self._match()
+
+    def add_interruption(self, stamp: float, reason: str) -> None:
+        """Add a clean state: states from `stamp` [s] on do not follow from earlier ones."""
+        with self._lock:
+            self._timeline.interruptions.append((stamp, reason))
+
+    def add_rates(self, known: KnownRates) -> None:
+        """Add rates that were measured or confirmed."""
+        with self._lock:
+            self._timeline.rates.append(known)
+
+    def supersede_confirmed_rates(self) -> None:
+        """Forget rates without an end, because a new setpoint is about to be commanded."""
+        with self._lock:
+            self._keep_rates(lambda item: not item.is_open)
+
+    def take(self, timeout: float | None = None) -> ReadyState[Envelope] | None:
+        """Wait for a ready state and return the newest; None after `timeout` [s]."""
+        try:
+            newest = self._ready.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        skipped = 0
+        while not self._ready.empty():
+            newest, skipped = self._ready.get(), skipped + 1
+        with self._lock:
+            return self._complete(newest, skipped)
+
+    def _match(self) -> None:
+        for sequence in [number for number in self._refreshed if number in self._states]:
+            self._refreshed.remove(sequence)
+            self._ready.put(ReadyState(self._states.pop(sequence), self._clock()))
+        for sequence in list(self._states)[:-REMEMBERED_STATES]:
+            del self._states[sequence]
+
+    def _complete(self, ready: ReadyState[Envelope], skipped: int) -> ReadyState[Envelope]:
+        """Return `ready` with all events between the last state and this one."""
+        stamp, timeline = ready.state.stamp, self._timeline
+        time_went_back = stamp <= timeline.last_stamp
+        if time_went_back:
+            timeline.last_stamp = -math.inf
+            self._keep_rates(lambda item: item.start <= stamp)
+        known = self._known_until(stamp)
+        last = timeline.last_stamp
+        interruptions = tuple(
+            reason for moment, reason in timeline.interruptions if last < moment <= stamp
+        )
+        timeline.interruptions = deque(
+            event for event in timeline.interruptions if event[0] > stamp
+        )
+        self._keep_rates(lambda item: max(item.start, item.end) > stamp)
+        timeline.last_stamp = stamp
+        return ReadyState(ready.state, ready.arrival, known, interruptions, skipped, time_went_back)
+
+    def _known_until(self, stamp: float) -> tuple[KnownRates, ...]:
+        """Return the rates that began before `stamp` [s], with times by the photographs' clock."""
+        timeline, tolerance = self._timeline, self._clock_tolerance
+        last = timeline.last_stamp
+        timeline.rates = deque(
+            (
+                item
+                if last - tolerance <= item.end <= stamp + tolerance
+                else KnownRates(last, last, item.rates)
+                for item in timeline.rates
+            ),
+            maxlen=REMEMBERED_RATES,
+        )
+        return tuple(item for item in timeline.rates if item.start < stamp)
+
+    def _keep_rates(self, keep: Callable[[KnownRates], bool]) -> None:
+        self._timeline.rates = deque(filter(keep, self._timeline.rates), maxlen=REMEMBERED_RATES)

@@ -1,0 +1,66 @@
+"""All objectives by name, and the objective that a rig description asks for."""
+
+import importlib
+import pkgutil
+from typing import Any
+
+import pydantic
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Control, Rig
+from porotwin_core.rig.complaints import one_line
+from porotwin_hub import objectives
+from porotwin_hub.objective import Objective, ObjectiveKind, ObjectiveParameters
+
+
+def _find_objectives() -> dict[str, ObjectiveKind]:
+    found = {}
+    for module in pkgutil.iter_modules(objectives.__path__):
+        kind = importlib.import_module(f'{objectives.__name__}.{module.name}').OBJECTIVE
+        found[kind.name] = kind
+    return found
+
+
+OBJECTIVES: dict[str, ObjectiveKind] = _find_objectives()
+"""All objectives by name; every module in `porotwin_hub/objectives` defines one."""
+
+
+def objective_kind(name: str) -> ObjectiveKind:
+    """Return the objective called `name`.
+
+    Raises:
+        InputError: there is none; the message lists all names.
+    """
+    if name not in OBJECTIVES:
+        raise InputError(f"objective '{name}': unknown; choose from {', '.join(OBJECTIVES)}")
+    return OBJECTIVES[name]
+
+
+def make_objective(rig: Rig, grid: Grid) -> Objective:
+    """Return the objective of `rig` (`control.objective` of rig.yaml) for maps on `grid`.
+
+    Raises:
+        InputError: the rig has no control section, or its objective or a parameter is wrong.
+    """
+    if rig.control is None:
+        raise InputError(f"rig '{rig.name}' has no control section; add one to rig.yaml")
+    kind = objective_kind(rig.control.objective.name)
+    return kind.make(rig, grid, _parameters(kind, rig.control))
+
+
+def _parameters(kind: ObjectiveKind, control: Control) -> ObjectiveParameters:
+    given: dict[str, Any] = _shared_parameters(kind, control) | control.objective.parameters
+    section = f"objective '{kind.name}'"
+    try:
+        return kind.parameters.model_validate(given)
+    except pydantic.ValidationError as error:
+        raise InputError(one_line(section, error, section=section)) from None
+
+
+def _shared_parameters(kind: ObjectiveKind, control: Control) -> dict[str, Any]:
+    """Return the parameters that `control` itself holds, as far as the objective has them."""
+    shared: dict[str, Any] = {'fuzziness_m': control.fuzziness_m}
+    if control.disallowed_zone_m:
+        shared['disallowed_zone_m'] = control.disallowed_zone_m
+    return {name: value for name, value in shared.items() if name in kind.parameters.model_fields}

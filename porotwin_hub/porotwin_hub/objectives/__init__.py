@@ -1,0 +1,1 @@
+"""The objectives that `rig.yaml` may name, one file each; `objective_registry` finds them."""

@@ -1,0 +1,46 @@
+"""Keep the tracer in a zone: tracer outside the zone, and near its edge, costs."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, FiniteFloat
+
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Polygon, Rig
+from porotwin_hub.objective import (
+    ObjectiveKind,
+    ObjectiveParameters,
+    WeightedTracer,
+    pore_volume,
+)
+from porotwin_hub.zones import cell_centres, distance_to_outside, fuzzy_mask
+
+
+class KeepInParameters(ObjectiveParameters):
+    """The zone, and the distance [m] over which the mask falls from 1 to 0 inside it."""
+
+    zone_m: Polygon
+    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
+
+
+def keep_in(rig: Rig, grid: Grid, parameters: KeepInParameters) -> WeightedTracer:
+    """Return f(c) = integral of c varphi porosity depth dx [m^3].
+
+    varphi is 1 outside the zone and falls to 0 at the distance `fuzziness_m` inside it.
+    """
+    polygon = np.array(parameters.zone_m, dtype=float)
+    distance = distance_to_outside(cell_centres(grid), polygon).reshape(grid.shape)
+    pores = pore_volume(rig, grid)
+    return WeightedTracer(
+        goal='least tracer outside the zone',
+        weights=fuzzy_mask(distance, parameters.fuzziness_m) * pores,
+        disallowed=fuzzy_mask(distance, 0.0) * pores,
+    )
+
+
+OBJECTIVE = ObjectiveKind(
+    name='keep_in',
+    summary='least tracer outside a zone',
+    parameters=KeepInParameters,
+    make=keep_in,
+)

@@ -1,0 +1,158 @@
+"""The rates that the wells pumped over an interval: measured, confirmed, or as commanded."""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates, mean_rates, net_rate
+from porotwin_hub.setpoint_limits import CONCENTRATION_TOLERANCE, SAME_SETTING_ML_H
+
+SAME_RATE = from_ml_h(SAME_SETTING_ML_H)
+"""Rates that differ by at most this are the same setting of a pump [m^3/s]."""
+
+SHORTEST_PERIOD_S = 0.5
+"""Edges closer than this [s] coincide: clocks of pumps and cameras agree no better."""
+
+MOST_PERIODS = 8
+"""Periods of one interval that are predicted one by one; more of them count by their mean rates."""
+
+
+class KnownRates(NamedTuple):
+    """Rates that the pumps measured or the operator confirmed; times [s] by the photographs' clock.
+
+    Measured rates hold from `start` to `end`. Confirmed rates begin to hold at `start`; their
+    `end` equals `start`, because nobody knows how long they will hold.
+    """
+
+    start: float
+    end: float
+    rates: WellRates
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the rates hold until something else is known."""
+        return self.end <= self.start
+
+
+class RatePeriod(NamedTuple):
+    """Constant rates from `start` to `end` [s]."""
+
+    start: float
+    end: float
+    rates: WellRates
+
+
+def rates_in_force(
+    known: Sequence[KnownRates],
+    start: float,
+    end: float,
+    *,
+    commanded: WellRates,
+    before: WellRates,
+) -> tuple[RatePeriod, ...]:
+    """Return the periods of constant rates that cover `start` to `end` [s].
+
+    Of several known rates, the ones that began last count. Where none are known, the `commanded`
+    rates count as pumped. There is one exception: until the operator confirms a change, the pumps
+    keep the rates of the end of the last interval (`before`).
+
+    Args:
+        known: measured and confirmed rates, in any order.
+        start: the beginning of the interval [s].
+        end: the end of the interval [s], after `start`.
+        commanded: the rates of the setpoint in force.
+        before: the rates at the end of the last interval.
+    """
+
+    inside = known_within(known, start, end)
+    moments = {moment for item in inside for moment in (item.start, item.end)}
+    edges = [start, *sorted(moment for moment in moments if start < moment < end), end]
+    periods: list[RatePeriod] = []
+    for low, high in itertools.pairwise(edges):
+        rates = _known_at(inside, low)
+        if rates is None:
+            awaited = any(item.is_open and item.start > low for item in inside)
+            rates = before if awaited else commanded
+        if periods and same_rates(periods[-1].rates, rates):
+            periods[-1] = periods[-1]._replace(end=high)
+        else:
+            periods.append(RatePeriod(low, high, rates))
+    if len(periods) > MOST_PERIODS:
+        return (RatePeriod(start, end, mean_rates(periods)),)
+    return tuple(periods)
+
+
+def known_within(known: Sequence[KnownRates], start: float, end: float) -> list[KnownRates]:
+    """Return the known rates that hold at some time from `start` to `end` [s], sorted by start.
+
+    Moments that coincide with an edge of the interval are moved to it.
+    """
+
+    def to_edge(moment: float) -> float:
+        edges = [edge for edge in (start, end) if abs(moment - edge) <= SHORTEST_PERIOD_S]
+        return edges[0] if edges else moment
+
+    moved = [KnownRates(to_edge(item.start), to_edge(item.end), item.rates) for item in known]
+    inside = [item for item in moved if item.start < end and (item.is_open or item.end > start)]
+    return sorted(inside, key=lambda item: item.start)
+
+
+def _known_at(known: Sequence[KnownRates], moment: float) -> WellRates | None:
+    """Return the rates among `known`, sorted by start, that began last and hold at `moment` [s]."""
+    holding = [
+        item.rates for item in known if item.start <= moment and (item.is_open or item.end > moment)
+    ]
+    return holding[-1] if holding else None
+
+
+def latest_known(known: Sequence[KnownRates], moment: float) -> WellRates | None:
+    """Return the known rates that began last before `moment` [s]; None if there are none."""
+    begun = [item for item in known if item.start <= moment + SHORTEST_PERIOD_S]
+    return max(begun, key=lambda item: item.start).rates if begun else None
+
+
+def same_rates(first: WellRates, second: WellRates) -> bool:
+    """Return whether both are the same settings of the pumps, with the same fluids."""
+    return not different_wells(first, second)
+
+
+def different_wells(first: WellRates, second: WellRates) -> list[str]:
+    """Return the names of the wells whose rate or injected fluid differs."""
+    return [
+        name
+        for name in dict.fromkeys([*first, *second])
+        if not _same(first.get(name, WellRate()), second.get(name, WellRate()))
+    ]
+
+
+def _same(first: WellRate, second: WellRate) -> bool:
+    if abs(first.rate - second.rate) > SAME_RATE:
+        return False
+    injects = min(first.rate, second.rate) > 0.0
+    return not injects or abs(first.concentration - second.concentration) <= CONCENTRATION_TOLERANCE
+
+
+def balanced(rates: WellRates, producer: str) -> dict[str, WellRate]:
+    """Return `rates` with the rate of the `producer` that balances all others.
+
+    In a rig whose sides are all closed the net rate is zero; meters never add up to zero.
+    """
+    others = {name: well for name, well in rates.items() if name != producer}
+    return {**others, producer: WellRate(-net_rate(others))}
+
+
+def describe_difference(periods: Sequence[RatePeriod], expected: WellRates) -> str:
+    """Return in words, in ml/h, how the mean rates of `periods` differ from the `expected` ones."""
+    mean = periods[0].rates if len(periods) == 1 else mean_rates(periods)
+    parts = []
+    for name in different_wells(mean, expected):
+        pumped, planned = mean.get(name, WellRate()), expected.get(name, WellRate())
+        part = f'{name} {to_ml_h(pumped.rate):.1f} instead of {to_ml_h(planned.rate):.1f} ml/h'
+        if abs(pumped.rate - planned.rate) <= SAME_RATE:
+            part = (
+                f'{name} with concentration {pumped.concentration:g} instead of '
+                f'{planned.concentration:g}'
+            )
+        parts.append(part)
+    return ', '.join(parts) or 'other rates in between'

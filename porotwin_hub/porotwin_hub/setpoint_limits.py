@@ -1,0 +1,164 @@
+"""The limits of setpoints: which rates the twin may command (paper, section 4).
+
+Every setpoint keeps the limits by construction: `Limits.setpoint` turns any numbers into rates
+within them. `Limits.violations` is an independent check before rates leave the hub.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates, net_rate
+
+PUMP_STEP_ML_H = 0.1
+"""Resolution of a pump's display [ml/h]; setpoints are rounded down to it."""
+
+SAME_SETTING_ML_H = 0.5 * PUMP_STEP_ML_H
+"""Rates that differ by at most this are the same setting of a pump [ml/h]."""
+
+STEP_ROUND_OFF = 1e-6
+"""Part of a pump step that round-off may take from a rate without costing a whole step."""
+
+RATE_TOLERANCE = from_ml_h(1e-6)
+"""Round-off allowed in sums of rates [m^3/s]."""
+
+CONCENTRATION_TOLERANCE = 1e-6
+"""Round-off allowed in injected concentrations [-]."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The rates that the twin may command [m^3/s].
+
+    `wells` are the control wells in the order of the optimiser's variables; `fixed` wells keep
+    their rates; `producer` balances all others; every other well of `all_wells` stays off.
+    """
+
+    wells: tuple[str, ...]
+    producer: str | None
+    fixed: dict[str, WellRate]
+    max_rate: float
+    max_total_rate: float
+    all_wells: tuple[str, ...]
+
+    @classmethod
+    def of(cls, rig: Rig) -> 'Limits':
+        """Return the limits of a rig.
+
+        Raises:
+            InputError: the rig has no control section.
+        """
+        if rig.control is None:
+            raise InputError(f"rig '{rig.name}' has no control section; add one to rig.yaml")
+        control = rig.control
+        return cls(
+            wells=control.wells,
+            producer=control.producer,
+            fixed={
+                name: WellRate(from_ml_h(well.rate_ml_h), well.concentration)
+                for name, well in control.fixed.items()
+            },
+            max_rate=from_ml_h(control.max_rate_ml_h),
+            max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+            all_wells=tuple(rig.wells),
+        )
+
+    def setpoint(self, control_rates: FloatArray) -> dict[str, WellRate]:
+        """Return the rates of every well for proposed `control_rates` (wells,) [m^3/s].
+
+        A proposal that is not finite counts as zero. Each rate is cut to [0, max_rate], all are
+        scaled down together to max_total_rate and rounded down to the pump's step. The producer
+        balances the sum.
+        """
+        proposed = np.nan_to_num(np.asarray(control_rates, dtype=float), nan=0.0, posinf=0.0)
+        rates = np.clip(proposed, 0.0, self.max_rate)
+        total = rates.sum()
+        if total > self.max_total_rate:
+            rates *= self.max_total_rate / total
+        steps = np.floor(to_ml_h(1.0) * rates / PUMP_STEP_ML_H + STEP_ROUND_OFF)
+        rates = steps * from_ml_h(PUMP_STEP_ML_H)
+        chosen = {name: WellRate(float(rate)) for name, rate in zip(self.wells, rates, strict=True)}
+        result = {name: WellRate() for name in self.all_wells} | self.fixed | chosen
+        if self.producer is not None:
+            result[self.producer] = WellRate(-net_rate(result))
+        return result
+
+    def safe(self) -> dict[str, WellRate]:
+        """Return the safe rates: control wells off, fixed wells on, balanced by the producer."""
+        return self.setpoint(np.zeros(len(self.wells)))
+
+    def control_rates(self, rates: WellRates) -> FloatArray:
+        """Return the rates of the control wells among `rates`, shape (wells,) [m^3/s]."""
+        return np.array([rates.get(name, WellRate()).rate for name in self.wells])
+
+    def violations(self, rates: WellRates) -> list[str]:
+        """Return one line for every limit that `rates` break; an empty list if there is none."""
+        return [
+            *self._unknown_wells(rates),
+            *self._control_rates_out_of_range(rates),
+            *self._wrong_roles(rates),
+            *self._changed_fixed_wells(rates),
+            *self._imbalance(rates),
+        ]
+
+    def _unknown_wells(self, rates: WellRates) -> list[str]:
+        return [
+            f"well '{name}' is not in the rig; known: {', '.join(self.all_wells)}"
+            for name in rates
+            if name not in self.all_wells
+        ]
+
+    def _control_rates_out_of_range(self, rates: WellRates) -> list[str]:
+        control = self.control_rates(rates)
+        lines = [
+            f"well '{name}': {to_ml_h(rate):.1f} ml/h lies outside "
+            f'0 to {to_ml_h(self.max_rate):.1f} ml/h'
+            for name, rate in zip(self.wells, control, strict=True)
+            if not -RATE_TOLERANCE <= rate <= self.max_rate + RATE_TOLERANCE
+        ]
+        if math.fsum(control) > self.max_total_rate + RATE_TOLERANCE:
+            lines.append(
+                f'control wells inject {to_ml_h(math.fsum(control)):.1f} ml/h together, '
+                f'more than {to_ml_h(self.max_total_rate):.1f} ml/h'
+            )
+        return lines
+
+    def _wrong_roles(self, rates: WellRates) -> list[str]:
+        """Return a line for every idle well that pumps, and for every well with a wrong fluid.
+
+        Only fixed wells inject tracer; control wells inject water.
+        """
+        lines = []
+        for name, well in rates.items():
+            if abs(well.rate) <= RATE_TOLERANCE or name not in self.all_wells:
+                continue
+            if name != self.producer and name not in self.wells and name not in self.fixed:
+                lines.append(
+                    f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but control gives it no role"
+                )
+            fluid = self.fixed.get(name, WellRate()).concentration
+            if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
+                lines.append(
+                    f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
+                )
+        return lines
+
+    def _changed_fixed_wells(self, rates: WellRates) -> list[str]:
+        return [
+            f"well '{name}' must stay at {to_ml_h(well.rate):.1f} ml/h"
+            for name, well in self.fixed.items()
+            if abs(rates.get(name, WellRate()).rate - well.rate) > RATE_TOLERANCE
+        ]
+
+    def _imbalance(self, rates: WellRates) -> list[str]:
+        if self.producer is None or abs(net_rate(rates)) <= RATE_TOLERANCE:
+            return []
+        return [
+            f'{to_ml_h(net_rate(rates)):.1f} ml/h more is injected than produced; '
+            'the net rate must be zero'
+        ]

@@ -1,0 +1,58 @@
+"""Zones of the rig: distances to a polygon, and masks that fade out around it (paper, sec. 4)."""
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid
+
+
+def distance_to_outline(points: FloatArray, polygon: FloatArray) -> FloatArray:
+    """Return the distance [m] of `points` (n, 2) to the edges of `polygon` (m, 2), shape (n,)."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    to_point = points[:, None, :] - polygon[None]
+    length2 = np.maximum((edge**2).sum(axis=1), np.finfo(float).tiny)
+    along = np.clip((to_point * edge).sum(axis=2) / length2, 0.0, 1.0)
+    distance: FloatArray = np.linalg.norm(to_point - along[..., None] * edge, axis=2).min(axis=1)
+    return distance
+
+
+def inside(points: FloatArray, polygon: FloatArray) -> FloatArray:
+    """Return whether `points` (n, 2) lie inside `polygon` (m, 2), shape (n,), by the even-odd rule.
+
+    A horizontal ray from a point inside crosses the outline an odd number of times.
+    """
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    to_point = points[:, None, :] - polygon[None]
+    below = to_point[..., 1] < 0
+    crosses = below != np.roll(below, -1, axis=1)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        right = to_point[..., 0] < edge[:, 0] * to_point[..., 1] / edge[:, 1]
+    return (crosses & right).sum(axis=1) % 2 == 1
+
+
+def distance_to_zone(points: FloatArray, polygon: FloatArray) -> FloatArray:
+    """Return the distance [m] of `points` (n, 2) to the filled `polygon` (m, 2); 0 inside it."""
+    return np.where(inside(points, polygon), 0.0, distance_to_outline(points, polygon))
+
+
+def distance_to_outside(points: FloatArray, polygon: FloatArray) -> FloatArray:
+    """Return the distance [m] of `points` (n, 2) to the outside of `polygon` (m, 2); 0 there."""
+    return np.where(inside(points, polygon), distance_to_outline(points, polygon), 0.0)
+
+
+def fuzzy_mask(distance: FloatArray, fuzziness: float) -> FloatArray:
+    """Return varphi: 1 at distance 0, falling to 0 at the distance `fuzziness` [m].
+
+    varphi = (1 + cos(pi d / fuzziness)) / 2 for a distance d < fuzziness. The cost is then smooth
+    in the position of the plume's front, and the twin responds before the plume reaches the zone
+    without looking far ahead (paper, section 4). A fuzziness of 0 gives the sharp zone.
+    """
+    if fuzziness == 0:
+        return (distance == 0).astype(float)
+    share = np.clip(distance / fuzziness, 0.0, 1.0)
+    return 0.5 * (1.0 + np.cos(np.pi * share))
+
+
+def cell_centres(grid: Grid) -> FloatArray:
+    """Return the centres (x, z) [m] of all cells of `grid`, shape (nz * nx, 2), row by row."""
+    x, z = np.meshgrid(grid.x, grid.z)
+    return np.column_stack([x.ravel(), z.ravel()])

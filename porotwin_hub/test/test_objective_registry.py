@@ -1,0 +1,84 @@
+"""Tests of the registry of objectives: found by name, refused with one line."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import parse_rig
+from porotwin_hub.objective_registry import OBJECTIVES, make_objective
+
+TRIANGLE = [[0.1, 0.1], [0.9, 0.1], [0.5, 0.9]]
+
+
+def test_every_module_of_objectives_is_found() -> None:
+    folder = Path(__file__).resolve().parents[1] / 'porotwin_hub' / 'objectives'
+    modules = {path.stem for path in folder.glob('*.py')} - {'__init__'}
+    assert set(OBJECTIVES) == modules
+    assert {'keep_out', 'keep_in'} <= modules
+    assert all(kind.summary for kind in OBJECTIVES.values())
+
+
+@pytest.mark.parametrize(
+    ('control', 'complaint'),
+    [
+        (
+            {'objective': 'keep_dry'},
+            f"objective 'keep_dry': unknown; choose from {', '.join(OBJECTIVES)}",
+        ),
+        (
+            {'objective': 'keep_in'},
+            "objective 'keep_in': 'zone_m' is missing: the corners (x, z) of the zone [m]",
+        ),
+        (
+            {'objective': {'name': 'keep_in', 'zone_m': TRIANGLE, 'fuzzines_m': 0.1}},
+            "objective 'keep_in': unknown key 'fuzzines_m'; correct or remove it",
+        ),
+        (
+            {'objective': {'name': 'keep_in', 'zone_m': TRIANGLE[:2]}},
+            'needs at least three (x, z) points',
+        ),
+        (
+            {'objective': {'name': 'keep_in', 'zone_m': TRIANGLE, 'fuzziness_m': -1.0}},
+            "objective 'keep_in': fuzziness_m = -1.0",
+        ),
+        (
+            {},
+            "objective 'keep_out': 'disallowed_zone_m' is missing: the corners (x, z) of the zone",
+        ),
+    ],
+)
+def test_a_wrong_objective_is_refused_with_one_line(
+    unit_rig: dict[str, Any], control: dict[str, Any], complaint: str
+) -> None:
+    rig = parse_rig({**unit_rig, 'control': {'wells': ['a'], **control}}, Path('rig.yaml'))
+    with pytest.raises(InputError) as caught:
+        make_objective(rig, rig.grid(10, 10))
+    assert complaint in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_rig_without_control_has_no_objective(unit_rig: dict[str, Any]) -> None:
+    rig = parse_rig(unit_rig, Path('rig.yaml'))
+    with pytest.raises(InputError, match='no control section'):
+        make_objective(rig, rig.grid(10, 10))
+
+
+def test_keys_of_the_control_section_are_parameters_of_the_objective(
+    unit_rig: dict[str, Any],
+) -> None:
+    def cost(control: dict[str, Any]) -> float:
+        rig = parse_rig({**unit_rig, 'control': {'wells': ['a'], **control}}, Path('rig.yaml'))
+        grid = rig.grid(40, 40)
+        return make_objective(rig, grid)(np.ones(grid.shape))
+
+    in_section = cost({'disallowed_zone_m': TRIANGLE, 'fuzziness_m': 0.07})
+    parameters = {'name': 'keep_out', 'disallowed_zone_m': TRIANGLE, 'fuzziness_m': 0.07}
+    assert in_section == cost({'objective': parameters})
+    assert in_section != cost({'disallowed_zone_m': TRIANGLE, 'fuzziness_m': 0.08})
+    keep_in = {'name': 'keep_in', 'zone_m': TRIANGLE}
+    assert cost({'objective': keep_in, 'fuzziness_m': 0.07}) == cost(
+        {'objective': {**keep_in, 'fuzziness_m': 0.07}}
+    )

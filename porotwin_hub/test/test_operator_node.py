@@ -1,0 +1,131 @@
+"""Tests of the operator's node: it announces valid setpoints and publishes confirmed rates."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+import rclpy
+from hub_examples import SMALL_RIG
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from porotwin_core import conversions, qos
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_hub.operator_node import OperatorNode
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_msgs.msg import Setpoint, WellRates
+from porotwin_msgs.srv import ConfirmRates, Control
+
+pytestmark = pytest.mark.graph
+
+
+class Desk:
+    """An operator's node with a clock that tests set, and a node that talks to it."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        self.now = 1000.0
+        overrides = [Parameter('rig', value=str(SMALL_RIG)), Parameter('asset', value=True)]
+        self.operator = OperatorNode(
+            clock=lambda: self.now, context=context, parameter_overrides=overrides
+        )
+        self.peer = rclpy.create_node('peer', context=context)
+        self.executor = SingleThreadedExecutor(context=context)
+        for node in (self.operator, self.peer):
+            self.executor.add_node(node)
+        self.setpoints = self.peer.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        self.measured: list[WellRates] = []
+        self.peer.create_subscription(WellRates, 'wells/measured', self.measured.append, qos.FIELD)
+        self.confirm = self.peer.create_client(ConfirmRates, 'operator/confirm')
+        self.control = self.peer.create_client(Control, 'asset/control')
+        self.spin_until(
+            lambda: (
+                self.setpoints.get_subscription_count() > 0
+                and self.operator.count_subscribers('wells/measured') > 0
+                and self.confirm.service_is_ready()
+                and self.control.service_is_ready()
+            )
+        )
+
+    def spin_until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < deadline
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def spin_for(self, seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def ask(self, request: object) -> str:
+        """Return the message of the outcome of a request to confirm or to control."""
+        client = self.confirm if isinstance(request, ConfirmRates.Request) else self.control
+        future = client.call_async(request)
+        self.spin_until(future.done)
+        return str(future.result().outcome.message)
+
+
+@pytest.fixture
+def desk(domain: int) -> Iterator[Desk]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    yield Desk(context)
+    rclpy.shutdown(context=context)
+
+
+@pytest.fixture
+def other(small_rig: Rig) -> dict[str, WellRate]:
+    return Limits.of(small_rig).setpoint(from_ml_h(1.0) * np.array([100.0, 0.0, 0.0]))
+
+
+def setpoint(sequence: int, rates: dict[str, WellRate], *, validity: float = 90.0) -> Setpoint:
+    """Return a setpoint that follows from a photograph at 5 s."""
+    return Setpoint(
+        header=conversions.header_at(5.0),
+        sequence=sequence,
+        valid_until=conversions.time_to_msg(5.0 + validity),
+        wells=conversions.rates_to_msg(rates),
+    )
+
+
+def test_setpoints_are_announced_confirmed_and_expire(
+    desk: Desk, other: dict[str, WellRate], small_rig: Rig, capsys: pytest.CaptureFixture[str]
+) -> None:
+    desk.setpoints.publish(setpoint(1, other))
+    shown: list[str] = []
+
+    def shows(text: str) -> bool:
+        shown.append(capsys.readouterr().out)
+        return text in ''.join(shown)
+
+    desk.spin_until(lambda: shows('setpoint 1\n'))
+    desk.now += 12.0
+    assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
+    desk.spin_until(lambda: len(desk.measured) == 1)
+    confirmed = desk.measured[0]
+    assert conversions.time_from_msg(confirmed.start) == pytest.approx(17.0)
+    assert confirmed.header.stamp == confirmed.start
+    assert conversions.rates_from_msg(confirmed.wells) == other
+    desk.now += 79.0
+    desk.spin_until(lambda: shows('setpoint 1 has expired'))
+    assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
+    desk.spin_until(lambda: len(desk.measured) == 2)
+    safe = Limits.of(small_rig).safe()
+    assert conversions.rates_from_msg(desk.measured[1].wells) == safe
+
+
+def test_a_setpoint_that_is_not_valid_is_neither_announced_nor_accepted(
+    desk: Desk, other: dict[str, WellRate], capsys: pytest.CaptureFixture[str]
+) -> None:
+    never_valid = setpoint(1, other, validity=-1.0)
+    too_much = setpoint(2, {**other, 'control1': WellRate(from_ml_h(9e5))})
+    for message in (never_valid, too_much):
+        desk.setpoints.publish(message)
+        desk.spin_for(0.5)
+        assert desk.ask(Control.Request(setpoint=message)) != ''
+    assert capsys.readouterr().out == ''
+    assert 'there was none yet' in desk.ask(ConfirmRates.Request(sequence=1))
+    assert desk.ask(Control.Request(setpoint=setpoint(3, other))) == ''

@@ -1,0 +1,109 @@
+"""Tests of the operator's book of setpoints."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_hub.setpoint_book import REMEMBERED_SETPOINTS, SetpointBook
+from porotwin_hub.setpoint_limits import Limits
+
+
+@pytest.fixture
+def limits(small_rig: Rig) -> Limits:
+    return Limits.of(small_rig)
+
+
+@pytest.fixture
+def safe(limits: Limits) -> dict[str, WellRate]:
+    return limits.safe()
+
+
+@pytest.fixture
+def other(limits: Limits) -> dict[str, WellRate]:
+    return limits.setpoint(from_ml_h(1.0) * np.array([100.0, 0.0, 0.0]))
+
+
+@pytest.fixture
+def book(small_rig: Rig, limits: Limits) -> SetpointBook:
+    return SetpointBook(tuple(small_rig.wells), limits)
+
+
+Rates = dict[str, WellRate]
+
+
+def announced(book: SetpointBook, sequence: int, rates: Rates, *, now: float = 0.0) -> str:
+    return book.announce(sequence, rates, validity=90.0, now=now).text
+
+
+def test_changes_are_announced_relative_to_the_last_setpoint(
+    book: SetpointBook, safe: Rates, other: Rates
+) -> None:
+    for sequence, rates in ((1, other), (2, other), (3, safe)):
+        announced(book, sequence, rates)
+    assert '<-- was' not in announced(book, 4, safe)
+    assert '<-- was 0.0' in announced(book, 5, other)
+
+
+def test_after_a_restart_of_the_hub_the_numbers_begin_again(
+    book: SetpointBook, safe: Rates, other: Rates
+) -> None:
+    for sequence, rates in ((1, other), (2, other), (3, safe)):
+        announced(book, sequence, rates)
+    assert '<-- was' not in announced(book, 1, safe)
+    assert '<-- was 0.0' in announced(book, 2, other)
+    assert '<-- was' not in announced(book, 3, other)
+    assert book.sequences == (1, 2, 3)
+
+
+def test_a_setpoint_that_breaks_a_limit_is_refused(book: SetpointBook, safe: Rates) -> None:
+    for wrong in (
+        {**safe, 'control1': WellRate(from_ml_h(9e5))},
+        {**safe, 'injector': WellRate(from_ml_h(500.0), 0.0)},
+        {**safe, 'nowhere': WellRate(1e-9)},
+    ):
+        with pytest.raises(InputError):
+            announced(book, 1, wrong)
+    assert book.sequences == ()
+
+
+def test_an_expired_setpoint_is_announced_once_and_stands_for_the_safe_rates(
+    book: SetpointBook, safe: Rates, other: Rates
+) -> None:
+    announced(book, 1, other, now=1000.0)
+    assert book.expire(1089.0) is None
+    words = book.expire(1091.0)
+    assert words is not None
+    assert book.expire(1092.0) is None
+    assert words.text.count('setpoint 1 has expired') == 1
+    assert '0.0 ml/h   <-- was 100.0' in words.text
+    assert book.confirmed(1, {}) == safe
+    assert '<-- was 0.0' in announced(book, 2, other, now=1093.0)
+
+
+def test_confirmed_rates_are_the_announced_ones_except_for_changes(
+    book: SetpointBook, other: Rates
+) -> None:
+    announced(book, 1, other)
+    changed = {'control2': WellRate(from_ml_h(40.0))}
+    assert book.confirmed(1, {}) == other
+    assert book.confirmed(1, changed) == {**other, **changed}
+
+
+def test_an_unknown_setpoint_or_well_cannot_be_confirmed(book: SetpointBook, other: Rates) -> None:
+    with pytest.raises(InputError, match='setpoint 1 is not known; there was none yet'):
+        book.confirmed(1, {})
+    announced(book, 1, other)
+    with pytest.raises(InputError, match='setpoint 9 is not known; the newest is 1'):
+        book.confirmed(9, {})
+    with pytest.raises(InputError, match="well 'nowhere' is not in the rig"):
+        book.confirmed(1, {'nowhere': WellRate(1e-9)})
+
+
+def test_old_setpoints_are_forgotten(book: SetpointBook, safe: Rates) -> None:
+    for sequence in range(1, REMEMBERED_SETPOINTS + 3):
+        announced(book, sequence, safe)
+    assert book.sequences[0] == 3
+    assert len(book.sequences) == REMEMBERED_SETPOINTS

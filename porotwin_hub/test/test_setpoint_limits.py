@@ -1,0 +1,76 @@
+"""Tests of the limits: every setpoint keeps them, every violation is named."""
+
+import math
+
+import numpy as np
+import pytest
+from hub_examples import LIMITS
+from hypothesis import given
+from hypothesis import strategies as st
+
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, net_rate
+
+ANYTHING = st.lists(
+    st.one_of(st.floats(-1.0, 1.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300])),
+    min_size=3,
+    max_size=3,
+)
+
+
+@given(proposed=ANYTHING)
+def test_no_proposal_breaks_a_limit(proposed: list[float]) -> None:
+    rates = LIMITS.setpoint(np.array(proposed))
+    assert LIMITS.violations(rates) == []
+    assert set(rates) == set(LIMITS.all_wells)
+    assert rates['injector'] == LIMITS.fixed['injector']
+
+
+@given(proposed=st.lists(st.floats(0, 160.0), min_size=3, max_size=3))
+def test_a_proposal_within_the_limits_is_kept_to_the_pumps_step(proposed: list[float]) -> None:
+    rates = LIMITS.setpoint(from_ml_h(1.0) * np.array(proposed))
+    for name, rate in zip(LIMITS.wells, proposed, strict=True):
+        assert -1e-9 <= rate - to_ml_h(rates[name].rate) < 0.1 + 1e-6
+
+
+@given(proposed=ANYTHING)
+def test_the_setpoint_of_a_setpoint_is_the_same(proposed: list[float]) -> None:
+    rates = LIMITS.setpoint(np.array(proposed))
+    assert LIMITS.setpoint(LIMITS.control_rates(rates)) == rates
+
+
+def test_safe_rates_keep_the_injector_on_and_balance_it() -> None:
+    safe = LIMITS.safe()
+    assert to_ml_h(safe['producer'].rate) == pytest.approx(-500.0)
+    assert net_rate(safe) == pytest.approx(0.0, abs=1e-20)
+
+
+@pytest.mark.parametrize(
+    ('change', 'named'),
+    [
+        ({'control1': WellRate(from_ml_h(501.0))}, "'control1': 501.0"),
+        ({'control2': WellRate(from_ml_h(-1.0))}, "'control2': -1.0"),
+        ({'control1': WellRate(from_ml_h(300)), 'control2': WellRate(from_ml_h(300))}, '600.0'),
+        ({'injector': WellRate(from_ml_h(400.0), 1.0)}, "'injector' must stay"),
+        ({'producer': WellRate(from_ml_h(-499.0))}, 'net rate must be zero'),
+        ({'ghost': WellRate(1e-9)}, "'ghost' is not in the rig"),
+        (
+            {'idle': WellRate(from_ml_h(1e6))},
+            "'idle': 1000000.0 ml/h, but control gives it no role",
+        ),
+        (
+            {'control1': WellRate(from_ml_h(9.0), 1.0)},
+            "'control1' injects concentration 1, must be",
+        ),
+        ({'injector': WellRate(from_ml_h(500.0))}, "'injector' injects concentration 0, must be 1"),
+    ],
+)
+def test_every_broken_limit_is_named(change: dict[str, WellRate], named: str) -> None:
+    lines = LIMITS.violations({**LIMITS.safe(), **change})
+    assert any(named in line for line in lines), lines
+
+
+def test_the_concentration_of_a_well_that_does_not_inject_breaks_no_limit() -> None:
+    rates = LIMITS.safe()
+    rates |= {'control1': WellRate(0.0, 1.0), 'producer': WellRate(rates['producer'].rate, 1.0)}
+    assert LIMITS.violations(rates) == []
