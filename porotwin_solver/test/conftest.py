@@ -1,7 +1,6 @@
 """Rigs and rates that the tests of the solver share."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,8 +10,6 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 
 MakeRig = Callable[..., Rig]
-CLOSED = Boundaries(top='closed', bottom='closed', left='closed', right='closed')
-OPEN = Boundaries(top='open', bottom='open', left='open', right='open')
 
 
 def make_rig(**changes: Any) -> Rig:
@@ -51,18 +48,9 @@ def rig() -> Rig:
 
 @pytest.fixture
 def rates() -> dict[str, WellRate]:
-    """Tracer in at one well, water at another, the sum of both taken out at a third."""
+    """Rates of three wells: one injects tracer, one water, the third produces the sum of both."""
     return {
         'injector': WellRate(from_ml_h(500.0), 1.0),
         'control2': WellRate(from_ml_h(150.0), 0.0),
         'producer': WellRate(from_ml_h(-650.0)),
     }
-
-
-@pytest.fixture
-def cases() -> Path:
-    """The recordings of an independent simulator; skipped where they are not at hand."""
-    folder = Path(__file__).resolve().parents[3] / 'shared' / 'cases'
-    if not folder.is_dir():
-        pytest.skip(f'needs the recordings of the independent simulator in {folder}')
-    return folder

@@ -1,4 +1,4 @@
-"""Many simulations give what each gives alone, wherever they run."""
+"""A batch of simulations equals single simulations, in threads and on a cluster."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ TIMES = (0.0, 60.0, 120.0)
 
 
 def jobs(rig, rates) -> list[Job]:
-    """Return simulations that differ in the porosity."""
+    """Return simulations with different porosities."""
     return [
         Job(
             rig,
@@ -33,19 +33,19 @@ def alone(job: Job) -> np.ndarray:
     )
 
 
-def test_a_batch_gives_what_single_runs_give_in_their_order(rig, rates) -> None:
+def test_a_batch_equals_single_simulations_in_their_order(rig, rates) -> None:
     for job, found in zip(jobs(rig, rates), simulate_many(jobs(rig, rates)), strict=True):
         np.testing.assert_array_equal(found, alone(job))
 
 
-def test_a_refused_job_says_why(rig, rates) -> None:
+def test_a_refused_job_gives_its_reason(rig, rates) -> None:
     bad = Job(rig, Schedule.constant(rates), TIMES, rig.grid(31, 19), 'quick')
     with pytest.raises(InputError, match="preset 'quick': unknown"):
         simulate_many([*jobs(rig, rates), bad])
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same(rig, rates) -> None:
+def test_a_cluster_gives_the_same_maps(rig, rates) -> None:
     distributed = pytest.importorskip('distributed')
     cluster = distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None

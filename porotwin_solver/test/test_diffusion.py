@@ -8,9 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from porotwin_solver.diffusion import diffuse, exchanges, tensor, tensor_adjoint
+from porotwin_solver.diffusion import (
+    DispersionTensor,
+    diffuse,
+    dispersion_tensor,
+    dispersion_tensor_adjoint,
+    dispersive_exchanges,
+)
 from porotwin_solver.diffusion_kernels import superbase
-from porotwin_solver.flow import FaceField
+from porotwin_solver.face_field import FaceField
 from porotwin_solver.physics import nominal_physics
 
 
@@ -19,7 +25,7 @@ from porotwin_solver.physics import nominal_physics
     anisotropy=st.floats(1.0, 1000.0),
     shape=st.floats(0.2, 5.0),
 )
-def test_weights_are_not_negative_and_give_the_tensor_back(angle, anisotropy, shape) -> None:
+def test_weights_are_not_negative_and_add_up_to_the_tensor(angle, anisotropy, shape) -> None:
     cosine, sine = math.cos(angle), math.sin(angle)
     xx = (cosine**2 + sine**2 / anisotropy) * shape
     xz = cosine * sine * (1.0 - 1.0 / anisotropy)
@@ -32,7 +38,7 @@ def test_weights_are_not_negative_and_give_the_tensor_back(angle, anisotropy, sh
 
 
 def flowing(rig, seed: int):
-    """Return physics with dispersion, and a flux through its faces."""
+    """Return physics with dispersion, and a random flux [m^3/s]."""
     physics = replace(
         nominal_physics(rig, rig.grid(21, 15)),
         longitudinal_dispersivity=0.006,
@@ -51,24 +57,24 @@ def test_the_tensor_stretches_along_the_flow(rig) -> None:
         np.full((15, 22), 0.6 * speed * 0.375 * 0.010 * grid.dz),
         np.full((16, 21), 0.8 * speed * 0.375 * 0.010 * grid.dx),
     )
-    xx, xz, zz = tensor(physics, flux)
+    xx, xz, zz = dispersion_tensor(physics, flux)
     along = 0.36 * xx + 2 * 0.48 * xz + 0.64 * zz
     across = 0.64 * xx - 2 * 0.48 * xz + 0.36 * zz
     np.testing.assert_allclose(along, 0.006 * speed + 1e-9, rtol=1e-12)
     np.testing.assert_allclose(across, 0.0005 * speed + 1e-9, rtol=1e-12)
 
 
-def test_diffusion_conserves_is_bounded_and_keeps_a_constant(rig) -> None:
+def test_diffusion_is_conservative_and_bounded_and_preserves_constants(rig) -> None:
     physics, flux = flowing(rig, 2)
-    pairs = exchanges(physics, flux, 60.0)
-    assert len(pairs.reach) > 3, 'the cells should differ in pace'
+    exchanges = dispersive_exchanges(physics, flux, 60.0)
+    assert len(exchanges.levels.count_at_least) > 3, 'the cells should differ in level'
     field = np.random.default_rng(3).integers(0, 2, (15, 21)).astype(float)
     before = math.fsum((physics.storage * field).ravel())
-    diffuse(field, physics.storage, pairs)
+    diffuse(field, physics.storage, exchanges)
     assert math.fsum((physics.storage * field).ravel()) == pytest.approx(before, rel=1e-14)
     assert 0.0 <= field.min() < field.max() <= 1.0
     constant = np.full((15, 21), 0.3)
-    diffuse(constant, physics.storage, pairs)
+    diffuse(constant, physics.storage, exchanges)
     assert (constant == 0.3).all()
 
 
@@ -76,13 +82,13 @@ def test_the_tensor_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
     physics, flux = flowing(rig, 4)
     _, direction = flowing(rig, 5)
     rng = np.random.default_rng(6)
-    bar = (rng.normal(size=(15, 21)), rng.normal(size=(15, 21)), rng.normal(size=(15, 21)))
+    bar = DispersionTensor(*rng.normal(size=(3, 15, 21)))
     step = 1e-5
-    more = tensor(physics, flux + direction * step)
-    less = tensor(physics, flux + direction * -step)
+    more = dispersion_tensor(physics, flux + direction * step)
+    less = dispersion_tensor(physics, flux + direction * -step)
     forward = sum(
         np.vdot(by, (up - down) / (2 * step)) for by, up, down in zip(bar, more, less, strict=True)
     )
-    back = tensor_adjoint(physics, flux, bar)
+    back = dispersion_tensor_adjoint(physics, flux, bar)
     backward = np.vdot(back.x, direction.x) + np.vdot(back.z, direction.z)
     assert backward == pytest.approx(forward, rel=1e-8)

@@ -23,7 +23,7 @@ def spot(x: float, z: float, width: float = 0.05) -> np.ndarray:
 def test_a_point_appears_where_the_registration_says() -> None:
     """p appears at C + scale R(rotation) (p - C) + (dx, dz)."""
     operator = ObservationOperator(dx=0.02, dz=-0.01, rotation=0.3, scale=1.1)
-    shown = operator.shown(spot(0.6, 0.3), GRID, 0.0)
+    shown = operator.apply(spot(0.6, 0.3), GRID, 0.0)
     x, z = 0.6 - 0.467, 0.3 - 0.281
     expected_x = 0.467 + 1.1 * (math.cos(0.3) * x - math.sin(0.3) * z) + 0.02
     expected_z = 0.281 + 1.1 * (math.sin(0.3) * x + math.cos(0.3) * z) - 0.01
@@ -39,23 +39,23 @@ def test_a_picture_that_is_moved_twice_is_moved_by_both() -> None:
     assert move is not None
     shown = spot(0.6, 0.3)
     for values in (first, second):
-        shown = move(ObservationOperator(), values).shown(shown, GRID, 0.0)
-    both = move(move(ObservationOperator(), first), second).shown(spot(0.6, 0.3), GRID, 0.0)
+        shown = move(ObservationOperator(), values).apply(shown, GRID, 0.0)
+    both = move(move(ObservationOperator(), first), second).apply(spot(0.6, 0.3), GRID, 0.0)
     np.testing.assert_allclose(both, shown, atol=0.02)
     assert abs(both - spot(0.6, 0.3)).max() > 0.3
 
 
 def test_beyond_the_rig_lies_what_lies_at_its_edge() -> None:
-    shown = ObservationOperator(dx=0.05).shown(np.ones(GRID.shape), GRID, 0.0)
+    shown = ObservationOperator(dx=0.05).apply(np.ones(GRID.shape), GRID, 0.0)
     np.testing.assert_allclose(shown, 1.0)
 
 
 def test_saturation_bends_and_illumination_lights_and_clips() -> None:
     field = np.full(GRID.shape, 0.25)
-    np.testing.assert_allclose(ObservationOperator(exponent=0.5).shown(field, GRID, 0.0), 0.5)
-    lit = ObservationOperator(drift=1e-3, gradient=2.0).shown(field, GRID, 500.0)
+    np.testing.assert_allclose(ObservationOperator(exponent=0.5).apply(field, GRID, 0.0), 0.5)
+    lit = ObservationOperator(drift=1e-3, gradient=2.0).apply(field, GRID, 500.0)
     np.testing.assert_allclose(lit[0], 0.25 * (1.5 + 2.0 * (GRID.x - 0.467)))
-    assert ObservationOperator(drift=1.0).shown(field, GRID, 500.0).max() == 1.0
+    assert ObservationOperator(drift=1.0).apply(field, GRID, 500.0).max() == 1.0
 
 
 def test_the_clock_shows_the_rig_at_another_pump_time(rig, rates) -> None:
@@ -70,7 +70,7 @@ def test_the_clock_shows_the_rig_at_another_pump_time(rig, rates) -> None:
     np.testing.assert_array_equal(behind, [true[0], true[0], true[1]])
 
 
-def test_the_view_and_its_adjoint_agree() -> None:
+def test_the_operator_and_its_adjoint_pass_the_dot_product_test() -> None:
     operator = ObservationOperator(
         exponent=1.4, drift=-1e-4, gradient=0.3, dx=0.004, rotation=0.02, scale=1.03
     )
@@ -78,10 +78,10 @@ def test_the_view_and_its_adjoint_agree() -> None:
     field, direction = 0.2 + 0.5 * rng.random((112, 186)), rng.normal(size=(112, 186))
     bar = rng.normal(size=GRID.shape)
     step = 1e-6
-    more = operator.shown(field + step * direction, GRID, 900.0)
-    less = operator.shown(field - step * direction, GRID, 900.0)
+    more = operator.apply(field + step * direction, GRID, 900.0)
+    less = operator.apply(field - step * direction, GRID, 900.0)
     forward = np.vdot(bar, (more - less) / (2.0 * step))
-    backward = np.vdot(operator.shown_adjoint(field, GRID, 900.0, bar), direction)
+    backward = np.vdot(operator.apply_adjoint(field, GRID, 900.0, bar), direction)
     assert backward == pytest.approx(forward, rel=1e-7)
 
 

@@ -1,4 +1,4 @@
-"""The solver node as a process of its own, asked over DDS."""
+"""The solver node as a process of its own, called over DDS."""
 
 import signal
 import subprocess
@@ -39,13 +39,13 @@ from porotwin_msgs.srv import (  # noqa: E402
 pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
-"""Longest wait for an answer [s]; a first start compiles the kernels."""
+"""Longest wait for an answer [s]; the first start compiles the kernels."""
 
 SCRIPT = 'from porotwin_solver.solver_node import main; main()'
 
 
 class Client:
-    """Asks one node, one question at a time."""
+    """Calls the services of one node, one at a time."""
 
     def __init__(self) -> None:
         self.context = rclpy.Context()
@@ -54,7 +54,7 @@ class Client:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def ask(self, kind: Any, service: str, /, **fields: Any) -> Any:
+    def call(self, kind: Any, service: str, /, **fields: Any) -> Any:
         client = self.node.create_client(kind, f'solver/{service}')
         assert client.wait_for_service(PATIENCE), f'solver/{service} absent after {PATIENCE} s'
         future = client.call_async(kind.Request(**fields))
@@ -122,10 +122,10 @@ def model(rig_file: Path) -> Model:
     return Model(rig, rig.grid(31, 19), preset='fast')
 
 
-def test_it_answers_as_the_model_does(client: Client, model: Model, rates: Any) -> None:
-    state = client.ask(InitialCondition, 'initial_condition').state
-    told = rates_to_msg(rates)
-    answer = client.ask(Predict, 'predict', previous=state, wells=told, time_step=30.0)
+def test_predictions_equal_those_of_the_model(client: Client, model: Model, rates: Any) -> None:
+    state = client.call(InitialCondition, 'initial_condition').state
+    commanded = rates_to_msg(rates)
+    answer = client.call(Predict, 'predict', previous=state, wells=commanded, time_step=30.0)
     assert answer.outcome.code == Outcome.OK
     predicted, grid = tracer_from_msg(answer.predicted)
     assert grid == model.grid
@@ -138,26 +138,45 @@ def test_it_answers_as_the_model_does(client: Client, model: Model, rates: Any) 
 def test_correct_undoes_residual_over_the_wire(client: Client, model: Model, rates: Any) -> None:
     observed = np.random.default_rng(1).random(model.grid.shape).astype(np.float32)
     before = np.random.default_rng(2).random(model.grid.shape).astype(np.float32)
-    told = rates_to_msg(rates)
+    commanded = rates_to_msg(rates)
     previous = tracer_to_msg(before, model.grid, 100.0)
-    residual = client.ask(
+    residual = client.call(
         Residual,
         'residual',
         previous=previous,
         next=tracer_to_msg(observed, model.grid, 130.0),
-        wells=told,
+        wells=commanded,
         time_step=30.0,
     ).residual
     assert np.abs(source_from_msg(residual)[0]).max() > 0.0
-    corrected = client.ask(
-        Correct, 'correct', previous=previous, source=residual, wells=told, time_step=30.0
+    corrected = client.call(
+        Correct, 'correct', previous=previous, source=residual, wells=commanded, time_step=30.0
     ).corrected
     np.testing.assert_allclose(tracer_from_msg(corrected)[0], observed, atol=1e-7)
 
 
-def test_it_says_what_it_is(client: Client, model: Model) -> None:
-    assert client.ask(Ping, 'ping').name == 'solver'
-    info = client.ask(ModelInfo, 'info')
+def test_correct_after_predict_equals_the_model_to_the_bit(
+    client: Client, model: Model, rates: Any
+) -> None:
+    """The node uses the prediction again; a model that simulates for `correct` gives the same."""
+    before = np.random.default_rng(3).random(model.grid.shape).astype(np.float32)
+    sigma = 1e-4 * np.random.default_rng(4).random(model.grid.shape)
+    request = {
+        'previous': tracer_to_msg(before, model.grid, 100.0),
+        'wells': rates_to_msg(rates),
+        'time_step': 30.0,
+    }
+    source = source_to_msg(sigma, model.grid, 130.0)
+    client.call(Predict, 'predict', **request)
+    found = client.call(Correct, 'correct', source=source, **request).corrected
+    sent, _ = source_from_msg(source)
+    expected = tracer_to_msg(model.correct(before, sent, rates, 30.0), model.grid, 130.0)
+    np.testing.assert_array_equal(tracer_from_msg(found)[0], tracer_from_msg(expected)[0])
+
+
+def test_ping_and_info_describe_the_model(client: Client, model: Model) -> None:
+    assert client.call(Ping, 'ping').name == 'solver'
+    info = client.call(ModelInfo, 'info')
     assert info.degrees_of_freedom == 31 * 19
     assert info.preset == 'fast'
     assert list(info.wells) == list(model.rig.wells)
@@ -167,7 +186,7 @@ def test_it_says_what_it_is(client: Client, model: Model) -> None:
 
 def test_a_quantity_has_a_value_and_a_unit(client: Client, model: Model) -> None:
     state = tracer_to_msg(np.full(model.grid.shape, 0.5), model.grid, 0.0)
-    answer = client.ask(
+    answer = client.call(
         QuantityOfInterest, 'quantity_of_interest', state=state, name='tracer_volume'
     )
     expected = 0.5 * 0.934 * 0.562 * 0.010 * 0.375 * 1.02
@@ -175,35 +194,41 @@ def test_a_quantity_has_a_value_and_a_unit(client: Client, model: Model) -> None
     assert answer.unit == 'm^3'
 
 
-def test_a_bad_request_gets_its_reason_and_the_node_goes_on(
+def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
     client: Client, model: Model, rates: Any
 ) -> None:
     empty = tracer_to_msg(model.initial_condition(), model.grid, 0.0)
     holes = tracer_to_msg(np.full(model.grid.shape, np.nan), model.grid, 0.0)
     small = tracer_to_msg(np.zeros((3, 4)), model.rig.grid(4, 3), 0.0)
-    told = rates_to_msg(rates)
+    commanded = rates_to_msg(rates)
     unknown = rates_to_msg({'pump': rates['injector']})
     for fields, text in (
-        ({'previous': holes, 'wells': told, 'time_step': 30.0}, '589 cells are not finite'),
-        ({'previous': small, 'wells': told, 'time_step': 30.0}, 'the solver runs on 31x19'),
-        ({'previous': empty, 'wells': told, 'time_step': 0.0}, 'time step 0.0 s: must be positive'),
+        ({'previous': holes, 'wells': commanded, 'time_step': 30.0}, '589 cells are not finite'),
+        ({'previous': small, 'wells': commanded, 'time_step': 30.0}, 'the solver runs on 31x19'),
+        (
+            {'previous': empty, 'wells': commanded, 'time_step': 0.0},
+            'time step 0.0 s: must be positive',
+        ),
         ({'previous': empty, 'wells': unknown, 'time_step': 30.0}, "unknown well 'pump'"),
-        ({'previous': empty, 'wells': [*told, told[0]], 'time_step': 30.0}, 'is named twice'),
+        (
+            {'previous': empty, 'wells': [*commanded, commanded[0]], 'time_step': 30.0},
+            'is named twice',
+        ),
     ):
-        outcome = client.ask(Predict, 'predict', **fields).outcome
+        outcome = client.call(Predict, 'predict', **fields).outcome
         assert outcome.code == Outcome.INVALID_INPUT
         assert text in outcome.message
         assert '\n' not in outcome.message
-    answer = client.ask(
+    answer = client.call(
         Correct,
         'correct',
         previous=empty,
-        wells=told,
+        wells=commanded,
         time_step=30.0,
         source=source_to_msg(np.full((19, 31), np.nan), model.grid, 0.0),
     )
     assert 'sigma: 589 cells are not finite' in answer.outcome.message
-    good = client.ask(Predict, 'predict', previous=empty, wells=told, time_step=30.0)
+    good = client.call(Predict, 'predict', previous=empty, wells=commanded, time_step=30.0)
     assert good.outcome.code == Outcome.OK
 
 
@@ -214,7 +239,7 @@ def test_a_bad_request_gets_its_reason_and_the_node_goes_on(
         (('-p', 'grid:=many'), "error: grid 'many': write columns x rows, like 187x112"),
     ],
 )
-def test_a_wrong_parameter_ends_it_with_one_line(
+def test_a_wrong_parameter_ends_the_node_with_one_line(
     rig_file: Path, more: tuple[str, ...], text: str
 ) -> None:
     process = start(rig_file, *more)

@@ -1,12 +1,12 @@
-"""The rival that the solver is timed against must itself be a fair model."""
+"""The baseline of the solver's benchmark is itself a correct model."""
 
 import numpy as np
 import pytest
 
 from porotwin_core.grid import conservative_resample
-from porotwin_solver.bench import PlainModel, bench_rig, bench_schedule, errors
 from porotwin_solver.model import Model
 from porotwin_solver.physics import nominal_physics
+from porotwin_solver.solver_bench import PlainModel, bench_rig, bench_schedule, errors
 
 
 def test_the_plain_model_conserves_the_tracer_and_stays_bounded() -> None:

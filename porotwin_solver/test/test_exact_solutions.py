@@ -1,7 +1,8 @@
-"""The model against exact solutions, with the observed rates of convergence.
+"""The model compared with exact solutions, and its rates of convergence.
 
-An error is the L1 norm of the difference over that of the exact map, unless said otherwise; a rate
-is the slope of its logarithm over that of the cell size between the coarsest and the finest grid.
+An error is the L1 norm of the difference divided by the L1 norm of the exact map, unless stated
+otherwise. A rate is the slope of log(error) over log(cell size) from the coarsest to the finest
+grid.
 """
 
 import math
@@ -13,7 +14,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries, EffectDescription, Well
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
-from porotwin_solver import exact
+from porotwin_solver import exact_solutions
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import State
@@ -63,8 +64,8 @@ def square_rig(make_rig, **changes):
 def test_the_front_of_a_single_injector_is_a_circle(make_rig, preset, slope, finest) -> None:
     rig = square_rig(make_rig)
     time, rate = 1800.0, from_ml_h(500.0)
-    radius = exact.radial_front(rate * time, thickness=0.010 * 0.375)
-    # grids that the accurate preset refines alike
+    radius = exact_solutions.radial_front(rate * time, thickness=0.010 * 0.375)
+    # grids that the accurate preset refines by the same factor
     cells = [20, 40, 80] if preset == 'accurate' else [50, 100, 200]
     errors = []  # at a jump a scheme of order p has order p / (p + 1) in L1
     for count in cells:
@@ -113,7 +114,7 @@ def test_a_flushed_column_follows_ogata_and_banks(make_rig, preset, slope) -> No
             effects=effects,
             initial=np.ones(grid.shape),
         )[0]
-        clean = exact.advancing_front(
+        clean = exact_solutions.advancing_front(
             grid.refined(8).x, time, velocity=velocity, diffusion=dispersivity * velocity
         )
         expected = 1.0 - clean.reshape(count, 8).mean(axis=1)
@@ -152,7 +153,7 @@ def test_radial_dispersion_follows_chen(make_rig) -> None:
         )[0]
         radius = np.hypot(grid.x[None, :] - 0.5, grid.z[:, None] - 0.5)
         ring = (radius > 0.03) & (radius < 0.25)
-        expected = exact.radial_dispersion(
+        expected = exact_solutions.radial_dispersion(
             radius[ring], time, strength=strength, dispersivity=dispersivity, well=0.004
         )
         errors.append(np.abs(found[ring] - expected).sum() / expected.sum())
@@ -163,7 +164,7 @@ def test_radial_dispersion_follows_chen(make_rig) -> None:
 
 
 def doublet_production(make_rig, side: str, count: int) -> tuple[float, float]:
-    """Return what a doublet produced by 0.9 and 2 breakthrough times, as `exact` counts it."""
+    """Return the production of a doublet at 0.9 and 2 breakthrough times, in units of `exact_solutions`."""
     rig = make_rig(
         width_m=1.6,
         height_m=1.6,
@@ -172,23 +173,25 @@ def doublet_production(make_rig, side: str, count: int) -> tuple[float, float]:
     )
     rate = from_ml_h(500.0)
     rates = {'source': WellRate(rate, 1.0), 'sink': WellRate(-rate)}
-    breakthrough = exact.doublet_breakthrough(rate, distance=0.16, thickness=0.010 * 0.375)
+    breakthrough = exact_solutions.doublet_breakthrough(
+        rate, distance=0.16, thickness=0.010 * 0.375
+    )
     model = Model(rig, rig.grid(count, count), preset='fast', effects=[NO_DIFFUSION])
-    state = State.at_rest(model.initial_condition())
+    state = State.equilibrium(model.initial_condition())
     model.engine.advance(state, rates, 0.9 * breakthrough)
-    early = state.left[0] / (rate * breakthrough)
+    early = state.tracer_lost[0] / (rate * breakthrough)
     model.engine.advance(state, rates, 1.1 * breakthrough)
-    return early, state.left[0] / (rate * breakthrough)
+    return early, state.tracer_lost[0] / (rate * breakthrough)
 
 
-def test_a_doublet_breaks_through_and_produces_as_theory_says(make_rig) -> None:
-    """Sides far away, open and closed: their image wells err in opposite senses."""
+def test_a_doublet_follows_theory_in_breakthrough_and_production(make_rig) -> None:
+    """Distant sides, open and closed: the errors of their image wells have opposite signs."""
     cells, errors, early = [80, 160], [], []
     for count in cells:
         found = [doublet_production(make_rig, side, count) for side in ('open', 'closed')]
         early.append(max(before for before, _ in found))
         mean = sum(after for _, after in found) / 2.0
-        errors.append(abs(mean / exact.doublet_produced(2.0) - 1.0))
+        errors.append(abs(mean / exact_solutions.doublet_produced(2.0) - 1.0))
     observed = rate_of_convergence(cells, errors)
     print(
         f'doublet: produced too early {early}, errors of production {errors}, rate {observed:.2f}'
@@ -198,7 +201,7 @@ def test_a_doublet_breaks_through_and_produces_as_theory_says(make_rig) -> None:
     assert observed > 0.8
 
 
-def test_retardation_is_a_slower_clock(rig, rates) -> None:
+def test_retardation_scales_time(rig, rates) -> None:
     grid = rig.grid(47, 28)
     retarded = [
         EffectDescription(name='retardation', parameters={'retardation_factor': 1.6}),
@@ -212,7 +215,7 @@ def test_retardation_is_a_slower_clock(rig, rates) -> None:
     )
 
 
-def test_decay_in_still_water_is_exponential(rig) -> None:
+def test_decay_without_flow_is_exponential(rig) -> None:
     grid = rig.grid(47, 28)
     decay = EffectDescription(name='decay', parameters={'rate': 2e-4})
     model = Model(rig, grid, preset='accurate', effects=[decay, NO_DIFFUSION])
@@ -221,7 +224,7 @@ def test_decay_in_still_water_is_exponential(rig) -> None:
 
 
 def test_exchange_with_immobile_water_follows_its_law(rig) -> None:
-    """With d c_im / dt = w (c - c_im) and the mean kept, the gap closes exponentially."""
+    """With d c_im / dt = w (c - c_im) and a constant mean, the gap decays exponentially."""
     dual = EffectDescription(
         name='dual_porosity', parameters={'immobile_fraction': 0.3, 'exchange_rate': 1e-3}
     )
@@ -230,11 +233,11 @@ def test_exchange_with_immobile_water_follows_its_law(rig) -> None:
     model.engine.advance(state, {}, 600.0)
     gap = math.exp(-1e-3 * 600.0 / 0.7)
     np.testing.assert_allclose(state.mobile - state.immobile, gap, rtol=1e-12)
-    np.testing.assert_allclose(model.engine.seen(state), 0.7, rtol=1e-12)
+    np.testing.assert_allclose(model.engine.mean_concentration(state), 0.7, rtol=1e-12)
 
 
 def test_a_spreading_spot_follows_the_gaussian_in_any_direction(make_rig) -> None:
-    """Anisotropic dispersion at an angle to the grid: second moments grow as 2 D t exactly."""
+    """Anisotropic dispersion at an angle to the grid: the second moments grow as 2 D t."""
     rig = make_rig(width_m=1.0, height_m=1.0, boundaries=Boundaries(top='closed'), wells={})
     darcy = (2.0e-5, 1.1e-5)
     along, across, time = 0.01, 0.0008, 4000.0
@@ -286,13 +289,13 @@ def test_a_spreading_spot_follows_the_gaussian_in_any_direction(make_rig) -> Non
 
 
 def buoyant_flux(rig, grid: Grid, concentration: FloatArray):
-    """Return the flux that a density difference of 1 kg/m3 drives."""
+    """Return the flux [m^3/s] that a density difference of 1 kg/m^3 drives."""
     heavy = EffectDescription(name='buoyancy', parameters={'density_difference': 1.0})
     physics, _ = apply_effects(nominal_physics(rig, grid), ObservationOperator(), [heavy])
     return Coupling(physics).flux({}, concentration)
 
 
-def test_a_denser_layer_at_the_bottom_stays(make_rig) -> None:
+def test_a_denser_layer_at_the_bottom_drives_no_flow(make_rig) -> None:
     rig = make_rig(boundaries=Boundaries(top='closed'))
     grid = rig.grid(47, 28)
     layer = np.repeat((grid.z < 0.2)[:, None] * 1.0, 47, axis=1)
@@ -305,7 +308,7 @@ def test_a_denser_layer_at_the_bottom_stays(make_rig) -> None:
 def test_a_denser_blob_sinks_at_the_darcy_velocity(make_rig) -> None:
     rig = make_rig(width_m=1.0, height_m=1.0, boundaries=Boundaries(top='closed'), wells={})
     conductivity = 6.57e-10 * 9.81 / 1e-3
-    expected = exact.sinking_blob(1.0, conductivity=conductivity)
+    expected = exact_solutions.sinking_blob(1.0, conductivity=conductivity)
     radius, errors, cells = 0.06, [], [50, 100, 200]
     for count in cells:
         grid = rig.grid(count, count)

@@ -1,6 +1,4 @@
-"""Gradients against finite differences, and the dot-product test of the kernels."""
-
-from dataclasses import replace
+"""Gradients compared with finite differences of whole simulations."""
 
 import numpy as np
 import pytest
@@ -11,15 +9,8 @@ from porotwin_core.rig import EffectDescription
 from porotwin_core.units import ML_H, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.adjoint_kernels import advection_adjoint, exchange_adjoint
-from porotwin_solver.compiled import tape_length
-from porotwin_solver.diffusion import diffuse, exchanges
-from porotwin_solver.engine import Engine
-from porotwin_solver.flow import FaceField
-from porotwin_solver.model import PRESETS
-from porotwin_solver.physics import nominal_physics
+from porotwin_solver.presets import PRESETS
 from porotwin_solver.simulation import simulate
-from porotwin_solver.transport import SUPERBEE, THIRD_ORDER, UPWIND, Sources, advect, pace
 
 TIMES = np.array([200.0, 430.0, 600.0])
 EFFECTS = {
@@ -48,16 +39,19 @@ EFFECTS = {
 
 
 def schedule(change: tuple[str, int, float, float] = ('', 0, 0.0, 0.0)) -> Schedule:
-    """Return rates that change every 150 s; one rate and concentration changed by so much."""
+    """Return rates that change every 150 s.
+
+    `change` adds to one rate and its concentration: well, piece, rate [m^3/s], concentration.
+    """
     rows = []
     for piece in range(4):
-        told = {
+        commanded = {
             'injector': (450.0, 0.9),
             'control1': (60.0 + 10 * piece, 0.0),
             'control3': (120.0 - 20 * piece, 0.2),
             'producer': (-500.0, 0.0),
         }
-        for well, (rate, concentration) in told.items():
+        for well, (rate, concentration) in commanded.items():
             more = change if (well, piece) == change[:2] else ('', 0, 0.0, 0.0)
             rows.append(
                 ScheduleRow(
@@ -68,12 +62,13 @@ def schedule(change: tuple[str, int, float, float] = ('', 0, 0.0, 0.0)) -> Sched
 
 
 TOLERANCES = {'fast': 3e-5, 'accurate': 2e-3, 'upwind': 1e-6}
-"""Relative. Where the plume is nearly flat the limiters' kinks lie so close, most of all on a fine
-grid, that a difference always spans some; the dot-product tests below are the sharp ones."""
+"""Relative tolerances. Where the plume is nearly flat, most of all on a fine grid, the kinks of the
+limiters lie so close that every difference spans some. The dot-product tests of the kernels are the
+sharp ones."""
 
 
 class Problem:
-    """A cost of the maps at TIMES: a sum of squares with random weights."""
+    """A cost of the maps at TIMES: the sum of their squares with random weights."""
 
     def __init__(self, rig, preset: str, effects: dict[str, dict]) -> None:
         self.rig, self.grid, self.preset = rig, rig.grid(47, 28), preset
@@ -86,10 +81,10 @@ class Problem:
     def descriptions(self, effects: dict[str, dict]) -> list[EffectDescription]:
         return [EffectDescription(name=name, parameters=given) for name, given in effects.items()]
 
-    def cost(self, told: Schedule, effects: dict[str, dict] | None = None) -> float:
+    def cost(self, commanded: Schedule, effects: dict[str, dict] | None = None) -> float:
         maps = simulate(
             self.rig,
-            told,
+            commanded,
             TIMES,
             grid=self.grid,
             preset=self.preset,
@@ -111,7 +106,7 @@ class Problem:
 
 
 def piece_sum(found, values: FloatArray, piece: int) -> float:
-    """Return the derivative by a rate that holds for 150 s, from those by its parts."""
+    """Return the derivative by a rate that holds for 150 s: the sum over its intervals."""
     return sum(
         value
         for (start, _), value in zip(found.intervals, values, strict=True)
@@ -121,13 +116,13 @@ def piece_sum(found, values: FloatArray, piece: int) -> float:
 
 @pytest.mark.parametrize('preset', PRESETS)
 @pytest.mark.parametrize('effects', [{}, EFFECTS], ids=['plain', 'all effects'])
-def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, preset, effects) -> None:
+def test_the_gradient_by_rates_equals_finite_differences(rig, preset, effects) -> None:
     problem = Problem(rig, preset, effects)
     found = problem.gradient()
     assert found.cost == pytest.approx(problem.cost(schedule()), rel=1e-13)
     for well, piece in (('injector', 1), ('control3', 1), ('producer', 2), ('control1', 3)):
         value = piece_sum(found, found.rate[well], piece)
-        # a cell may change its limiter or its pace within a difference, hardly within all three
+        # a cell may change its limiter or its level within one difference, hardly within all three
         differences = []
         for step in (1e-7, 1e-6, 1e-5):
             by = step * from_ml_h(500.0)
@@ -148,7 +143,7 @@ def test_the_gradient_by_the_rates_is_that_of_finite_differences(rig, preset, ef
     assert value == pytest.approx(closest, rel=TOLERANCES[preset]), differences
 
 
-def test_the_gradient_by_every_effect_parameter_is_that_of_finite_differences(rig) -> None:
+def test_the_gradient_by_every_effect_parameter_equals_finite_differences(rig) -> None:
     problem = Problem(rig, 'fast', EFFECTS)
     named = [
         (effect, name)
@@ -203,7 +198,7 @@ def test_the_gradient_by_every_effect_parameter_is_that_of_finite_differences(ri
         ),
     ],
 )
-def test_the_gradient_at_the_end_of_a_range_is_that_of_one_sided_differences(
+def test_the_gradient_at_the_end_of_a_range_equals_one_sided_differences(
     rig, effects, effect, name, step
 ) -> None:
     problem = Problem(rig, 'fast', effects)
@@ -226,120 +221,14 @@ def test_the_gradient_at_the_end_of_a_range_is_that_of_one_sided_differences(
         (0.0, 'diffusion', 'without any diffusion'),
     ],
 )
-def test_a_gradient_by_spreading_that_is_not_there_is_refused(
-    rig, diffusion, name, complaint
-) -> None:
+def test_a_gradient_by_absent_dispersion_is_refused(rig, diffusion, name, complaint) -> None:
     neutral = {'longitudinal_dispersivity': 0.0, 'transverse_dispersivity': 0.0}
     problem = Problem(rig, 'fast', {'dispersion': {**neutral, 'diffusion': diffusion}})
     with pytest.raises(InputError, match=f'gradient by dispersion {name}: .*{complaint}'):
         problem.gradient([('dispersion', name)])
 
 
-@pytest.mark.parametrize('scheme', [UPWIND, SUPERBEE, THIRD_ORDER])
-def test_advection_and_its_adjoint_pass_the_dot_product_test(rig, rates, scheme) -> None:
-    """<bar, dP/du u'> = <dP/du^T bar, u'> for all inputs of one step at once."""
-    physics = nominal_physics(rig, rig.grid(31, 19))
-    engine = Engine(physics, scheme=scheme)
-    rng = np.random.default_rng(7)
-    start = 0.2 + 0.6 * rng.random(physics.grid.shape)
-    flux, sources, volume = (
-        engine.flux(rates),
-        engine.sources_and_sinks.sources(rates),
-        physics.storage,
-    )
-    steps = pace(flux, sources, volume, 30.0)
-    tape = np.empty(tape_length(steps.reach))
-    direction = {
-        'c': rng.normal(size=start.shape),
-        'flux': engine.flux({'control1': WellRate(1e-7), 'producer': WellRate(-3e-8)}),
-        'inflow': sources.inflow * rng.random(start.shape),
-        'tracer': sources.tracer * rng.random(start.shape),
-        'outflow': sources.outflow * rng.random(start.shape),
-        'volume': volume * rng.normal(size=start.shape),
-    }
-
-    def run(size: float, record: FloatArray | None = None) -> FloatArray:
-        c = start + size * direction['c']
-        advect(
-            c,
-            flux + direction['flux'] * size,
-            sources=Sources(
-                *(
-                    getattr(sources, name) + size * direction[name]
-                    for name in ('inflow', 'tracer', 'outflow')
-                )
-            ),
-            pore_volume=volume + size * direction['volume'],
-            steps=steps,
-            scheme=scheme,
-            tape=record,
-        )
-        return c
-
-    bar = rng.normal(size=start.shape)
-    size = 1e-7
-    forward = np.vdot(bar, (run(size) - run(-size)) / (2.0 * size))
-    after = run(0.0, tape)
-    back = bar.copy()
-    by_flux = FaceField.zeros(physics.grid)
-    by = {name: np.zeros(start.shape) for name in ('inflow', 'tracer', 'outflow', 'volume')}
-    advection_adjoint(
-        after,
-        back,
-        flux.x,
-        flux.z,
-        *sources,
-        volume,
-        *steps,
-        scheme,
-        tape,
-        by_flux.x,
-        by_flux.z,
-        by['inflow'],
-        by['tracer'],
-        by['outflow'],
-        by['volume'],
-    )
-    np.testing.assert_array_equal(after, start)  # read back from the tape
-    backward = np.vdot(back, direction['c'])
-    backward += np.vdot(by_flux.x, direction['flux'].x) + np.vdot(by_flux.z, direction['flux'].z)
-    backward += sum(np.vdot(by[name], direction[name]) for name in by)
-    assert backward == pytest.approx(forward, rel=1e-5)
-
-
-def test_diffusion_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
-    """Linear in the concentration: to round-off."""
-    physics = replace(
-        nominal_physics(rig, rig.grid(21, 15)),
-        longitudinal_dispersivity=0.006,
-        transverse_dispersivity=0.0005,
-    )
-    rng = np.random.default_rng(8)
-    flux = FaceField(rng.normal(size=(15, 22)) * 1e-6, rng.normal(size=(16, 21)) * 1e-6)
-    pairs = exchanges(physics, flux, 60.0)
-    start, bar = rng.normal(size=(15, 21)), rng.normal(size=(15, 21))
-    after, tape = start.copy(), np.empty(tape_length(pairs.reach))
-    diffuse(after, physics.storage, pairs, tape=tape)
-    forward, back = np.vdot(bar, after), bar.copy()
-    exchange_adjoint(
-        after.ravel(),
-        back.ravel(),
-        physics.storage.ravel(),
-        pairs.time_step,
-        pairs.start,
-        pairs.other,
-        pairs.weight,
-        pairs.level.ravel(),
-        pairs.order,
-        pairs.reach,
-        tape,
-        np.zeros_like(pairs.weight),
-        np.zeros(start.size),
-    )
-    assert np.vdot(back, start) == pytest.approx(forward, rel=1e-11)
-
-
-def test_a_well_at_rest_has_the_gradient_of_beginning_to_inject(rig) -> None:
+def test_a_well_at_rest_has_the_gradient_of_a_starting_injection(rig) -> None:
     problem = Problem(rig, 'fast', {})
     found = problem.gradient()
     step = 1e-6 * from_ml_h(500.0)
@@ -357,6 +246,6 @@ def test_the_gradient_by_the_clock_is_refused(rig) -> None:
         problem.gradient([('clock', 'offset')])
 
 
-def test_a_parameter_that_is_not_given_is_refused(rig) -> None:
+def test_a_gradient_by_an_absent_parameter_is_refused(rig) -> None:
     with pytest.raises(InputError, match="gradient by decay 'rate': not a number among"):
         Problem(rig, 'fast', {}).gradient([('decay', 'rate')])
