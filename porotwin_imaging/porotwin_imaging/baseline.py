@@ -141,7 +141,7 @@ def make_baseline(
     usable = mask.usable & used_calibration.shown(mask.usable.shape)
     share = sampling.cell_means(usable.astype(np.float32))
     if not (share > settings.validity.least_visible_share).any():
-        raise InputError('baseline shows nothing of the sand: check light and corners_px')
+        raise InputError('baseline shows no sand: check light and corners_px')
     chart, remarks = colour_reference(first, camera, reduction, settings.colour_checker)
     colours, fluctuation = _average(sampled, sampling, usable, share, settings)
     return Baseline(

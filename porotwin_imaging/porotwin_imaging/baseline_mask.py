@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.settings import DEFAULTS, BaselineMaskSettings
 
 Array = NDArray[Any]
@@ -26,8 +27,6 @@ _GRAIN_SIGMA, _TEXTURE_WINDOW = 2.0, (11, 11)
 """Grains are finer than this blur, and their contrast is averaged over this window [samples]."""
 _LEAST_VALUE = 1e-3
 """Linear light is raised by this before it divides or its logarithm is taken."""
-_SPREAD_PER_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution relative to its median absolute deviation."""
 _DEVIATION_WINDOW = 41
 """Window of the local median of colour [px of the detection picture]."""
 _LEAST_SEEDS, _SEED_SHARE, _LEAST_LENGTH_PX = 6, 0.2, 6.0
@@ -209,7 +208,7 @@ def _deviation(hue: Array) -> Array:
     planes = [np.ascontiguousarray(hue[..., i], np.float32) for i in range(2)]
     around = [_local_median(plane, size) for plane in planes]
     spread = [
-        _SPREAD_PER_DEVIATION * _local_median(np.abs(plane - middle), size)
+        SPREAD_PER_DEVIATION * _local_median(np.abs(plane - middle), size)
         for plane, middle in zip(planes, around, strict=True)
     ]
     spread = [np.maximum(one, 0.5 * np.median(one)) for one in spread]

@@ -27,6 +27,7 @@ from porotwin_imaging.mass_balance_fit import (
     injected_volume,
 )
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
+from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, ImagingSettings
 from porotwin_imaging.tracer_signal import CHANNELS, TracerSignal, learned_weights
 
@@ -36,8 +37,6 @@ _STRONG_PERCENTILE = 99.9
 """Percentile of the log ratios that is the strongest signal; single cells may be noise."""
 _QUIET_SPREADS = 4
 """Cells within this many median absolute deviations are background."""
-_SPREAD_PER_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution relative to its median absolute deviation."""
 _TRACER_SPREADS, _TRACER_SIGMA, _TRACER_MARGIN = 4, 3, (9, 9)
 """Cells with tracer: spreads above the background, blur and margin around them [cells]."""
 _TOP_SHARE = 0.3
@@ -216,8 +215,8 @@ def _choose_signal(
     name = max(candidates, key=lambda key: clarity[key])
     red, green, blue = candidates[name].weights
     lines.append(
-        f'signal: {name} (red {red:.2f}, green {green:.2f}, blue {blue:.2f}); tracer stands out '
-        f'{clarity[name]:.0f} times from the background'
+        f'signal: {name} (red {red:.2f}, green {green:.2f}, blue {blue:.2f}); signal-to-noise ratio '
+        f'{clarity[name]:.0f}'
     )
     return candidates[name]
 
@@ -248,7 +247,7 @@ def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:
     """
     filled = np.nan_to_num(signal).astype(np.float32)
     smooth = cv2.GaussianBlur(filled, (0, 0), _TRACER_SIGMA)
-    spread = _SPREAD_PER_DEVIATION * float(np.median(np.abs(smooth - np.median(smooth))))
+    spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(smooth - np.median(smooth))))
     tracer = (smooth > _TRACER_SPREADS * spread + settings.least_signal).astype(np.uint8)
     return np.where(cv2.dilate(tracer, np.ones(_TRACER_MARGIN, np.uint8)) > 0, filled, 0.0)
 

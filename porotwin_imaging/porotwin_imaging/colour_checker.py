@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.geometry import apply_homography
+from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.settings import DEFAULTS, ColourCheckerSettings
 
 Array = NDArray[Any]
@@ -64,8 +65,6 @@ _REWEIGHTINGS = 15
 """Rounds of the robust fit of the colour matrix; it has converged by then."""
 _TUKEY_CUTOFF = 4.7
 """Cut-off of Tukey's biweight in standard deviations (95 % efficiency for normal errors)."""
-_SPREAD_PER_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution relative to its median absolute deviation."""
 _EQUAL_SCORE = 0.1
 """Relative difference of scores below which two places are equally good."""
 
@@ -124,17 +123,17 @@ def _misfit(patches: Array) -> Array:
     projection = np.eye(24) - design @ np.linalg.pinv(design)
     residual = np.linalg.norm(projection @ patches, axis=-1)
     spread = np.linalg.norm(patches - patches.mean(axis=-2, keepdims=True), axis=-1)
-    kept = np.sort(residual, axis=-1)[..., :_USED_PATCHES]
-    return np.sqrt((kept**2).mean(axis=-1) / ((spread**2).mean(axis=-1) + 1e-12))
+    used = np.sort(residual, axis=-1)[..., :_USED_PATCHES]
+    return np.sqrt((used**2).mean(axis=-1) / ((spread**2).mean(axis=-1) + 1e-12))
 
 
 def _misfit_without_one(patches: Array) -> float:
     """Return the smallest misfit of patches (24, 3) over all choices of one patch to omit."""
     found = []
     for omitted in range(24):
-        kept = np.arange(24) != omitted
-        design = np.column_stack([REFERENCE, np.ones(24)])[kept]
-        values = patches[kept]
+        used = np.arange(24) != omitted
+        design = np.column_stack([REFERENCE, np.ones(24)])[used]
+        values = patches[used]
         residual = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
         found.append(
             np.linalg.norm(residual) / (np.linalg.norm(values - values.mean(axis=0)) + 1e-9)
@@ -214,7 +213,7 @@ def fit_matrix(
     for _ in range(_REWEIGHTINGS):
         matrix = np.linalg.lstsq(weight[:, None] * patches, weight[:, None] * target, rcond=None)[0]
         residual = np.linalg.norm(scale[:, None] * (patches @ matrix - target), axis=1)
-        spread = _SPREAD_PER_DEVIATION * np.median(residual[usable]) + 1e-6
+        spread = SPREAD_PER_DEVIATION * np.median(residual[usable]) + 1e-6
         tukey = np.clip(1.0 - (residual / (_TUKEY_CUTOFF * spread)) ** 2, 0.0, None)
         weight = usable * scale * tukey
     return matrix.T, usable & (tukey > 0.0)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.photo_file import decode
+from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 
 Array = NDArray[Any]
 
@@ -26,8 +27,6 @@ LARGEST_STEP_M = 0.012
 """Largest displacement of a line from one band to the next [m]."""
 _PEAK_SPREADS = 4.0
 """Height of a peak above the noise of its band [spreads]."""
-_SPREAD_PER_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution relative to its median absolute deviation."""
 _FIT_ROUNDS = 3
 """Fits of a line; between them points of bright grains beside the line are removed."""
 
@@ -92,7 +91,7 @@ def _lines(red: Array) -> list[Array]:
     profiles = np.median(bands, axis=1)
     profiles -= cv2.blur(profiles, (41, 1))
     smooth = cv2.GaussianBlur(profiles, (0, 0), sigmaX=1.5, sigmaY=1e-3)
-    noise = _SPREAD_PER_DEVIATION * np.median(np.abs(smooth), axis=1, keepdims=True) + 1e-3
+    noise = SPREAD_PER_DEVIATION * np.median(np.abs(smooth), axis=1, keepdims=True) + 1e-3
     tracks: list[list[tuple[float, float]]] = []
     for number, (profile, level) in enumerate(zip(smooth, noise[:, 0], strict=True)):
         along = (number + 0.5) * BAND_M

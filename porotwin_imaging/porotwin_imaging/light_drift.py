@@ -17,12 +17,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.settings import DEFAULTS, LightSettings
 
 Array = NDArray[Any]
 
-_SPREAD_PER_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution relative to its median absolute deviation."""
 _TRACER_SPREADS, _TRACER_LOG_RATIO = 5.0, 0.01
 """Smoothed cells darker than five spreads plus this log ratio contain tracer."""
 _TRACER_REACH = 25
@@ -99,7 +98,7 @@ def _robust_fit(
 def _away_from_tracer(residual: Array) -> Array:
     """Return 0 near tracer, otherwise 1: the faint rim of a plume looks like dimmer light."""
     smooth = cv2.blur(residual, (3, 3))
-    spread = _SPREAD_PER_DEVIATION * np.median(np.abs(smooth - np.median(smooth)))
+    spread = SPREAD_PER_DEVIATION * np.median(np.abs(smooth - np.median(smooth)))
     dark = (smooth < -_TRACER_SPREADS * spread - _TRACER_LOG_RATIO).astype(np.uint8)
     dark = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     reach = 2 * max(2, residual.shape[1] // _TRACER_REACH) + 1
