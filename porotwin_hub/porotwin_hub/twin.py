@@ -220,7 +220,8 @@ class Twin:
             cycle.periods = ()
             return
         difference = describe_difference(cycle.periods, planned.rates)
-        cycle.notes.append(f'predicted again with the rates in force: {difference}')
+        if difference:
+            cycle.notes.append(f'predicted again with the rates in force: {difference}')
 
     def _commanded_rates(self, now: float) -> WellRates:
         """Return the rates that the wells should pump at `now` [s]."""

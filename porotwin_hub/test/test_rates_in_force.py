@@ -112,5 +112,7 @@ def test_the_producer_balances_measured_rates() -> None:
 def test_a_difference_is_described_in_ml_h() -> None:
     found = [RatePeriod(0.0, 30.0, OTHER)]
     assert describe_difference(found, COMMANDED) == 'push 400.0 instead of 300.0 ml/h'
+    assert describe_difference([RatePeriod(0.0, 30.0, push(297.0))], COMMANDED) == ''
+    assert describe_difference([RatePeriod(0.0, 30.0, push(290.0))], COMMANDED) != ''
     fluid = [RatePeriod(0.0, 30.0, {'push': WellRate(from_ml_h(300.0), 1.0)})]
     assert describe_difference(fluid, COMMANDED) == 'push with concentration 1 instead of 0'
