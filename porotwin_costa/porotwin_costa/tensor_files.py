@@ -14,17 +14,27 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 
 _PICKLES = (b'\x80', b'PK\x03\x04')
-"""How Python pickles and torch.save archives begin."""
-
+"""First bytes of Python pickles and of torch.save archives."""
 
 _KEY = 'porotwin'
+"""Name of the header entry that holds the JSON object."""
 
 
 def write_tensors(
     path: Path, tensors: Mapping[str, NDArray], file_format: str, description: Mapping[str, Any]
 ) -> None:
-    """Write tensors and their JSON description to `path`, whole or not at all."""
-    # one entry only: safetensors writes several in an order of chance
+    """Write tensors and their description to `path`: the whole file or nothing.
+
+    Args:
+        path: the file; missing folders are made.
+        tensors: arrays by name.
+        file_format: name of the format, checked by `read_header`.
+        description: JSON values for the header.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    # one entry only: safetensors writes several entries in random order
     metadata = {_KEY: json.dumps({'format': file_format, **description})}
     part = path.with_name(f'.{path.name}.{os.getpid()}.part')
     contiguous = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
@@ -42,7 +52,7 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
     """Return the JSON description in `path`.
 
     Raises:
-        InputError: the file is missing, a pickle, no safetensors file or of another format.
+        InputError: the file is missing, a pickle, no safetensors file, or of another format.
     """
     try:
         with path.open('rb') as file:
@@ -53,7 +63,7 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
         with safetensors.safe_open(path, framework='numpy') as file:
             metadata = file.metadata() or {}
     except safetensors.SafetensorError as error:
-        # asked last: the length with which a sound file begins may look like a pickle
+        # checked last: a valid file begins with its length, which may look like a pickle
         if start.startswith(_PICKLES):
             raise InputError(
                 f'{path}: a pickle, which may run code; only .safetensors files are read'

@@ -1,0 +1,36 @@
+"""The answer of the data-driven model: the corrective source term sigma, or why there is none."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.wells import WellRates
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` says why, in a line."""
+
+    sigma: FloatArray | None
+    status: str
+
+    @property
+    def applied(self) -> bool:
+        """Whether there is a sigma to apply."""
+        return self.sigma is not None
+
+    def applied_to(
+        self, predicted: FloatArray, correct: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Return the corrected prediction (nz, nx), within 0..1; `predicted` without a sigma.
+
+        `correct` is the physics-based model: it solves L c = f_c + sigma for c (paper, eq.
+        costa_residual). A correction may overshoot, a concentration cannot.
+        """
+        return predicted if self.sigma is None else np.clip(correct(self.sigma), 0.0, 1.0)
+
+
+CorrectionFn = Callable[[FloatArray, WellRates, float], Correction]
+"""(predicted c~^(n+1), rates, time step [s]) -> correction (paper, eq. sigmadef)."""
