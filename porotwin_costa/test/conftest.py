@@ -1,12 +1,16 @@
 """Fixtures for the tests of COSTA: a toy rig, its models, its experiments and their pairs."""
 
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 from costa_examples import TIME_STEP, ToyModel, injecting, toy_rig
 
 from porotwin_core.grid import Grid
-from porotwin_core.rig import Rig
+from porotwin_core.rig import Rig, write_rig
 from porotwin_core.wells import Schedule
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
@@ -92,3 +96,21 @@ def build(rig: Rig, grid: Grid, model: ToyModel):
 def dataset(build, training_frames: list[Frames]) -> Dataset:
     """Return the 48 pairs of the training experiments."""
     return build(*training_frames)
+
+
+@pytest.fixture(scope='module')
+def client() -> Iterator[Any]:
+    """Return a client of real nodes, see `costa_graph`."""
+    from costa_graph import Client
+
+    client = Client()
+    yield client
+    client.close()
+
+
+@pytest.fixture(scope='module')
+def rig_file(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the path of the toy rig's rig.yaml."""
+    path = tmp_path_factory.mktemp('rig') / 'rig.yaml'
+    write_rig(rig, path)
+    return path

@@ -10,9 +10,10 @@ from typing import Any
 from rclpy.node import Node
 
 from porotwin_core import conversions
+from porotwin_core.correction import Correction
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
-from porotwin_hub.twin import Correction, ModelUnavailable
+from porotwin_hub.twin import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict
 

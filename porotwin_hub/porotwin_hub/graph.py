@@ -10,6 +10,10 @@ from typing import Any
 
 NAMESPACE = '/porotwin'
 
+TRAINING_PAIRS = 'pairs'
+TRAINED_MODEL = 'model.safetensors'
+"""Names in the folder of retraining: the pairs that the trainer collects, and the weights."""
+
 Parameter = bool | int | float | str
 
 
@@ -49,6 +53,8 @@ class GraphSettings:
     evaluations: int = _option(60, 'predictions that one optimisation may ask for')
     control: bool = _option(True, 'choose setpoints, when rig.yaml says what may be controlled')
     retrain_every: int = _option(0, 'retrain COSTA after so many new states; 0: never')
+    architecture: str = _option('', 'network to train; empty: the one of the loaded model')
+    training: Path | None = _option(None, 'folder for training pairs and weights of retraining')
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the run, made when asked for')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
@@ -61,7 +67,6 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
     common: dict[str, Parameter] = {'rig': str(settings.rig), 'use_sim_time': settings.use_sim_time}
     mapped = {**common, 'grid': settings.grid} if settings.grid else common
     calibration = {'calibration': str(settings.calibration)} if settings.calibration else {}
-    model = {'model': str(settings.model)} if settings.model else {}
     modelled = {**mapped, 'preset': settings.preset}
     nodes = [
         NodeDescription(
@@ -71,7 +76,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
             {**mapped, **calibration},
         ),
         NodeDescription('solver', 'porotwin_solver', 'solver_node', modelled),
-        NodeDescription('costa', 'porotwin_costa', 'costa_node', {**modelled, **model}),
+        _costa_node(settings, modelled),
         NodeDescription(
             'hub',
             'porotwin_hub',
@@ -86,18 +91,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         ),
     ]
     if settings.retrain_every > 0:
-        nodes.append(
-            NodeDescription(
-                'trainer',
-                'porotwin_costa',
-                'trainer_node',
-                {
-                    **modelled,
-                    'photo_interval_s': settings.photo_interval_s,
-                    'retrain_every': settings.retrain_every,
-                },
-            )
-        )
+        nodes.append(_trainer_node(settings, modelled))
     if settings.record is not None:
         nodes.append(
             NodeDescription(
@@ -127,6 +121,35 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
             )
         )
     return nodes
+
+
+def _costa_node(settings: GraphSettings, common: dict[str, Parameter]) -> NodeDescription:
+    """Return the data-driven model; started again, it uses the weights of the last retraining."""
+    parameters = {**common}
+    if settings.model is not None:
+        parameters['model'] = str(settings.model)
+    if settings.architecture:
+        parameters['architecture'] = settings.architecture
+    if settings.training is not None:
+        parameters['trained_model'] = str(settings.training / TRAINED_MODEL)
+    return NodeDescription('costa', 'porotwin_costa', 'costa_node', parameters)
+
+
+def _trainer_node(settings: GraphSettings, common: dict[str, Parameter]) -> NodeDescription:
+    """Return the trainer; its pairs and weights are files, so that a restart continues with them.
+
+    The node costa chooses the network, because it knows the loaded model.
+    """
+    parameters = {
+        **common,
+        'photo_interval_s': settings.photo_interval_s,
+        'retrain_every': settings.retrain_every,
+        'architecture': settings.architecture,
+    }
+    if settings.training is not None:
+        parameters['dataset'] = str(settings.training / TRAINING_PAIRS)
+        parameters['output'] = str(settings.training / TRAINED_MODEL)
+    return NodeDescription('trainer', 'porotwin_costa', 'trainer_node', parameters)
 
 
 def camera_node(settings: GraphSettings) -> NodeDescription:

@@ -8,12 +8,10 @@ models are callables: local objects in tests, service clients in the running gra
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-
+from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.grid import FloatArray, Grid, fill_unseen, relative_error
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.control import Decision, Limits, optimise
@@ -37,18 +35,6 @@ class PhysicsModel(Protocol):
     def correct(
         self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
     ) -> FloatArray: ...
-
-
-@dataclass(frozen=True)
-class Correction:
-    """The data-driven model's answer: sigma (nz, nx) [1/s], or why there is none."""
-
-    sigma: FloatArray | None
-    status: str
-
-
-DataDrivenModel = Callable[[FloatArray, WellRates, float], Correction]
-"""sigma from the prediction c~^(n+1), the rates and the time step (paper, eq. sigmadef)."""
 
 
 def no_correction(*_: object) -> Correction:
@@ -117,7 +103,7 @@ class Twin:
     def __init__(
         self,
         physics: PhysicsModel,
-        data_driven: DataDrivenModel,
+        data_driven: CorrectionFn,
         grid: Grid,
         *,
         photo_interval: float,
@@ -313,13 +299,10 @@ class Twin:
         durations['predict'] = clock() - begun
         begun = clock()
         correction = self._data_driven(predicted, rates, step)
-        corrected = predicted
-        if correction.sigma is not None:
-            # the correction may overshoot; a concentration cannot
-            corrected = np.clip(
-                self._physics.correct(state, correction.sigma, rates, step), 0.0, 1.0
-            )
+        corrected = correction.applied_to(
+            predicted, lambda sigma: self._physics.correct(state, sigma, rates, step)
+        )
         durations['correct'] = clock() - begun
         return Forecast(
-            start, end, rates, predicted, corrected, correction.status, correction.sigma is not None
+            start, end, rates, predicted, corrected, correction.status, correction.applied
         )
