@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porotwin_cli.output import Json, WorkFailed, print_json, progress, say
+from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 

@@ -1,11 +1,11 @@
-"""./porotwin bench: the speed and accuracy figures of this machine."""
+"""./porotwin bench: speed and accuracy on this machine."""
 
 import importlib
 from typing import Annotated, Any
 
 import typer
 
-from porotwin_cli.output import Json, print_json, print_table, say
+from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
 BENCHES = {
@@ -15,16 +15,19 @@ BENCHES = {
     'loop': 'porotwin_cli.bench_loop',
     'diagnosis': 'porotwin_validation.diagnosis_bench',
 }
-"""Parts that can be measured, and the module whose `run()` does it."""
+"""Parts that can be measured, and the module whose `run()` returns a list of rows."""
 
 
 def command(
     parts: Annotated[
-        list[str] | None, typer.Argument(help=f'Of {", ".join(BENCHES)}; all by default.')
+        list[str] | None,
+        typer.Argument(help=f'Parts to measure: {", ".join(BENCHES)}. Default: all.'),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure; ratios to a rival that runs beside, in the same run.
+    """Measure speed and accuracy on this machine.
+
+    Some figures are ratios to a baseline, which runs on the same data beside the measured part.
 
     Example: ./porotwin bench solver
     """
@@ -32,7 +35,7 @@ def command(
     for part in parts or list(BENCHES):
         if part not in BENCHES:
             raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(BENCHES)}")
-        say(f'bench {part} ...')
+        say(f'measuring {part} ...')
         rows = importlib.import_module(BENCHES[part]).run()
         results[part] = rows
         if not as_json:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output import Json, print_json, refuse_existing, say
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 from porotwin_core.errors import InputError
 
 

@@ -1,4 +1,4 @@
-"""What commands print: results on standard output, progress and complaints on standard error."""
+"""Output of the commands: results on standard output, messages and progress on standard error."""
 
 import json
 import math
@@ -18,18 +18,21 @@ from porotwin_core.errors import InputError
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
 
+PIPE_WIDTH = 120
+"""Width of tables that go into a pipe or file [characters], so that no column is cut."""
 
-class WorkFailed(Exception):  # noqa: N818  it ends a command with status 1, it is no mistake of the user
-    """The work could not be done although the input was right; the message is one line."""
+
+class WorkFailed(Exception):  # noqa: N818  a state of the work, no mistake of the user
+    """The work failed although the input was right (exit status 1); the message is one line."""
 
 
 def say(text: str) -> None:
-    """Tell a person something on standard error."""
+    """Print a message on standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
 def progress() -> AbstractContextManager[Progress]:
-    """Return a progress display with an estimate of the time left, on standard error."""
+    """Return a progress display with an estimate of the remaining time, on standard error."""
     return Progress(
         TextColumn('{task.description}'),
         BarColumn(),
@@ -41,7 +44,7 @@ def progress() -> AbstractContextManager[Progress]:
 
 
 def print_json(result: dict[str, Any]) -> None:
-    """Print one JSON object; paths as text, NaN as null, as JSON knows none."""
+    """Print one JSON object; paths become text, NaN and infinity become null."""
     print(json.dumps(_plain(result), indent=2))
 
 
@@ -58,18 +61,17 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table on standard output; every column but the first is aligned to the right."""
+    """Print a table on standard output; all columns but the first are aligned to the right."""
     table = Table(title=title, title_justify='left')
     for index, name in enumerate(header):
         table.add_column(escape(name), justify='right' if index else 'left')
     for row in rows:
         table.add_row(*(escape(str(cell)) for cell in row))
-    # a pipe has no width: do not let the table be cut
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)
 
 
 def refuse_existing(path: Path) -> None:
-    """Refuse to overwrite what somebody may still want.
+    """Check that `path` does not exist, so that nothing is overwritten.
 
     Raises:
         InputError: `path` exists.

@@ -1,4 +1,4 @@
-"""./porotwin test: every check and every test."""
+"""./porotwin test: all checks and tests."""
 
 import subprocess
 import sys
@@ -6,8 +6,10 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output import WorkFailed, say
+from porotwin_cli.terminal import WorkFailed, say
 from porotwin_cli.workspace import ROOT
+
+CONTEXT_SETTINGS = {'ignore_unknown_options': True}
 
 CHECKS = (
     ('ruff check', ['-m', 'ruff', 'check', '.']),
@@ -21,19 +23,25 @@ TESTS = (
     ('tests of ROS 2 nodes', [*ON_ALL_CORES, '-m', 'graph and not slow']),
     ('tests of whole graphs', ['-m', 'graph and slow']),
 )
-"""Whole graphs run one after the other: beside other work their photographs would come late."""
+"""Whole graphs run one after the other: with other work beside them, photographs would be late."""
 
 
 def command(
-    arguments: Annotated[list[str] | None, typer.Argument(help='Passed on to pytest.')] = None,
+    arguments: Annotated[
+        list[str] | None, typer.Argument(help='Arguments for pytest, such as a folder.')
+    ] = None,
 ) -> None:
-    """Run lint, types and all tests; with pytest arguments, only those tests.
+    """Run all checks and tests, or some tests.
 
-    Example: ./porotwin test            Example: ./porotwin test porotwin_hub -k limits
+    Without arguments: ruff, mypy and all tests. With arguments: pytest with these arguments.
+
+    Example: ./porotwin test
+
+    Example: ./porotwin test porotwin_hub -k limits
     """
     chosen = [('tests', arguments)] if arguments else TESTS
     runs = [(name, ['-m', 'pytest', *options]) for name, options in chosen]
-    types = None if arguments else _types()
+    types = None if arguments else _start_mypy()
     failed = []
     for name, run in runs if arguments else (*CHECKS, *runs):
         say(f'{name} ...')
@@ -48,8 +56,8 @@ def command(
         raise WorkFailed(f'failed: {", ".join(failed)}')
 
 
-def _types() -> subprocess.Popen[str]:
-    """Start mypy beside the tests, in the time that they wait for nodes."""
+def _start_mypy() -> subprocess.Popen[str]:
+    """Start mypy beside the tests, which often wait for nodes."""
     return subprocess.Popen(
         ['nice', '-n', '19', sys.executable, '-m', 'mypy'],
         cwd=ROOT,

@@ -1,4 +1,4 @@
-"""Pictures of a closed-loop run, as the paper's section 4 shows its own."""
+"""Pictures of a closed-loop run, like those of the paper's section 4."""
 
 from pathlib import Path
 
@@ -11,16 +11,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 
-from porotwin_cli.account import ML, Account, Truth
+from porotwin_cli.run_account import ML, RunAccount, TrueTracer
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 SHOWN_MINUTES = (10, 35, 60, 80)
+"""Times of the paper's figures [min]."""
 
 
-def plume_picture(path: Path, rig: Rig, controlled: Truth, free: Truth) -> None:
-    """Draw the true plume with and without control at the paper's times, or as far as it ran."""
+def plume_picture(path: Path, rig: Rig, controlled: TrueTracer, free: TrueTracer) -> None:
+    """Draw the true plume with and without control at `SHOWN_MINUTES`, as far as the run went."""
     last = controlled.times[-1] / 60.0
     minutes = [time for time in SHOWN_MINUTES if time <= last] or [last]
     figure, rows = plt.subplots(
@@ -52,8 +53,10 @@ def _draw_rig(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
     axis.set_ylabel('z [m]')
 
 
-def course_picture(path: Path, rig: Rig, account: Account, controlled: Truth, free: Truth) -> None:
-    """Draw the course of a run: setpoints, tracer in the zone, prediction errors, cycle times."""
+def course_picture(
+    path: Path, rig: Rig, account: RunAccount, controlled: TrueTracer, free: TrueTracer
+) -> None:
+    """Draw setpoints, tracer in the zone, prediction errors and cycle times over a run."""
     figure, axes = plt.subplots(4, 1, figsize=(9, 11), sharex=True, layout='constrained')
     for well, rates in account.rates_ml_h.items():
         axes[0].step(np.array(account.setpoint_times) / 60, rates, where='post', label=well)

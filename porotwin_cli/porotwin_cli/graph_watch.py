@@ -1,4 +1,4 @@
-"""Watches a running graph from a command: the hub's reports and the end of the experiment."""
+"""Watches a running graph: the reports of the hub and the end of the experiment."""
 
 import threading
 from collections.abc import Callable
@@ -15,9 +15,13 @@ from porotwin_msgs.msg import CleanState, CycleReport
 
 
 class GraphWatch:
-    """Calls `on_cycle` for every report; `finished` is set when the asset ends the experiment."""
+    """Calls `on_cycle` for every report, in a thread of its own; a context manager.
+
+    The event `finished` is set when the asset ends the experiment.
+    """
 
     def __init__(self, on_cycle: Callable[[CycleReport], None]) -> None:
+        """Prepare to watch; `on_cycle` is called with each report of the hub."""
         self.finished = threading.Event()
         self._on_cycle = on_cycle
         self._context = Context()

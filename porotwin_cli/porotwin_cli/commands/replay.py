@@ -6,22 +6,26 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.foreground import run_node
-from porotwin_cli.output import Json, print_json
+from porotwin_cli.terminal import Json, print_json
 from porotwin_core.errors import InputError
 from porotwin_hub.graph import Parameter
 
 
 def command(
     bag: Annotated[Path, typer.Argument(help='MCAP file or bag folder.')],
-    rate: Annotated[float, typer.Option(help='Times real time; 0: as fast as possible.')] = 1.0,
-    start: Annotated[float, typer.Option(help='Seconds into the bag to start at.', min=0.0)] = 0.0,
-    loop: Annotated[bool, typer.Option(help='Begin again at the end.')] = False,
+    rate: Annotated[
+        float, typer.Option(help='Speed relative to real time. 0: as fast as possible.')
+    ] = 1.0,
+    start: Annotated[float, typer.Option(help='Start so far into the bag [s].', min=0.0)] = 0.0,
+    loop: Annotated[bool, typer.Option(help='Start again at the end.')] = False,
     topics: Annotated[
-        str, typer.Option(help="Names, 'inputs' (what came from the rig), or 'all'.")
+        str, typer.Option(help="Topic names, 'inputs' (messages from the rig) or 'all'.")
     ] = 'inputs',
     as_json: Json = False,
 ) -> None:
-    """Play a bag into the graph: photographs and measured rates as if they came from the rig.
+    """Play a bag into the running graph.
+
+    The graph receives photographs, measured rates and the time as if they came from the rig.
 
     Example: ./porotwin replay bags/sample --rate 20
     """

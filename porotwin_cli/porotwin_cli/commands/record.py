@@ -1,4 +1,4 @@
-"""./porotwin record: everything that a running graph says, into a bag."""
+"""./porotwin record: all messages of a running graph into a bag."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.foreground import run_node
-from porotwin_cli.output import Json, print_json, refuse_existing, say
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
 
 
 def command(

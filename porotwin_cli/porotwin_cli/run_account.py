@@ -1,7 +1,9 @@
-"""The account of a closed-loop run: what its bag and the truth say."""
+"""The figures of a closed-loop run: read from its bag, compared with the truth of the rig."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +22,14 @@ ML = 1e6
 
 
 @dataclass
-class Account:
-    """What a run of the closed loop came to; one entry per photograph in every series."""
+class RunAccount:
+    """The course of a closed-loop run, one entry per photograph.
+
+    `times` [s], relative errors of the predictions [-], whether a correction was applied, and the
+    wall-clock times of optimisation and cycle [s] are those of the hub's reports. `setpoint_times`
+    [s] and `rates_ml_h` by well [ml/h] are those of the setpoints. `observed` holds the maps
+    (nz, nx) by their time [s].
+    """
 
     times: list[float] = field(default_factory=list)
     prediction_error: list[float] = field(default_factory=list)
@@ -34,61 +42,86 @@ class Account:
     observed: dict[float, FloatArray] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
+    def add_report(self, time: float, message: Any) -> None:
+        """Add a `CycleReport`."""
+        self.times.append(time)
+        self.prediction_error.append(message.prediction_error)
+        self.corrected_error.append(message.corrected_error)
+        self.corrected.append(message.corrected)
+        self.optimise_s.append(message.optimise_duration)
+        self.cycle_s.append(message.cycle_duration)
+        self.remarks += list(message.remarks)
 
-def read_account(bag: Path) -> Account:
-    """Return the account that a bag of the demo holds.
+    def add_setpoint(self, time: float, message: Any) -> None:
+        """Add a `Setpoint`."""
+        self.setpoint_times.append(time)
+        for well in message.wells:
+            self.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
+
+    def add_state(self, time: float, message: Any) -> None:
+        """Add a `NewState`."""
+        grid = message.tracer.grid
+        values = np.asarray(message.tracer.concentration, dtype=float)
+        self.observed[time] = values.reshape(grid.nz, grid.nx)
+
+
+def read_account(bag: Path) -> RunAccount:
+    """Return the account of the run that a bag of the demo holds.
 
     Raises:
-        InputError: the bag cannot be read.
+        InputError: the bag cannot be read, or holds no report of the hub.
     """
-    account = Account()
+    account = RunAccount()
+    add: dict[str, Callable[[float, Any], None]] = {
+        f'{NAMESPACE}/hub/cycle': account.add_report,
+        f'{NAMESPACE}/wells/setpoint': account.add_setpoint,
+        f'{NAMESPACE}/asset/new_state': account.add_state,
+    }
     reader = BagReader(bag)
-    topics = {f'{NAMESPACE}/{name}' for name in ('hub/cycle', 'wells/setpoint', 'asset/new_state')}
-    for raw in reader.messages(topics):
+    for raw in reader.messages(set(add)):
         message = reader.decode(raw)
         stamp = message.header.stamp
-        time = stamp.sec + stamp.nanosec * 1e-9
-        if raw.topic.endswith('hub/cycle'):
-            account.times.append(time)
-            account.prediction_error.append(message.prediction_error)
-            account.corrected_error.append(message.corrected_error)
-            account.corrected.append(message.corrected)
-            account.optimise_s.append(message.optimise_duration)
-            account.cycle_s.append(message.cycle_duration)
-            account.remarks += list(message.remarks)
-        elif raw.topic.endswith('wells/setpoint'):
-            account.setpoint_times.append(time)
-            for well in message.wells:
-                account.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
-        else:
-            grid = message.tracer.grid
-            values = np.asarray(message.tracer.concentration, dtype=float)
-            account.observed[time] = values.reshape(grid.nz, grid.nx)
+        add[raw.topic](stamp.sec + stamp.nanosec * 1e-9, message)
     if not account.times:
         raise InputError(f'{bag}: holds no report of the hub; the loop did not run')
     return account
 
 
 @dataclass(frozen=True)
-class Truth:
-    """What the virtual rig knows and the twin does not: its tracer at every photograph."""
+class TrueTracer:
+    """The tracer of the virtual rig, which the twin does not know.
+
+    `times` [s] are those of the photographs, shape (nt,); `maps` are (nt, nz, nx).
+    """
 
     times: NDArray[np.float64]
     grid: Grid
     maps: ConcentrationMaps | FloatArray
 
     def disallowed(self, rig: Rig) -> FloatArray:
-        """Return the tracer truly in the disallowed zone at every time [m^3], shape (nt,)."""
+        """Return the tracer in the disallowed zone at every time [m^3], shape (nt,)."""
         objective = Objective(rig, self.grid)
         return np.array([objective.disallowed_tracer(values) for values in self.maps])
 
     def at(self, time: float) -> FloatArray:
-        """Return the true map (nz, nx) at the photograph nearest to `time` [s]."""
+        """Return the map (nz, nx) of the photograph nearest to `time` [s]."""
         return np.asarray(self.maps[int(np.abs(self.times - time).argmin())])
 
 
-def summary(account: Account, rig: Rig, controlled: Truth, free: Truth) -> dict[str, float]:
-    """Return the figures of a run; volumes in ml, errors relative L2 in the median over photos."""
+def summary(
+    account: RunAccount, rig: Rig, controlled: TrueTracer, free: TrueTracer
+) -> dict[str, float]:
+    """Return the figures of a run.
+
+    Volumes are in millilitres, the dose in ml min, times in seconds. Errors are medians of relative
+    L2 norms over the photographs.
+
+    Args:
+        account: the course of the run.
+        rig: the rig with its disallowed zone.
+        controlled: the true tracer of the run.
+        free: the true tracer of the same experiment without control.
+    """
     with_control, without = controlled.disallowed(rig), free.disallowed(rig)
     image_errors = [
         relative_error(values, controlled.at(time))

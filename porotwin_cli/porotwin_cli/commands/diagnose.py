@@ -1,4 +1,4 @@
-"""./porotwin diagnose: the sim-to-real gap of a recording, or of the run so far."""
+"""./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
 import json
 from pathlib import Path
@@ -6,37 +6,38 @@ from typing import Annotated
 
 import typer
 
-from porotwin_cli.output import Json, print_json, progress, say
+from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.errors import InputError
-from porotwin_core.rig import load_rig
 
 
 def command(
-    output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json, fields.nc.')],
+    output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json and fields.nc.')],
     recordings: Annotated[
-        list[Path] | None, typer.Argument(help='Experiment folders or MCAP bags.')
+        list[Path] | None, typer.Argument(help='Experiment folders or MCAP bags of one rig.')
     ] = None,
     live: Annotated[
-        bool, typer.Option('--live', help='Of the run so far of the twin that is running.')
+        bool, typer.Option('--live', help='Diagnose the run so far of the running twin.')
     ] = False,
     rig: Annotated[
-        Path | None, typer.Option(help='rig.yaml, if not that of the recording.')
+        Path | None, typer.Option(help='rig.yaml of the model. Default: from the recording.')
     ] = None,
     preset: Annotated[
-        str, typer.Option(help='Scheme whose gap is asked for: accurate, fast or upwind.')
+        str, typer.Option(help='Preset of the model: accurate, fast or upwind.')
     ] = 'accurate',
     apply: Annotated[
-        bool, typer.Option(help='Also write rig.yaml with the effects found.')
+        bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Say where the gap between model and rig lies, which effect causes it, how far it shrinks.
+    """Find the cause of the gap between model and rig.
 
-    Several recordings of the same rig are judged together. The report is a page with pictures.
-    With --live the running twin is asked, which goes on meanwhile.
+    The diagnosis says where the gap is, which effect causes it, and how far it shrinks with this
+    effect. Several recordings of one rig are diagnosed together. The report is a page with
+    pictures. With --live the running twin makes the report while it continues to work.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
     """
+    from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import diagnose
     from porotwin_diagnosis.model.candidate import CAMERA
     from porotwin_recording.recording import open_recording
@@ -46,13 +47,13 @@ def command(
     if live or recordings is None:
         if rig is not None or apply or preset != 'accurate':
             raise InputError(
-                '--live judges the twin as it runs; leave out --rig, --preset and --apply'
+                '--live diagnoses the twin as it runs; leave out --rig, --preset and --apply'
             )
         _live(output, as_json=as_json)
         return
     own = load_rig(rig) if rig is not None else None
     for recording in recordings:
-        open_recording(recording, rig=own)  # complain before a progress bar is drawn
+        open_recording(recording, rig=own)  # refuse wrong input before a progress bar is drawn
     with progress() as bar:
         task = bar.add_task('diagnosis', total=100)
         result = diagnose(
@@ -69,18 +70,19 @@ def command(
         print_json({'output': output, **result.summary})
         return
     print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
-    say(f'read {output / "report.html"}')
+    say(f'report: {output / "report.html"}')
     camera = ' and '.join(name for name in result.verdict.members if name in CAMERA)
     if apply and not (result.verdict.members and result.verdict.model.effects):
-        say('rig.yaml is as it was: the verdict names no effect that it could hold')
+        say('rig.yaml is unchanged: the verdict names no effect that it could describe')
     if apply and camera:
         say(
-            f'{camera}: an effect of the camera. rig.yaml has it, so that a diagnosis expects it; '
-            'the running twin takes its maps as they come: mend it at the camera'
+            f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
+            'expects it. The running twin does not correct its maps for it: correct the camera'
         )
 
 
 def _live(output: Path, *, as_json: bool) -> None:
+    """Print the diagnosis of the run so far."""
     from porotwin_cli.live_diagnosis import diagnose_run_so_far
 
     with progress() as bar:
@@ -93,4 +95,4 @@ def _live(output: Path, *, as_json: bool) -> None:
         print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
         return
     print(f'{result.verdict}, with confidence {result.confidence:.2f}')
-    say(f'read {result.report}')
+    say(f'report: {result.report}')
