@@ -25,10 +25,10 @@ ML = 1e6
 class RunAccount:
     """The course of a closed-loop run, one entry per photograph.
 
-    `times` [s], relative errors of the predictions [-], whether a correction was applied, and the
-    wall-clock times of optimisation and cycle [s] are those of the hub's reports. `setpoint_times`
-    [s] and `rates_ml_h` by well [ml/h] are those of the setpoints. `observed` holds the maps
-    (nz, nx) by their time [s].
+    The hub's reports give `times` [s], relative errors of the predictions [-], whether a correction
+    was applied, and the wall-clock times of optimisation and cycle [s]. The setpoints give
+    `setpoint_times` [s] and `rates_ml_h` by well [ml/h]. `observed` holds the maps (nz, nx) by
+    their time [s].
     """
 
     times: list[float] = field(default_factory=list)
@@ -91,7 +91,7 @@ def read_account(bag: Path) -> RunAccount:
 class TrueTracer:
     """The tracer of the virtual rig, which the twin does not know.
 
-    `times` [s] are those of the photographs, shape (nt,); `maps` are (nt, nz, nx).
+    `times` [s] of the photographs have shape (nt,), `maps` (nt, nz, nx).
     """
 
     times: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Pictures of a closed-loop run, like those of the paper's section 4."""
+"""Pictures of a closed-loop run, as in the paper's section 4."""
 
 from pathlib import Path
 

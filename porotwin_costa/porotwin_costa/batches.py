@@ -13,7 +13,7 @@ from porotwin_costa.networks import CorrectiveNetwork, Window
 from porotwin_costa.scaling import Scaling
 
 TRACER_PRESENT = 0.02
-"""Concentration from which on a cell may be the centre of a window [-]; above camera noise."""
+"""Smallest concentration of a cell at the centre of a window [-]; above the camera's noise."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.wells import Schedule, WellRate, WellRates
 
 TIME_STEP_TOLERANCE = 0.02
-"""Relative difference below which two time steps count as the same: jitter of a camera's clock."""
+"""Largest relative difference of two equal time steps [-]; a camera's clock jitters."""
 
 LEAST_SEEN = 0.5
 """Share of the cells that a map must show; chart, tubes and frame always hide some of the sand."""
@@ -60,7 +60,7 @@ class FramePair(NamedTuple):
 def frame_pairs(frames: Frames, time_step: float, dropped: Counter[str]) -> Iterator[FramePair]:
     """Yield every usable pair of consecutive frames `time_step` [s] apart.
 
-    `dropped` counts the other pairs by the reason for which they are left out.
+    `dropped` counts the other pairs by the reason why they are left out.
     """
     known = [enough_seen(frame) for frame in frames.concentration]
     sequence, expected = 0, -1

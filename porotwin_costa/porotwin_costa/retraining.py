@@ -7,7 +7,7 @@ SILENCE_S = 300.0
 class Retraining:
     """Decides when to send the next training goal; knows nothing of messages or clocks.
 
-    Times [s] are those of any clock that does not jump.
+    Times [s] come from any clock that does not jump.
     """
 
     def __init__(self, every: int, known_pairs: int = 0) -> None:

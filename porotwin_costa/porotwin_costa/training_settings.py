@@ -1,4 +1,4 @@
-"""How long a network is trained, and on which share of the samples."""
+"""Settings of a training: its length, step size and samples."""
 
 from dataclasses import dataclass, replace
 from typing import Self

@@ -156,7 +156,7 @@ class Asset:
         self._sequence = 0
 
     def wait_for_trainer(self) -> None:
-        """Return when a trainer receives what is published."""
+        """Return when a trainer receives the messages."""
         publishers = (self._states, self._measured, self._clean)
         self._client.until(
             'the trainer has no subscriptions',

@@ -28,7 +28,7 @@ def test_scaled_samples_have_the_chosen_scale(dataset, standardise):
 
 
 class _Zero(CorrectiveNetwork):
-    """Answers zero, and notes the windows that it was asked for."""
+    """Answers zero and keeps the windows that it gets."""
 
     def __init__(self):
         super().__init__()

@@ -1,4 +1,4 @@
-"""A trained model: its file, and what it fits."""
+"""A trained model: its file, and the rigs that it fits."""
 
 import dataclasses
 import json

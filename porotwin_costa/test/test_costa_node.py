@@ -157,7 +157,7 @@ def test_the_loaded_model_decides_which_network_is_trained(
         assert CorrectiveModel.load(other).architecture == architecture('paper')
     finally:
         stop(process)
-    # started again, the node uses the weights that were trained, not those of the start
+    # started again, the node uses the trained weights instead of the first model
     process = start('costa_node', rig=rig_file, model=start_model, trained_model=output)
     try:
         info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())

@@ -1,4 +1,4 @@
-"""The interface between COSTA and a network: what it is given, and what it must say of itself."""
+"""The interface between COSTA and a network."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -78,18 +78,17 @@ class CorrectiveNetwork(nn.Module):
 
 @dataclass(frozen=True)
 class Architecture:
-    """A network that COSTA can train, with everything that depends on which one it is.
+    """A network that COSTA can train, with all its particulars.
 
     `name` selects it, `summary` is one line for a person. `build` makes the network with fresh
     weights from `settings`, a frozen dataclass of JSON values, and the rig. `training` are the
     settings that suit it.
 
-    `standardise` says how its input is scaled: to zero mean and unit variance, or not at all where
-    the network needs the concentration itself. `reach` is the distance [cells] within which the
-    prediction influences sigma; None if each value of sigma depends on the whole map. Only a
-    network with a reach can be trained on windows, and only without a reach do the mean
-    concentration and the rate of each single well have to lie within the training range
-    (`gate.TrainingRange`).
+    With `standardise`, its input has zero mean and unit variance; without, the network gets the
+    concentration itself. `reach` [cells] is the largest distance over which the prediction
+    influences sigma; None if each value of sigma depends on the whole map. Only a network with a
+    reach can be trained on windows. For a network without one, the mean concentration and the rate
+    of each well must lie within the training range (`gate.TrainingRange`).
     """
 
     name: str

@@ -20,7 +20,7 @@ from porotwin_costa.training_settings import TrainingSettings
 pad = nn.functional.pad
 
 PRESENCE = 0.02
-"""Mean concentration of the two cells of a face from which on its flux is not reduced [-]."""
+"""Mean concentration of two cells [-]; the flux between cells with less tracer is reduced."""
 
 TYPICAL_FLOW = 0.02
 """Share of a well's rate that crosses a face ten cells away [-]: 1 / (2 pi 10), rounded up."""
@@ -32,7 +32,7 @@ TINY = 1e-9
 """Keeps the flux limiter from dividing by zero; far below the round-off of a concentration [-]."""
 
 REACH = 6
-"""Distance within which c~ influences sigma [cells]: kernels of 5, 3, 3 and 3 cells, and a face.
+"""Largest distance over which c~ influences sigma [cells]: kernels of 5, 3, 3, 3 and one face.
 
 The flux limiter adds a weak influence of one more cell, which training on windows neglects.
 """

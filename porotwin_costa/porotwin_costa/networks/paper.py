@@ -20,7 +20,7 @@ KERNEL_CELLS = 5
 
 @dataclass(frozen=True)
 class PaperSettings:
-    """Numbers of layers; the defaults are those of the paper's homogeneous rig (section 3.1).
+    """Numbers of layers; by default as for the paper's homogeneous rig (section 3.1).
 
     `convolution_pool_layers` combine a 5 x 5 convolution with 2 x 2 max-pooling,
     `convolution_layers` are 5 x 5 convolutions alone. `dense_layers` have `dense_nodes` nodes each.
