@@ -22,7 +22,7 @@ ROS_SHELLS = {
     'porotwin_recording/convert.py': 'makes the bag that a live run would have recorded',
     'porotwin_recording/player.py': 'turns recorded setpoints into measured rates',
     'porotwin_hub/clients.py': 'service clients as callables',
-    'porotwin_cli/watch.py': 'listens to a running graph',
+    'porotwin_cli/graph_watch.py': 'listens to a running graph',
     'porotwin_cli/live_diagnosis.py': 'asks a running graph',
 }
 """Modules beside *_node.py that may know ROS, and why."""

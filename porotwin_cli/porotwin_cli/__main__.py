@@ -1,4 +1,4 @@
-"""Runs the command: `python -m porotwin_cli`, what ./porotwin starts."""
+"""Runs the command line: `python -m porotwin_cli`, which ./porotwin starts."""
 
 from porotwin_cli.app import main
 

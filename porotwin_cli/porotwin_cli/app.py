@@ -1,62 +1,61 @@
-"""The command line as a whole: which commands there are, and how each of them ends."""
+"""The command line: the commands it has, and how each of them ends."""
 
+import importlib
+import pkgutil
 import sys
+from pathlib import Path
+from types import ModuleType
 
 import typer
 
-from porotwin_cli import (
-    bench,
-    blind_check,
-    calibrate,
-    convert,
-    demo,
-    diagnose,
-    evaluate,
-    image,
-    record,
-    replay,
-    simulate,
-    test,
-    train,
-    up,
-)
-from porotwin_cli.output import WorkFailed
+from porotwin_cli import commands
+from porotwin_cli.terminal import WorkFailed
 from porotwin_core.errors import InputError
 
-app = typer.Typer(
-    help='PoroTwin: a live digital twin of a FluidFlower rig on ROS 2 Jazzy.',
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-app.command('demo')(demo.command)
-app.command('up')(up.command)
-app.command('simulate')(simulate.command)
-app.command('image')(image.command)
-app.command('calibrate')(calibrate.command)
-app.command('import')(convert.import_command)
-app.command('export')(convert.export_command)
-app.command('record')(record.command)
-app.command('replay')(replay.command)
-app.command('train')(train.command)
-app.command('evaluate')(evaluate.command)
-app.command('diagnose')(diagnose.command)
-app.command('blind-check')(blind_check.command)
-app.command('bench')(bench.command)
-app.command('test', context_settings={'ignore_unknown_options': True, 'help_option_names': []})(
-    test.command
-)
+HELP_OPTIONS = ('-h', '--help')
+
+
+def command_modules() -> dict[str, ModuleType]:
+    """Return the module of each command by the name of the command, as `commands` explains."""
+    names = (module.name for module in pkgutil.iter_modules([str(Path(commands.__path__[0]))]))
+    return {
+        name.strip('_').replace('_', '-'): importlib.import_module(f'{commands.__name__}.{name}')
+        for name in names
+    }
+
+
+def make_app() -> typer.Typer:
+    """Return the application with all commands."""
+    app = typer.Typer(
+        help=(
+            'PoroTwin: a live digital twin of a FluidFlower rig on ROS 2 Jazzy.\n\n'
+            'Exit status: 0 done, 1 the work failed, 2 wrong input, 130 interrupted. '
+            'Results go to standard output, messages and progress to standard error.'
+        ),
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={'help_option_names': list(HELP_OPTIONS)},
+    )
+    for name, module in command_modules().items():
+        app.command(name, context_settings=getattr(module, 'CONTEXT_SETTINGS', None))(
+            module.command
+        )
+    return app
+
+
+app = make_app()
 
 
 def main() -> None:
-    """Run the command; exit with 0 done, 1 the work failed, 2 bad input, 130 interrupted."""
+    """Run the command; exit with 0 done, 1 the work failed, 2 wrong input, 130 interrupted."""
     try:
         app(prog_name='porotwin')
     except InputError as error:
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(2)
-    except (WorkFailed, OSError) as error:  # a full disk, a port in use, a share that went away
+    except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:

@@ -1,6 +1,7 @@
-"""What COSTA earns and costs: the physics-based model with it and without, on a run kept aside."""
+"""Errors with and without COSTA on an unseen experiment, and the time that COSTA takes."""
 
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,20 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
-from porotwin_costa.architectures import training_settings
-from porotwin_costa.dataset import Frames
+from porotwin_costa.corrective_source import corrective_source
 from porotwin_costa.evaluation import evaluate
+from porotwin_costa.frames import Frames
+from porotwin_costa.networks import architecture
 from porotwin_costa.training import train
 from porotwin_rig.asset import VirtualRig
 from porotwin_solver.model import Model
 
 INTERVAL_S = 30.0
+"""Time between two frames [s], as in the demo."""
+
 GRID = (94, 56)
+"""Columns and rows: cells of 10 mm."""
+
 PRESETS = ('upwind', 'fast')
 SEED = 7
 
@@ -34,33 +40,38 @@ def run(
     *,
     minutes: float = TRAINING_MINUTES,
     epochs: int = TRAINING_EPOCHS,
-    settings: tuple[str, ...] = PRESETS,
+    presets: tuple[str, ...] = PRESETS,
 ) -> list[dict[str, Any]]:
-    """Return a row per scheme: relative errors with COSTA and without, their ratio, times [s].
+    """Return a row per preset: relative errors with and without COSTA, their ratio, times.
 
-    The truth is the virtual rig, which shares no numerics with the schemes; its maps are taken
-    without a camera. COSTA learns from the demo's training schedules. The run kept aside pumps
-    rates and a sequence that are not among them. The network's time is that of so many predictions.
+    The truth is the virtual rig, which shares no numerics with the solver; there is no camera.
+    COSTA learns from the training schedules of the demo. The unseen experiment has other rates in
+    another order. The time of the network is given as a number of predictions of the solver.
+
+    Args:
+        minutes: length of each experiment [min].
+        epochs: passes over the training data.
+        presets: numerical schemes to measure.
     """
     rig = load_rig(small_rig())
     grid = rig.grid(*GRID)
-    seen = [_frames(rig, told, grid, minutes, 'seen') for told in training_schedules()]
+    seen = [_frames(rig, schedule, grid, minutes, 'seen') for schedule in training_schedules()]
     half = 30.0 * minutes
-    aside = balanced([(0.0, 'injector', 400.0, 1.0), (half, 'control1', 150.0, 0.0)], 'producer')
-    unseen = _frames(rig, aside, grid, minutes, 'kept aside')
-    return [_row(rig, grid, preset, seen, unseen, epochs) for preset in settings]
+    other = balanced([(0.0, 'injector', 400.0, 1.0), (half, 'control1', 150.0, 0.0)], 'producer')
+    unseen = _frames(rig, other, grid, minutes, 'unseen')
+    return [_row(rig, grid, preset, seen, unseen, epochs) for preset in presets]
 
 
-def _frames(rig: Rig, told: Schedule, grid: Grid, minutes: float, name: str) -> Frames:
+def _frames(rig: Rig, schedule: Schedule, grid: Grid, minutes: float, name: str) -> Frames:
     asset = VirtualRig(rig)
     times = np.arange(0.0, 60.0 * minutes + 1.0, INTERVAL_S)
     maps = [asset.concentration(grid)]
     for moment in times[:-1]:
-        for low, high, rates in told.intervals(float(moment), float(moment) + INTERVAL_S):
+        for low, high, rates in schedule.intervals(float(moment), float(moment) + INTERVAL_S):
             asset.set_rates(rates)
             asset.advance(high - low)
         maps.append(asset.concentration(grid))
-    return Frames(times, np.array(maps), told, name=name)
+    return Frames(times, np.array(maps), schedule, name=name)
 
 
 def _row(
@@ -69,7 +80,8 @@ def _row(
     physics = Model(rig, grid, preset=preset)
     dataset = dataset_of(seen, rig, grid=grid, time_step=INTERVAL_S, preset=preset)
     begun = time.perf_counter()
-    learned = train(dataset, training_settings(ARCHITECTURE, epochs=epochs), seed=SEED)
+    network = architecture(ARCHITECTURE)
+    learned = train(dataset, network, network.training.with_epochs(epochs), seed=SEED)
     trained = time.perf_counter() - begun
     learned = learned.for_wells(tuple(rig.wells), grid)
     result = evaluate(
@@ -77,11 +89,11 @@ def _row(
         time_step=INTERVAL_S,
         predict=physics.predict,
         correct=physics.correct,
-        assess=learned.assess,
+        correction=partial(corrective_source, learned),
     )
     rates, state = unseen.schedule.at(0.0), unseen.concentration[-1]
     plain = _seconds(lambda: physics.predict(state, rates, INTERVAL_S))
-    network = _seconds(lambda: learned.assess(state, rates))
+    corrected = _seconds(lambda: corrective_source(learned, state, rates, INTERVAL_S))
     one, free = result.mean('predicted'), result.frames[-1].free_predicted
     return {
         'scheme': preset,
@@ -91,17 +103,17 @@ def _row(
         'free run': round(free, 4),
         'free with COSTA': round(result.frames[-1].free_corrected, 4),
         'free ratio': round(result.frames[-1].free_corrected / free, 2),
-        'time of a prediction': f'{network / plain:.1f}',
+        'time of a prediction': f'{corrected / plain:.1f}',
         'training [s]': round(trained, 1),
     }
 
 
 def _seconds(work: Any, rounds: int = 9) -> float:
-    """Return the median time of `rounds` calls, after one that does not count."""
+    """Return the median time of `rounds` calls [s]; a first call does not count."""
     work()
-    taken = []
+    times = []
     for _ in range(rounds):
         begun = time.perf_counter()
         work()
-        taken.append(time.perf_counter() - begun)
-    return float(np.median(taken))
+        times.append(time.perf_counter() - begun)
+    return float(np.median(times))

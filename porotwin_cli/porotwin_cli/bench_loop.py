@@ -1,4 +1,4 @@
-"""The loop's speed: one cycle of the hub with the real models, as a share of the photo interval."""
+"""Speed of the loop: one cycle of the hub with the real models."""
 
 import time
 from typing import Any
@@ -15,16 +15,26 @@ from porotwin_hub.twin import Observation, Twin
 from porotwin_solver.model import Model
 
 PHOTO_INTERVAL_S = 30.0
+"""Time between photographs [s]."""
+
+HORIZON_S = 600.0
+EVALUATIONS = 60
+"""Defaults of the hub for one optimisation: horizon [s] and number of predictions."""
+
+FIRST_STATE_S = 1800.0
+"""Age of the plume in the first cycle [s]."""
+
 CYCLES = 15
 GRIDS = ((94, 56), (187, 112), (374, 225))
+"""Columns and rows: cells of 10, 5 and 2.5 mm."""
 
 
 def run() -> list[dict[str, Any]]:
-    """Return a row per grid: median and longest cycle [s], and how often it fits in the interval.
+    """Return a row per grid: median and longest cycle [s], and the photo interval per cycle.
 
-    A cycle optimises the control rates 600 s ahead with at most 60 predictions, and forecasts the
-    next photograph. The states are the model's own, so that the plume grows as in an experiment;
-    messages and imaging come on top (`bench imaging`, and the demo's own figures).
+    A cycle optimises the control rates `HORIZON_S` ahead with at most `EVALUATIONS` predictions,
+    and forecasts the next photograph. The states come from the model, so the plume grows as in an
+    experiment. Messages and imaging are not included (`bench imaging`, figures of the demo).
     """
     return [_row(nx, nz) for nx, nz in GRIDS]
 
@@ -38,10 +48,10 @@ def _row(nx: int, nz: int) -> dict[str, Any]:
         no_correction,
         photo_interval=PHOTO_INTERVAL_S,
         controller=Controller(
-            Limits.of(rig), make_objective(rig, grid), horizon=600.0, evaluations=60
+            Limits.of(rig), make_objective(rig, grid), horizon=HORIZON_S, evaluations=EVALUATIONS
         ),
     )
-    state = model.predict(model.initial_condition(), Limits.of(rig).safe(), 1800.0)
+    state = model.predict(model.initial_condition(), Limits.of(rig).safe(), FIRST_STATE_S)
     seconds = []
     evaluations = []
     for number in range(CYCLES):

@@ -1,25 +1,30 @@
-"""From recordings to what COSTA learns from: the one place where it meets the solver."""
+"""Training of COSTA from recordings: the one place where it meets the solver."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from porotwin_cli.output import progress
+from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid, conservative_resample
 from porotwin_core.rig import Rig
-from porotwin_costa.dataset import Dataset, Frames, build_dataset
+from porotwin_costa.corrective_model import CorrectiveModel
+from porotwin_costa.dataset import Dataset
+from porotwin_costa.dataset_builder import build_dataset
+from porotwin_costa.frames import Frames
+from porotwin_costa.networks import Architecture
+from porotwin_costa.training import TrainingProgress, train
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.model import Model
 
 
 def source_name(recording: Recording) -> str:
-    """Return the name that a model keeps of a recording it learned from."""
+    """Return the name under which a model remembers a recording that it learned from."""
     return str(recording.source.resolve())
 
 
 def frames_of(recording: Recording, grid: Grid) -> Frames:
-    """Return the maps of a recording on `grid`, with the rates that were measured, else told."""
+    """Return the maps of a recording on `grid`, with the measured rates or else the commanded."""
     maps = [conservative_resample(values, grid.shape) for values in recording.maps or ()]
     return Frames(
         times=np.asarray(recording.times),
@@ -30,17 +35,28 @@ def frames_of(recording: Recording, grid: Grid) -> Frames:
 
 
 def open_all(paths: Sequence[Path], rig: Rig | None) -> list[Recording]:
-    """Return the recordings at `paths`, believed to be of `rig` or, without, as each says."""
+    """Return the recordings at `paths`, with `rig` or, if None, the rig of each recording.
+
+    Raises:
+        InputError: one of them is no recording.
+    """
     return [open_recording(path, rig=rig) for path in paths]
 
 
 def dataset_of(
     experiments: Sequence[Frames], rig: Rig, *, grid: Grid, time_step: float, preset: str
 ) -> Dataset:
-    """Return the training pairs of all experiments, with progress.
+    """Return the training pairs of all experiments, with a progress display.
+
+    Args:
+        experiments: observed maps on `grid`.
+        rig: the rig of the physics-based model.
+        grid: the grid of all maps.
+        time_step: time between the maps of a pair [s].
+        preset: numerical scheme of the physics-based model.
 
     Raises:
-        InputError: no pair of frames is `time_step` [s] apart.
+        InputError: no pair of frames is `time_step` apart.
     """
     model = Model(rig, grid, preset=preset)
     total = sum(len(frames.times) - 1 for frames in experiments)
@@ -56,3 +72,22 @@ def dataset_of(
             preset=preset,
             progress=lambda count: bar.update(task, completed=count),
         )
+
+
+def train_with_progress(
+    dataset: Dataset, architecture: Architecture, *, epochs: int = 0, seed: int
+) -> CorrectiveModel:
+    """Return a trained model, with a progress display; `epochs` 0 keeps the usual number.
+
+    Raises:
+        InputError: the data set is too small, or the training diverged.
+    """
+    settings = architecture.training.with_epochs(epochs)
+    with progress() as bar:
+        task = bar.add_task('training COSTA', total=settings.epochs)
+
+        def on_epoch(state: TrainingProgress) -> None:
+            text = f'training COSTA, loss {state.validation_loss:.3f}'
+            bar.update(task, completed=state.epoch, description=text)
+
+        return train(dataset, architecture, settings, seed=seed, progress=on_epoch)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from porotwin_cli.output import WorkFailed
+from porotwin_cli.terminal import WorkFailed
 from porotwin_core.parent import PARENT
 from porotwin_hub.graph import NAMESPACE, Parameter
 
@@ -17,8 +17,8 @@ def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
     """Run a node until it ends or Ctrl-C reaches it.
 
     Raises:
-        WorkFailed: it ended with an error; it said why itself.
-        SystemExit: with status 2, when its parameters are wrong.
+        WorkFailed: the node ended with an error, which it has printed.
+        SystemExit: with status 2, because a parameter is wrong; the node has printed which.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
@@ -32,7 +32,7 @@ def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
                 status = process.wait()
                 break
             except KeyboardInterrupt:
-                continue  # the terminal told the node as well; it closes its files and ends
+                continue  # Ctrl-C reaches the node as well; it closes its files and ends
     if status == 2:
         raise SystemExit(2)
     if status != 0:

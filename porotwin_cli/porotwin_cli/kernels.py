@@ -1,7 +1,7 @@
 """Compiles the numerical kernels once, so that no node compiles while a photograph waits.
 
-`python -m porotwin_cli.kernels`, a step of the setup. What it runs is small; numba keeps the result
-beside the sources and compiles again by itself what changes.
+`python -m porotwin_cli.kernels` is a step of the setup. It runs small examples of everything. Numba
+keeps the results beside the sources and compiles changed functions again by itself.
 """
 
 from porotwin_cli.workspace import small_rig
@@ -16,18 +16,24 @@ from porotwin_rig.render import Photographer
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.simulation import simulate
 
+COLUMNS, ROWS = 47, 28
+"""A coarse grid of the small rig: kernels compile for types, not for sizes."""
+
+PHOTO_WIDTH_PX = 400
+"""The smallest photograph that the virtual camera takes."""
+
 
 def compile_kernels() -> None:
-    """Use every kernel that the demo and a live graph use."""
+    """Run every kernel that the demo and a live graph use."""
     rig = load_rig(small_rig())
     safe = Limits.of(rig).safe()
-    grid = rig.grid(47, 28)
+    grid = rig.grid(COLUMNS, ROWS)
     for preset in PRESETS:
         simulate(rig, Schedule.constant(safe), [0.0, 1.0], grid=grid, preset=preset)
     asset = VirtualRig(rig)
     asset.set_rates(safe)
     asset.advance(1.0)
-    photographer = Photographer(rig, camera=camera_before(rig, 400), seed=1)
+    photographer = Photographer(rig, camera=camera_before(rig, PHOTO_WIDTH_PX), seed=1)
     baseline = make_baseline(photographer.rig, grid, [photographer.baseline()])
     concentration_map(photographer.photograph(asset.concentration(grid), time=1.0), baseline)
 

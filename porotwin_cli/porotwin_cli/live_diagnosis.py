@@ -1,16 +1,16 @@
-"""Asks the running graph for a diagnosis of the run so far."""
+"""Asks a running graph for a diagnosis of the run so far."""
 
 import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import rclpy
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 
-from porotwin_cli.output import WorkFailed
+from porotwin_cli.terminal import WorkFailed
 from porotwin_core.errors import InputError
 from porotwin_core.node import until_shutdown
 from porotwin_hub.graph import NAMESPACE
@@ -18,20 +18,32 @@ from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
 
 SEARCH_S = 10.0
-"""Longest look for the graph's diagnosis node."""
+"""Longest search for the diagnosis node of the graph [s]."""
 
 LAST_ANSWER_S = 2.0
-"""An answer given just before the node ended is here by then."""
+"""Wait for an answer that was sent just before the node ended [s]."""
+
+POLL_S = 0.2
+"""Time between two looks for an answer [s]; short, so that Ctrl-C works."""
+
+
+class Server(Protocol):
+    """An action client, as far as waiting for its server goes."""
+
+    def server_is_ready(self) -> bool: ...
 
 
 def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) -> Any:
-    """Return the result of the action `diagnosis/diagnose` on the run so far, written to `output`.
+    """Return the result of the action `diagnosis/diagnose` on the run so far.
 
-    `progress` is told the stage and the share done. An interrupt calls the diagnosis off.
+    Args:
+        output: folder for the report.
+        progress: called with the stage and the share that is done, 0 to 1.
 
     Raises:
-        InputError: the run so far cannot be judged.
+        InputError: the run so far cannot be diagnosed.
         WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it failed.
+        KeyboardInterrupt: after Ctrl-C has cancelled the diagnosis.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context = rclpy.Context()
@@ -42,23 +54,7 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     threading.Thread(target=_spin, args=(executor,), daemon=True).start()
     client = ActionClient(node, Diagnose, 'diagnosis/diagnose')
     try:
-        if not client.wait_for_server(SEARCH_S):
-            raise WorkFailed(
-                'no diagnosis node answers; start the twin with ./porotwin up, on this machine '
-                'and with the same ROS_DOMAIN_ID'
-            )
-        goal = Diagnose.Goal(output=str(output.resolve()))
-        awaited = _Patience(client)
-        handle = awaited(
-            client.send_goal_async(
-                goal, lambda message: progress(message.feedback.stage, message.feedback.fraction)
-            )
-        )
-        try:
-            result = awaited(handle.get_result_async()).result
-        except KeyboardInterrupt:
-            awaited(handle.cancel_goal_async())
-            raise
+        result = _result(client, output, progress)
     finally:
         client.destroy()
         rclpy.try_shutdown(context=context)
@@ -69,21 +65,39 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     return result
 
 
+def _result(client: ActionClient, output: Path, progress: Callable[[str, float], None]) -> Any:
+    """Send the goal and return its result."""
+    if not client.wait_for_server(SEARCH_S):
+        raise WorkFailed(
+            'no diagnosis node answers; start the twin with ./porotwin up, on this machine '
+            'and with the same ROS_DOMAIN_ID'
+        )
+    goal = Diagnose.Goal(output=str(output.resolve()))
+    sent = client.send_goal_async(
+        goal, lambda message: progress(message.feedback.stage, message.feedback.fraction)
+    )
+    handle = answer_of(client, sent)
+    try:
+        return answer_of(client, handle.get_result_async()).result
+    except KeyboardInterrupt:
+        answer_of(client, handle.cancel_goal_async())
+        raise
+
+
 def _spin(executor: SingleThreadedExecutor) -> None:
     with until_shutdown(executor.context):
         executor.spin()
 
 
-class _Patience:
-    """Waits for answers of an action server, no longer than it is there."""
+def answer_of(server: Server, future: Any, *, last_answer_s: float = LAST_ANSWER_S) -> Any:
+    """Return the result of `future`, which `server` has to set.
 
-    def __init__(self, client: ActionClient) -> None:
-        self._client = client
-
-    def __call__(self, future: Any) -> Any:
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        while not done.wait(0.2):  # short waits leave room for an interrupt
-            if not self._client.server_is_ready() and not done.wait(LAST_ANSWER_S):
-                raise WorkFailed('the graph ended before its diagnosis was done')
-        return future.result()
+    Raises:
+        WorkFailed: the server is gone, and no answer came within `last_answer_s`.
+    """
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    while not done.wait(POLL_S):
+        if not server.server_is_ready() and not done.wait(last_answer_s):
+            raise WorkFailed('the graph ended before its diagnosis was done')
+    return future.result()

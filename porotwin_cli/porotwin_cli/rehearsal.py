@@ -1,7 +1,8 @@
-"""What a laboratory does before the experiment that counts, on the virtual rig.
+"""The preparation of the demo on the virtual rig: calibration of the camera, training of COSTA.
 
-A known injection calibrates the camera; experiments with other schedules, photographed and imaged
-as the real one will be, train COSTA (paper, section 3.1: tracer injected in different wells).
+A known injection calibrates the camera. Experiments with other schedules train COSTA (paper,
+section 3.1: tracer injected into different wells). Their photographs are taken and imaged as in the
+experiment to come.
 """
 
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -9,15 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from porotwin_cli.costa_data import dataset_of, source_name
-from porotwin_cli.output import progress
+from porotwin_cli.costa_data import dataset_of, source_name, train_with_progress
+from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_costa.architectures import training_settings
-from porotwin_costa.dataset import Frames
-from porotwin_costa.training import TrainingProgress, train
+from porotwin_costa.frames import Frames
+from porotwin_costa.networks import architecture
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.calibration_fit import fit_calibration
@@ -27,39 +27,54 @@ from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.experiment import make_experiment
 
 ARCHITECTURE = 'local'
-"""Learns from few experiments; the paper's own network needs many (see `./porotwin train`)."""
+"""This network learns from few experiments; the paper's network needs many."""
 
 CALIBRATION_MINUTES = 40.0
 CALIBRATION_PHOTOS = 8
+"""Length [min] and number of photographs of the calibration."""
+
 TRAINING_MINUTES = 20.0
+"""Length of a training experiment [min]."""
+
 TRAINING_EPOCHS = 20
+"""Fewer than usual, so that the demo starts soon."""
+
+INJECTION_ML_H = 500.0
+"""Rate of all injections, as in the demo: COSTA is withheld where the wells pump more."""
+
 TRAINING_WELLS = (
     ('injector', 'control1'),
     ('injector', 'control2'),
     ('control1', 'control3'),
     ('control2', 'injector'),
 )
-"""Of each training experiment: the well that injects tracer, and the one that injects water."""
+"""The wells that inject first tracer and then water in each training experiment."""
 
 
 def balanced(rows: list[tuple[float, str, float, float]], producer: str) -> Schedule:
-    """Return the schedule of (time [s], well, rate [ml/h], concentration), balanced."""
-    told: list[ScheduleRow] = []
+    """Return the schedule of `rows` with a producer that balances all injections.
+
+    A row is (time [s], well, rate [ml/h], concentration [-]).
+    """
+    schedule: list[ScheduleRow] = []
     current: dict[str, float] = {}
     for time, well, rate_ml_h, concentration in rows:
-        told.append(ScheduleRow(time, well, WellRate(from_ml_h(rate_ml_h), concentration)))
+        schedule.append(ScheduleRow(time, well, WellRate(from_ml_h(rate_ml_h), concentration)))
         current[well] = rate_ml_h
-        told.append(ScheduleRow(time, producer, WellRate(-from_ml_h(sum(current.values())))))
-    return Schedule(tuple(told))
+        schedule.append(ScheduleRow(time, producer, WellRate(-from_ml_h(sum(current.values())))))
+    return Schedule(tuple(schedule))
 
 
 def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> Path:
-    """Photograph a known injection with the demo's camera and return its calibration file."""
+    """Photograph a known injection with the virtual camera; return the calibration file.
+
+    The recording goes to `folder`/calibration_run, pictures and file to `folder`/calibration.
+    """
     duration = CALIBRATION_MINUTES * 60.0
     make_experiment(
         folder / 'calibration_run',
         rig,
-        told=balanced([(0.0, 'injector', 500.0, 1.0)], 'producer'),
+        told=balanced([(0.0, 'injector', INJECTION_ML_H, 1.0)], 'producer'),
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,
@@ -76,13 +91,12 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
 
 
 def training_schedules() -> list[Schedule]:
-    """Return what is pumped in the training experiments on the small rig, `TRAINING_MINUTES` long.
-
-    The strongest pumping is among them: beyond what it has seen, COSTA holds back.
-    """
+    """Return the schedules of the training experiments on the small rig."""
     half = TRAINING_MINUTES * 30.0
     return [
-        balanced([(0.0, tracer, 500.0, 1.0), (half, water, 500.0, 0.0)], 'producer')
+        balanced(
+            [(0.0, tracer, INJECTION_ML_H, 1.0), (half, water, INJECTION_ML_H, 0.0)], 'producer'
+        )
         for tracer, water in TRAINING_WELLS
     ]
 
@@ -90,22 +104,24 @@ def training_schedules() -> list[Schedule]:
 def training_runs(
     rig: Rig, folder: Path, *, photo_interval: float, seed: int, photo_width: int
 ) -> list[Path]:
-    """Photograph experiments with other schedules than the one to come; return their folders."""
-    schedules = enumerate(training_schedules(), 1)
-    jobs = [(folder / f'training_run_{number}', told) for number, told in schedules]
+    """Photograph the training experiments every `photo_interval` [s]; return their folders."""
+    jobs = [
+        (folder / f'training_run_{number}', schedule)
+        for number, schedule in enumerate(training_schedules(), 1)
+    ]
     with ProcessPoolExecutor() as pool, progress() as bar:
         made = [
             pool.submit(
                 make_experiment,
                 path,
                 rig,
-                told=told,
+                told=schedule,
                 duration=TRAINING_MINUTES * 60.0,
                 photo_interval=photo_interval,
                 seed=seed,
                 photo_width=photo_width,
             )
-            for path, told in jobs
+            for path, schedule in jobs
         ]
         for run in bar.track(as_completed(made), len(made), description='training experiments'):
             run.result()
@@ -113,7 +129,7 @@ def training_runs(
 
 
 def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
-    """Return the frames of a recording as the twin's own imaging reads its photographs."""
+    """Return the frames of a recording, from its photographs with the twin's own imaging."""
     baseline = make_baseline(
         recording.rig,
         grid,
@@ -124,7 +140,7 @@ def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
     with progress() as bar:
         maps = [
             concentration_map(photo.read(), baseline).values
-            for photo in bar.track(states, description='their photographs to maps')
+            for photo in bar.track(states, description='photographs to maps')
         ]
     return Frames(
         times=np.array([photo.time for photo in states]),
@@ -144,20 +160,19 @@ def train_costa(
     preset: str,
     photo_width: int,
 ) -> Path:
-    """Train COSTA on the training runs as the camera sees them; return the model's folder."""
+    """Train COSTA on photographs of the training experiments; return the file of the model.
+
+    `photo_interval` is the time between photographs [s]; `preset` is the numerical scheme to
+    correct.
+    """
     grid = rig.default_grid()
     runs = training_runs(
         rig, folder, photo_interval=photo_interval, seed=seed, photo_width=photo_width
     )
     frames = [imaged(open_recording(run), grid, calibration) for run in runs]
     dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, preset=preset)
-    settings = training_settings(ARCHITECTURE, epochs=TRAINING_EPOCHS)
-    with progress() as bar:
-        task = bar.add_task('training COSTA', total=settings.epochs)
-
-        def on_epoch(state: TrainingProgress) -> None:
-            bar.update(task, completed=state.epoch)
-
-        model = train(dataset, settings, seed=seed, progress=on_epoch)
+    model = train_with_progress(
+        dataset, architecture(ARCHITECTURE), epochs=TRAINING_EPOCHS, seed=seed
+    )
     model.save(folder / 'costa')
     return folder / 'costa'

@@ -1,4 +1,4 @@
-"""Where things are: the checkout, its sample rig, and a folder for each run."""
+"""Places on disk: the checkout, its sample rig, and a folder for each run."""
 
 import datetime
 from pathlib import Path
@@ -6,11 +6,11 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
-"""The checkout; meaningless for an installed package, which has no tests either."""
+"""The checkout. For an installed package it has no meaning; such a package has no tests either."""
 
 
 def small_rig() -> Path:
-    """Return the path of the paper's small rig, from the checkout or an installed share folder."""
+    """Return the path of the paper's small rig, in the checkout or in an installed share folder."""
     beside = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
     if beside.is_file():
         return beside
@@ -20,7 +20,7 @@ def small_rig() -> Path:
 
 
 def run_folder(output: Path | None, command: str) -> Path:
-    """Return a new folder for a run: `output`, or runs/COMMAND-DATE-TIME.
+    """Make and return a folder for a run: `output`, or runs/COMMAND-DATE-TIME.
 
     Raises:
         InputError: `output` exists and is not empty.

@@ -1,9 +1,8 @@
-"""Turns a stream of states and measured rates into training pairs, one experiment at a time."""
+"""Training pairs from a stream of states and measured rates."""
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,30 +10,33 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
-from porotwin_costa.dataset import (
-    TIME_STEP_TOLERANCE,
+from porotwin_costa.dataset import Dataset, empty_dataset
+from porotwin_costa.dataset_builder import Sample, with_samples
+from porotwin_costa.frames import (
+    ACROSS_INTERRUPTION,
     TOO_LITTLE_SEEN,
-    Dataset,
-    empty_dataset,
     enough_seen,
+    left_out,
     mean_rates,
     rate_vector,
+    same_time_step,
+    wrong_interval,
 )
 
-_KEPT = 64
-"""Measured rates and interruptions that are remembered: far more than two photographs need."""
+REMEMBERED = 64
+"""Number of measured rates and of interruptions kept; a pair of photographs needs far fewer."""
 
-
-_LATE = 0.1
-"""Share of a time step by which the first measured rates may begin after a pair's first state."""
+LATE_RATES = 0.1
+"""Share of a time step that may pass between a pair's first state and its first measured rates."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two consecutive states (nz, nx), the rates between them, and when they end [s].
+    """Two consecutive states (nz, nx), the rates between them, and the time of the second [s].
 
-    Unseen cells are NaN. A prediction made before an interruption, or before the clock jumped back,
-    says nothing about a pair of a later `course` of time.
+    Unseen cells are NaN. `experiment` numbers the uninterrupted sequences of pairs. `sequence`
+    counts interruptions and jumps of the clock: a prediction of one sequence says nothing about a
+    state of another.
     """
 
     previous: FloatArray
@@ -42,18 +44,15 @@ class Pair:
     rates: dict[str, WellRate]
     end: float
     experiment: int
-    course: int
-
-
-_SampleValue = Callable[[Pair, FloatArray, FloatArray], object]
+    sequence: int
 
 
 class Collector:
-    """Pairs consecutive states and gathers what the physics-based model says of each pair.
+    """Pairs consecutive states, and keeps prediction and residual of each pair.
 
-    A pair is given out when the next state arrives: by then the rates measured between its states
-    and any interruption are known. Messages of different topics may overtake each other, so that
-    only their times count.
+    A pair is returned when the next state arrives. By then the rates measured between its states
+    and any interruption are known. Messages of different topics may overtake each other, so only
+    their times count.
     """
 
     def __init__(
@@ -65,32 +64,44 @@ class Collector:
         first_experiment: int = 0,
         preset: str = '',
     ) -> None:
-        """Collect pairs `time_step` [s] apart on `grid`; experiments count from a number.
+        """Collect pairs of states.
 
-        `preset` names the scheme of the physics-based model; empty: not known.
+        Args:
+            rig: the rig of the physics-based model.
+            grid: the grid of all states.
+            time_step: time between the states of a pair [s].
+            first_experiment: number of the first experiment.
+            preset: numerical scheme of the physics-based model; empty if unknown.
         """
         self._empty = empty_dataset(rig, grid, time_step, preset)
         self._experiment = first_experiment
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
-        self._told: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=_KEPT)
-        self._clean: deque[float] = deque(maxlen=_KEPT)
-        self._samples: list[tuple[Pair, FloatArray, FloatArray]] = []
-        self._course = 0
+        self._rates: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=REMEMBERED)
+        self._interruptions: deque[float] = deque(maxlen=REMEMBERED)
+        self._samples: list[Sample] = []
+        self._sequence = 0
         self._latest_prediction: tuple[int, FloatArray] | None = None
         self.dropped: Counter[str] = Counter()
+        """Number of pairs left out, by reason."""
         self.completed = 0
+        """Number of samples so far."""
+
+    @property
+    def report(self) -> str:
+        """One line: the number of samples so far, and of pairs left out with the reasons."""
+        return f'{self.completed} training pairs so far; left out: {left_out(self.dropped)}'
 
     def measured(self, start: float, rates: WellRates) -> None:
-        """Remember that the wells pumped `rates` from `start` [s] on.
+        """Note that the wells pump `rates` from `start` [s] on.
 
         Raises:
             InputError: an unknown well pumps.
         """
         rate_vector(rates, self._empty.wells)
-        self._told.append((start, dict(rates)))
+        self._rates.append((start, dict(rates)))
 
     def observed(self, time: float, concentration: FloatArray, grid: Grid) -> list[Pair]:
-        """Take the state at `time` [s]; return the pair that the two states before it make.
+        """Add the state (nz, nx) at `time` [s]; return the pair of the two states before it.
 
         Raises:
             InputError: the state is on another grid.
@@ -104,82 +115,76 @@ class Collector:
         return ready
 
     def interrupted(self, time: float) -> None:
-        """Remember that what is seen from `time` [s] on does not follow from what was before."""
-        self._clean.append(time)
+        """Note that states from `time` [s] on do not follow from those before."""
+        self._interruptions.append(time)
 
     def finished(self) -> list[Pair]:
-        """Return the pair that would else wait for the next state."""
+        """Return the last pair, which otherwise waits for the next state."""
         return self._ready()
 
-    def start(self, pair: Pair) -> FloatArray:
-        """Return the state (nz, nx) from which to predict: unseen cells as last predicted."""
-        course, prediction = self._latest_prediction or (pair.course, None)
-        return fill_unseen(pair.previous, prediction if course == pair.course else None)
+    def start_state(self, pair: Pair) -> FloatArray:
+        """Return the state (nz, nx) to predict from: unseen cells as in the last prediction."""
+        sequence, prediction = self._latest_prediction or (pair.sequence, None)
+        return fill_unseen(pair.previous, prediction if sequence == pair.sequence else None)
 
-    def complete(self, pair: Pair, predicted: FloatArray, residual: FloatArray) -> None:
-        """Keep a pair with its prediction c~ (nz, nx) and exact residual r (nz, nx) [1/s].
+    def complete(self, pair: Pair, predicted: FloatArray, residual: FloatArray) -> bool:
+        """Add the prediction c~ (nz, nx) and the exact residual r (nz, nx) [1/s] of a pair.
 
-        Both from `start` to `fill_unseen(following, predicted)`; pairs are completed in order.
+        Both belong to the step from `start_state` to `fill_unseen(following, predicted)`. Pairs
+        must be completed in their order. Returns False if a value is not finite, so that the pair
+        is left out.
         """
         if not (np.isfinite(predicted).all() and np.isfinite(residual).all()):
             self.dropped['pairs without finite residual'] += 1
-            return
-        self._latest_prediction = pair.course, predicted
+            return False
+        self._latest_prediction = pair.sequence, predicted
         residual = np.where(np.isfinite(pair.following), residual, 0.0)
-        self._samples.append((pair, predicted, residual))
+        self._samples.append(Sample(predicted, residual, pair.rates, pair.end, pair.experiment))
         self.completed += 1
+        return True
 
     @property
-    def untaken(self) -> int:
-        """Number of complete samples that `take` would return."""
+    def waiting(self) -> int:
+        """Number of samples that `take` would return."""
         return len(self._samples)
 
     def take(self) -> Dataset:
-        """Return the complete samples since the last call, which are then forgotten."""
+        """Return the samples since the last call."""
         samples, self._samples = self._samples, []
-
-        def stack(value: _SampleValue, like: np.ndarray) -> np.ndarray:
-            values = [value(*sample) for sample in samples]
-            return np.array(values, like.dtype).reshape(len(samples), *like.shape[1:])
-
-        empty = self._empty
-        return replace(
-            empty,
-            predicted=stack(lambda _, predicted, __: predicted, empty.predicted),
-            rates=stack(lambda pair, *_: rate_vector(pair.rates, empty.wells), empty.rates),
-            residual=stack(lambda _, __, residual: residual, empty.residual),
-            time=stack(lambda pair, *_: pair.end, empty.time),
-            experiment=stack(lambda pair, *_: pair.experiment, empty.experiment),
-        )
+        return with_samples(self._empty, samples)
 
     def _forget_after(self, time: float) -> None:
-        """Begin anew, because the clock has jumped back to `time`."""
+        """Begin another experiment, because the clock has jumped back to `time`."""
         self._states.clear()
         self._experiment += 1
-        self._course += 1
-        self._told = deque((item for item in self._told if item[0] <= time), maxlen=_KEPT)
-        self._clean = deque((moment for moment in self._clean if moment <= time), maxlen=_KEPT)
+        self._sequence += 1
+        self._rates = deque((item for item in self._rates if item[0] <= time), maxlen=REMEMBERED)
+        self._interruptions = deque(
+            (moment for moment in self._interruptions if moment <= time), maxlen=REMEMBERED
+        )
 
     def _ready(self) -> list[Pair]:
+        """Return the pair of the two states that are kept, if it can be used."""
         if len(self._states) < 2:
             return []
         (start, previous), (end, following) = self._states
         self._states.popleft()
-        if any(start < clean <= end for clean in self._clean):
-            self.dropped['pairs across an interruption'] += 1
+        time_step = self._empty.time_step
+        if any(start < moment <= end for moment in self._interruptions):
+            self.dropped[ACROSS_INTERRUPTION] += 1
             self._experiment += 1
-            self._course += 1
+            self._sequence += 1
             return []
-        if not math.isclose(end - start, self._empty.time_step, rel_tol=TIME_STEP_TOLERANCE):
-            self.dropped[f'pairs not {self._empty.time_step:g} s apart'] += 1
+        if not same_time_step(end - start, time_step):
+            self.dropped[wrong_interval(time_step)] += 1
             self._experiment += 1
             return []
         if not (enough_seen(previous) and enough_seen(following)):
             self.dropped[TOO_LITTLE_SEEN] += 1
             return []
-        known_from = min((time for time, _ in self._told), default=math.inf)
-        if known_from > start + _LATE * self._empty.time_step:
+        known_from = min((time for time, _ in self._rates), default=math.inf)
+        if known_from > start + LATE_RATES * time_step:
             self.dropped['pairs without measured rates'] += 1
             return []
-        rates = mean_rates(Schedule.from_rates(self._told), max(start, known_from), end)
-        return [Pair(previous, following, rates, end, self._experiment, self._course)]
+        rates = mean_rates(Schedule.from_rates(self._rates), max(start, known_from), end)
+        return [Pair(previous, following, rates, end, self._experiment, self._sequence)]

@@ -1,7 +1,7 @@
-"""The data-driven model as a node: corrective source terms on request, training as an action.
+"""The data-driven model as a node: corrective source terms as a service, training as an action.
 
-Training runs in the thread of its action while other threads go on answering; a request sees
-either the model before or the one after it.
+Training runs in the thread of its action while other threads answer requests. A request uses
+either the model before the training or the one after it.
 """
 
 import time
@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -19,14 +20,11 @@ from rclpy.node import Node
 from porotwin_core import conversions
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_costa.architectures import DEFAULT, training_settings
+from porotwin_costa.corrective_model import CorrectiveModel
+from porotwin_costa.corrective_source import corrective_source
 from porotwin_costa.dataset import load_dataset
-from porotwin_costa.model import CorrectiveModel, correction
-from porotwin_costa.training import (
-    TrainingCancelledError,
-    TrainingProgress,
-    train,
-)
+from porotwin_costa.networks import Architecture, architecture
+from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
@@ -43,7 +41,7 @@ class CostaNode(Node):
     """Device that answers with sigma; zero until a model is loaded or trained."""
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters, load a model if one is named, offer the services.
+        """Read parameters, load a model if there is one, and offer the services.
 
         Raises:
             InputError: a parameter, the rig or the named model is wrong.
@@ -52,16 +50,26 @@ class CostaNode(Node):
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
         self._rig = rig
-        self._preset = declare(self, 'preset', '', 'scheme of the solver; empty: not checked')
-        self._architecture = declare(
-            self, 'architecture', DEFAULT, 'what to train when a goal does not say'
+        self._preset = declare(
+            self, 'preset', '', 'numerical scheme of the solver; empty: not checked'
         )
-        training_settings(self._architecture)
+        self._architecture = declare(
+            self,
+            'architecture',
+            '',
+            'network to train if a goal names none; empty: the one of the loaded model',
+        )
+        architecture(self._architecture)
         torch.set_num_threads(declare(self, 'threads', 1, 'threads that the network may use'))
         self._model: CorrectiveModel | None = None
         self._path = ''
         self._training = False
         model = declare(self, 'model', '', 'model to load; empty: none')
+        trained = declare(
+            self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
+        )
+        if trained and Path(trained).is_file():
+            model = trained
         if model:
             self._use(CorrectiveModel.load(Path(model)), model)
         self._diagnostics = Diagnostics(self)
@@ -112,7 +120,7 @@ class CostaNode(Node):
         response.wells = list(self._rig.wells)
         if model is not None:
             response.path = self._path
-            response.architecture = model.settings.architecture
+            response.architecture = model.architecture.name
             response.time_step = model.time_step
             response.provenance = model.summary
         return response
@@ -123,13 +131,14 @@ class CostaNode(Node):
         try:
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
-            answer = correction(self._model, predicted, rates, request.time_step)
+            answer = corrective_source(self._model, predicted, rates, request.time_step)
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
             return response
         response.outcome = conversions.ok()
-        response.source = conversions.source_to_msg(answer.sigma, grid, 0.0)
+        sigma = np.zeros(grid.shape) if answer.sigma is None else answer.sigma
+        response.source = conversions.source_to_msg(sigma, grid, 0.0)
         response.source.header = request.predicted.header
         response.active = answer.applied
         response.status = answer.status
@@ -163,7 +172,9 @@ class CostaNode(Node):
 
     def _on_goal(self, _: Train.Goal) -> GoalResponse:
         if self._training:
-            self.get_logger().warning('training refused: one is running; wait for it or cancel it')
+            self.get_logger().warning(
+                'training refused: another one is running; wait for it or cancel it'
+            )
             return GoalResponse.REJECT
         self._training = True
         return GoalResponse.ACCEPT
@@ -176,7 +187,7 @@ class CostaNode(Node):
             handle.canceled()
             result.outcome = Outcome(code=Outcome.FAILED, message=f'cancelled: {error}')
         except Exception as error:
-            # whatever happens to one training, the node goes on correcting with what it has
+            # a failed training must not end the node: it keeps the model that it has
             handle.abort()
             result.outcome = conversions.refusal(error)
             self.get_logger().error(f'training failed: {result.outcome.message}')
@@ -198,8 +209,8 @@ class CostaNode(Node):
         goal = handle.request
         begun = time.perf_counter()
         dataset = load_dataset(Path(goal.dataset))
-        settings = training_settings(goal.architecture or self._architecture, epochs=goal.epochs)
-        self.get_logger().info(f'training on {dataset.summary}')
+        chosen = self._chosen_architecture(goal.architecture)
+        self.get_logger().info(f'training the {chosen.name} network on {dataset.summary}')
 
         def report(progress: TrainingProgress) -> None:
             handle.publish_feedback(
@@ -214,7 +225,8 @@ class CostaNode(Node):
 
         model = train(
             dataset,
-            settings,
+            chosen,
+            chosen.training.with_epochs(goal.epochs),
             seed=goal.seed,
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
@@ -225,6 +237,13 @@ class CostaNode(Node):
         self._use(model, goal.output)
         self.get_logger().info(f'trained in {time.perf_counter() - begun:.1f} s: {self._status()}')
         return model
+
+    def _chosen_architecture(self, name: str) -> Architecture:
+        """Return the architecture of the goal, the parameter, the loaded model, or the default."""
+        name = name or self._architecture
+        if not name and self._model is not None:
+            return self._model.architecture
+        return architecture(name)
 
 
 def main() -> None:

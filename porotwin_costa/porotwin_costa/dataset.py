@@ -1,11 +1,10 @@
-"""Training data: what the physics-based model predicted under which rates, and what it missed."""
+"""Training data: predictions of the physics-based model under given rates, and their residuals."""
 
 import hashlib
 import itertools
 import json
-import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -16,101 +15,28 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, fill_unseen
+from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
-from porotwin_core.wells import Schedule, WellRate, WellRates
-from porotwin_costa.files import read_header, write_tensors
 from porotwin_costa.flow_shape import FlowShape, flow_shape_of
+from porotwin_costa.frames import PerReason, left_out
 from porotwin_costa.physics_id import PhysicsId
-
-PredictFn = Callable[[FloatArray, WellRates, float], FloatArray]
-"""(concentration, rates, time_step [s]) -> predicted concentration; uncorrected."""
-
-ResidualFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
-"""(previous, next, rates, time_step [s]) -> exact residual r [1/s] (paper, eq. costa_residual)."""
+from porotwin_costa.tensor_files import read_header, write_tensors
 
 FORMAT = 'porotwin-costa-dataset-1'
-
-TIME_STEP_TOLERANCE = 0.02
-"""Relative difference of a time step to the trained one that is taken for the same."""
-
-LEAST_SEEN = 0.5
-"""Share of the cells that a map must show: chart, tubes and frame always hide some of the sand."""
-
-TOO_LITTLE_SEEN = 'pairs with too little seen'
-"""Why a pair gave no sample: one of its maps shows less than `LEAST_SEEN`."""
-
-
-@dataclass(frozen=True)
-class Frames:
-    """Observed concentration of one experiment over time.
-
-    `times` [s] ascend; `concentration` is (time, nz, nx) with NaN where nothing is known;
-    `clean_times` are when the sequence was interrupted: no pair reaches across one.
-    """
-
-    times: FloatArray
-    concentration: FloatArray
-    schedule: Schedule
-    clean_times: tuple[float, ...] = ()
-    name: str = 'experiment'
-
-
-def enough_seen(concentration: FloatArray) -> bool:
-    """Return whether a map (nz, nx) shows enough of the sand to learn from it or to judge by it."""
-    return bool(np.isfinite(concentration).mean() >= LEAST_SEEN)
-
-
-def mean_rates(schedule: Schedule, start: float, end: float) -> dict[str, WellRate]:
-    """Return constant rates that pump as much water and tracer as the schedule from start to end.
-
-    A photograph interval [s] knows one rate per well, even if a pump was changed within it. A well
-    that turned from injecting to producing counts by what it injected, as far as tracer goes.
-    """
-    water: dict[str, float] = {}
-    injected: dict[str, float] = {}
-    tracer: dict[str, float] = {}
-    for low, high, rates in schedule.intervals(start, end):
-        share = (high - low) / (end - start)
-        for name, well in rates.items():
-            water[name] = water.get(name, 0.0) + share * well.rate
-            injected[name] = injected.get(name, 0.0) + share * max(well.rate, 0.0)
-            tracer[name] = tracer.get(name, 0.0) + share * max(well.rate, 0.0) * well.concentration
-    return {
-        name: WellRate(rate, tracer[name] / injected[name] if injected[name] > 0 else 0.0)
-        for name, rate in water.items()
-    }
-
-
-def rate_vector(rates: WellRates, wells: Sequence[str]) -> FloatArray:
-    """Return per well the rate and the tracer it brings, both [m^3/s], shape (wells, 2).
-
-    Raises:
-        InputError: a well pumps that is not among `wells`.
-    """
-    for name, well in rates.items():
-        if name not in wells and well.rate != 0.0:
-            raise InputError(
-                f"well '{name}': COSTA knows {', '.join(wells)}; train it for this rig"
-            )
-    vector = np.zeros((len(wells), 2))
-    for row, name in enumerate(wells):
-        well = rates.get(name, WellRate())
-        vector[row] = well.rate, max(well.rate, 0.0) * well.concentration
-    return vector
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Pairs (c~^{n+1}, rates) -> r^{n+1} for one rig, grid and time step.
+    """Pairs (c~^{n+1}, rates) -> r^{n+1} for one rig, grid and time step (paper, section 2.2.3).
 
-    `flow` is that of the wells through homogeneous sand, `porosity` [-] and `relative_depth`
-    [-], that relative to its mean, (nz, nx) are those of the rig.
-    `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates` (samples, wells, 2)
-    as `rate_vector`; `time` [s] (samples,) is when the pair ends; `experiment` (samples,) counts
-    the uninterrupted sequences, which training keeps together where it can (`split_samples`).
-    `dropped` says why frames gave no sample, `physics` whose
-    predictions these are.
+    The samples: `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates`
+    (samples, wells, 2) holds a `frames.rate_vector` each; `time` [s] (samples,) is the end of the
+    pair. `experiment` (samples,) numbers the uninterrupted sequences, which training keeps together
+    where it can (`training.split_samples`).
+
+    The rig: `flow` is the flow of the wells through homogeneous sand, `porosity` [-] (nz, nx),
+    `relative_depth` (nz, nx) the depth divided by its mean [-]. `physics` identifies the model that
+    predicted. `dropped` counts the pairs left out by reason, `sources` names the recordings.
     """
 
     grid: Grid
@@ -124,7 +50,7 @@ class Dataset:
     residual: NDArray[np.float32]
     time: FloatArray
     experiment: NDArray[np.int64]
-    dropped: Mapping[str, int] = field(default_factory=dict)
+    dropped: PerReason = field(default_factory=dict)
     sources: tuple[str, ...] = ()
     physics: PhysicsId = field(default_factory=PhysicsId)
 
@@ -133,22 +59,22 @@ class Dataset:
 
     @property
     def summary(self) -> str:
-        """One line for a person: how many pairs, and how many were left out and why."""
-        left_out = ', '.join(f'{count} {reason}' for reason, count in self.dropped.items() if count)
+        """One line for a person: the number of pairs, and of those left out with the reasons."""
         experiments = len(np.unique(self.experiment))
         text = f'{len(self)} pairs from {experiments} experiments on {self.grid}'
-        return f'{text}; left out: {left_out}' if left_out else text
+        reasons = left_out(self.dropped)
+        return f'{text}; left out: {reasons}' if reasons else text
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that training sees."""
-        digest = hashlib.sha256(json.dumps(self._header(), sort_keys=True).encode())
-        for tensor in self._tensors().values():
+        """SHA-256 of everything that training reads."""
+        digest = hashlib.sha256(json.dumps(self.header(), sort_keys=True).encode())
+        for tensor in self.tensors().values():
             digest.update(np.ascontiguousarray(tensor).tobytes())
         return digest.hexdigest()
 
     def select(self, samples: NDArray[np.bool_]) -> Self:
-        """Return the data set of the chosen samples."""
+        """Return the data set of the chosen samples; `samples` has shape (samples,)."""
         return replace(
             self,
             predicted=self.predicted[samples],
@@ -158,7 +84,8 @@ class Dataset:
             experiment=self.experiment[samples],
         )
 
-    def _header(self) -> dict[str, object]:
+    def header(self) -> dict[str, object]:
+        """Return grid, wells, time step and physics as JSON values."""
         grid = self.grid
         return {
             'grid': {'nx': grid.nx, 'nz': grid.nz, 'width': grid.width, 'height': grid.height},
@@ -167,7 +94,8 @@ class Dataset:
             'physics': asdict(self.physics),
         }
 
-    def _tensors(self) -> dict[str, NDArray]:
+    def tensors(self) -> dict[str, NDArray]:
+        """Return all arrays by the names that they have in a file."""
         return {
             'predicted': self.predicted,
             'rates': self.rates,
@@ -181,32 +109,44 @@ class Dataset:
         }
 
     def save(self, path: Path) -> None:
-        """Write one .safetensors file, whole or not at all."""
-        header = {**self._header(), 'dropped': dict(self.dropped), 'sources': list(self.sources)}
-        write_tensors(path, self._tensors(), FORMAT, header)
+        """Write one .safetensors file: the whole file or nothing.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        header = {**self.header(), 'dropped': dict(self.dropped), 'sources': list(self.sources)}
+        write_tensors(path, self.tensors(), FORMAT, header)
 
     def append_to(self, folder: Path) -> Path:
         """Add these samples to the data set in `folder` as one more part; return the new file.
 
-        Each part is complete in itself, so that a reader never meets half a file and a loss of
-        power costs the last part at most. Experiments keep their numbers: those of an experiment
-        that goes on over several parts stay together.
+        Each part is a complete file, so a reader never meets half a file, and a loss of power
+        costs at most the last part. Experiments keep their numbers: an experiment that continues
+        over several parts stays one experiment.
+
+        Raises:
+            InputError: the part cannot be written.
         """
-        folder.mkdir(parents=True, exist_ok=True)
-        number = max((int(part.stem.split('_')[1]) for part in _parts(folder)), default=0) + 1
-        path = folder / f'part_{number:06d}.safetensors'
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f'{folder}: cannot be made ({error.strerror})') from None
+        number = max((int(part.stem.split('_')[1]) for part in dataset_parts(folder)), default=0)
+        path = folder / f'part_{number + 1:06d}.safetensors'
         self.save(path)
         return path
 
 
-def _parts(folder: Path) -> list[Path]:
+def dataset_parts(folder: Path) -> list[Path]:
+    """Return the files of a data set that was written in parts, in their order."""
     return sorted(folder.glob('part_*.safetensors'))
 
 
 def empty_dataset(rig: Rig, grid: Grid, time_step: float, preset: str = '') -> Dataset:
     """Return a data set without samples for the wells of `rig`, in the order of rig.yaml.
 
-    `preset` names the scheme of the physics-based model; empty: not known.
+    `time_step` is in [s]. `preset` is the numerical scheme of the physics-based model; empty if
+    unknown.
     """
     wells = tuple(rig.wells)
     depth = rig.field('depth_m', grid)
@@ -226,118 +166,22 @@ def empty_dataset(rig: Rig, grid: Grid, time_step: float, preset: str = '') -> D
     )
 
 
-def _consecutive(
-    frames: Frames, time_step: float, dropped: Counter[str]
-) -> Iterator[tuple[int, int]]:
-    """Yield n and the course of time it is in, for each usable pair of frames n, n + 1.
-
-    Others are counted by reason. An interruption begins another course of time.
-    """
-    known = [enough_seen(frame) for frame in frames.concentration]
-    course = 0
-    for n, (start, end) in enumerate(zip(frames.times, frames.times[1:], strict=False)):
-        if any(start < clean <= end for clean in frames.clean_times):
-            dropped['pairs across an interruption'] += 1
-            course += 1
-        elif not math.isclose(end - start, time_step, rel_tol=TIME_STEP_TOLERANCE):
-            dropped[f'pairs not {time_step:g} s apart'] += 1
-        elif known[n] and known[n + 1]:
-            yield n, course
-        else:
-            dropped[TOO_LITTLE_SEEN] += 1
-
-
-def build_dataset(
-    experiments: Iterable[Frames],
-    rig: Rig,
-    *,
-    grid: Grid,
-    time_step: float,
-    predict: PredictFn,
-    residual: ResidualFn,
-    preset: str = '',
-    progress: Callable[[int], None] = lambda _: None,
-) -> Dataset:
-    """Return the pairs of all experiments: c~ from each frame, and what it missed of the next.
-
-    For each pair of frames one `time_step` [s] apart: c~^{n+1} = predict(c^n) and
-    r^{n+1} = residual(c^n, c^{n+1}), both under the rates of that interval (paper, section 2.2.3).
-    Cells that c^n does not show are as in the last prediction before it, as the twin fills them;
-    those that c^{n+1} does not show have no residual.
-    A clean state within a pair's interval means that the second does not follow from the first.
-    `preset` names the scheme that predicts. `progress` is told the number of samples so far.
-
-    Raises:
-        InputError: a frame is not on `grid`, or not one pair can be used.
-    """
-    dropped: Counter[str] = Counter()
-    predicted, rates_seen, residuals, times, labels, names = [], [], [], [], [], []
-    wells = tuple(rig.wells)
-    label = -1
-    for frames in experiments:
-        if frames.concentration.shape[1:] != grid.shape:
-            raise InputError(
-                f'{frames.name}: maps of shape {frames.concentration.shape[1:]}, grid {grid} needs '
-                f'{grid.shape}; resample them'
-            )
-        names.append(frames.name)
-        last, last_course = -2, -1
-        prediction: FloatArray | None = None
-        for n, course in _consecutive(frames, time_step, dropped):
-            label += n != last + 1
-            prediction = prediction if course == last_course else None
-            last, last_course = n, course
-            start, end = float(frames.times[n]), float(frames.times[n + 1])
-            before, after = (frames.concentration[k].astype(float) for k in (n, n + 1))
-            rates = mean_rates(frames.schedule, start, end)
-            before = fill_unseen(before, prediction)
-            prediction = predict(before, rates, time_step)
-            missed = residual(before, fill_unseen(after, prediction), rates, time_step)
-            predicted.append(prediction.astype(np.float32))
-            residuals.append(np.where(np.isfinite(after), missed, 0.0).astype(np.float32))
-            rates_seen.append(rate_vector(rates, wells))
-            times.append(end)
-            labels.append(label)
-            progress(len(times))
-    if not times:
-        reasons = ', '.join(f'{count} {reason}' for reason, count in dropped.items()) or 'no frames'
-        raise InputError(f'{", ".join(names) or "no recording"}: no pair to learn from ({reasons})')
-    return replace(
-        empty_dataset(rig, grid, time_step, preset),
-        predicted=np.array(predicted),
-        rates=np.array(rates_seen),
-        residual=np.array(residuals),
-        time=np.array(times),
-        experiment=np.array(labels, np.int64),
-        dropped=dict(dropped),
-        sources=tuple(names),
-    )
-
-
 def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset:
     """Return all samples of `parts`, which must agree on grid, wells, time step and physics.
 
     With `renumber`, experiments of different parts get different numbers.
 
     Raises:
-        InputError: they do not agree; names the first difference.
+        InputError: the parts do not agree; the message names the first difference.
     """
-    first = parts[0]
-    for other in parts[1:]:
-        for name in ('grid', 'wells', 'time_step'):
-            ours, theirs = getattr(first, name), getattr(other, name)
-            if ours != theirs:
-                raise InputError(f'data sets differ in {name}: {ours} and {theirs}; train apart')
-    for mark, differing in itertools.combinations(dict.fromkeys(part.physics for part in parts), 2):
-        if difference := mark.difference(differing):
-            raise InputError(f'data sets differ in physics: {difference}; train apart')
+    _check_agreement(parts)
     counts = [int(part.experiment.max(initial=-1)) + 1 for part in parts]
     offsets = np.cumsum([0, *counts]) if renumber else np.zeros(len(parts) + 1, np.int64)
     dropped: Counter[str] = Counter()
     for part in parts:
         dropped.update(part.dropped)
     return replace(
-        first,
+        parts[0],
         predicted=np.concatenate([part.predicted for part in parts]),
         rates=np.concatenate([part.rates for part in parts]),
         residual=np.concatenate([part.residual for part in parts]),
@@ -347,26 +191,38 @@ def join_datasets(parts: Sequence[Dataset], *, renumber: bool = True) -> Dataset
         ),
         dropped=dict(dropped),
         sources=tuple(dict.fromkeys(name for part in parts for name in part.sources)),
-        physics=next((part.physics for part in parts if not part.physics.known), first.physics),
+        physics=next((part.physics for part in parts if not part.physics.known), parts[0].physics),
     )
+
+
+def _check_agreement(parts: Sequence[Dataset]) -> None:
+    first = parts[0]
+    for other in parts[1:]:
+        for name in ('grid', 'wells', 'time_step'):
+            ours, theirs = getattr(first, name), getattr(other, name)
+            if ours != theirs:
+                raise InputError(f'data sets differ in {name}: {ours} and {theirs}; train apart')
+    for one, another in itertools.combinations(dict.fromkeys(part.physics for part in parts), 2):
+        if difference := one.difference(another):
+            raise InputError(f'data sets differ in physics: {difference}; train apart')
 
 
 def load_dataset(path: Path) -> Dataset:
     """Return the data set in a .safetensors file, or in a folder of parts.
 
     Raises:
-        InputError: no such file, another format, or damaged; one line.
+        InputError: the file is missing, damaged or of another format.
     """
     path = Path(path)
     if path.is_dir():
-        parts = _parts(path)
+        parts = dataset_parts(path)
         if not parts:
             raise InputError(f'{path}: holds no part_*.safetensors; build a data set first')
         return join_datasets([load_dataset(part) for part in parts], renumber=False)
     header = read_header(path, FORMAT)
     try:
         grid = Grid(**header['grid'])
-        # data sets of before depth was kept took it for even
+        # data sets of version 0.1 have no depth: it was assumed to be even
         tensors = {'relative_depth': np.ones(grid.shape), **safetensors.numpy.load_file(path)}
         return Dataset(
             grid=grid,

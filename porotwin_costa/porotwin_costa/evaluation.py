@@ -1,45 +1,41 @@
-"""What the correction earns: errors per frame with and without it, one step ahead and free-running.
+"""Errors per frame with and without the correction, one step ahead and free-running.
 
 One step: predict and correct from the observed frame n, compare with frame n + 1. Free-running: the
-model goes on from its own answers, starting at the first frame of an uninterrupted sequence; the
-corrected run takes its own corrected states as the next start (paper, section 3.2, accumulated
-error). The uncorrected model always runs beside the corrected one.
+model starts at the first frame of an uninterrupted sequence and continues from its own results; the
+corrected run continues from its own corrected states (paper, section 3.2, accumulated error).
 """
 
 import csv
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, fill_unseen
+from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.wells import WellRates
-from porotwin_costa.dataset import (
-    TIME_STEP_TOLERANCE,
-    Frames,
-    PredictFn,
-    enough_seen,
-    mean_rates,
-)
-from porotwin_costa.model import APPLIED, Correction
+from porotwin_costa.corrective_source import APPLIED
+from porotwin_costa.dataset_builder import PredictFn
+from porotwin_costa.frames import Frames, frame_pairs, mean_rates
 
 CorrectFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
-"""(previous, sigma [1/s], rates, time_step [s]) -> corrected concentration."""
+"""(previous, sigma [1/s], rates, time step [s]) -> corrected concentration."""
 
-AssessFn = Callable[[FloatArray, WellRates], Correction]
-"""(predicted, rates) -> corrective source term and its status."""
+PAPER_TIMES = (600.0, 1800.0)
+"""Times of the paper's figures costa-10 and costa-30 [s]."""
 
 
 @dataclass(frozen=True)
 class FrameErrors:
-    """Errors of one predicted frame, all relative to the observed one: ||c - c_obs|| / ||c_obs||.
+    """Errors of one predicted frame, relative to the observed one: ||c - c_obs|| / ||c_obs||.
 
-    `time` [s] and `experiment` name the observed frame. Mass defects are
-    (sum c - sum c_obs) / sum c_obs of the one-step predictions. Cells that were not observed do not
-    count.
+    `time` [s] and `experiment` name the observed frame. Only observed cells count. Errors are NaN
+    where no tracer was observed. The mass defects are (sum c - sum c_obs) / sum c_obs of the
+    one-step predictions. `status` and `free_status` say whether sigma was applied, and why not.
     """
 
     experiment: str
@@ -55,7 +51,7 @@ class FrameErrors:
 
 
 @dataclass(frozen=True)
-class Snapshot:
+class FrameFields:
     """Fields (nz, nx) of one frame, for a picture like the paper's figures of COSTA results."""
 
     experiment: str
@@ -67,17 +63,19 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All frames, and snapshots of those asked for."""
+    """The errors of all frames, and the fields of some of them."""
 
     frames: tuple[FrameErrors, ...]
-    snapshots: tuple[Snapshot, ...]
+    shown: tuple[FrameFields, ...]
 
     def mean(self, name: str) -> float:
-        """Return the mean of a column of `FrameErrors` over all frames."""
-        return float(np.mean([getattr(frame, name) for frame in self.frames]))
+        """Return the mean of a column of `FrameErrors` over the frames where it is defined."""
+        values = np.array([getattr(frame, name) for frame in self.frames])
+        defined = values[~np.isnan(values)]
+        return float(np.mean(defined)) if len(defined) else float('nan')
 
     def table(self) -> str:
-        """Return a short table: mean errors, and the last of the free-running ones."""
+        """Return a table for a person: mean errors, and the last ones of the free run."""
         lines = [f'{"experiment":26} frames   one step: PBM   COSTA   free-run: PBM   COSTA']
         for name in dict.fromkeys(frame.experiment for frame in self.frames):
             own = Evaluation(tuple(f for f in self.frames if f.experiment == name), ())
@@ -101,97 +99,102 @@ class Evaluation:
             writer.writerows([getattr(frame, name) for name in names] for frame in self.frames)
 
 
-def relative_error(concentration: FloatArray, observed: FloatArray) -> float:
-    """Return ||c - c_obs|| / ||c_obs|| over the observed cells; the norm itself without tracer."""
-    known = np.isfinite(observed)
-    size = float(np.linalg.norm(observed[known]))
-    difference = float(np.linalg.norm(concentration[known] - observed[known]))
-    return difference / size if size > 0 else difference
-
-
-def _mass_defect(concentration: FloatArray, observed: FloatArray) -> float:
-    known = np.isfinite(observed)
-    total = float(observed[known].sum())
-    return (float(concentration[known].sum()) - total) / total if total > 0 else 0.0
-
-
 def evaluate(
     experiments: Iterable[Frames],
     *,
     time_step: float,
     predict: PredictFn,
     correct: CorrectFn,
-    assess: AssessFn,
-    snapshot_times: Sequence[float] = (600.0, 1800.0),
+    correction: CorrectionFn,
+    shown_times: Sequence[float] = PAPER_TIMES,
     progress: Callable[[int], None] = lambda _: None,
 ) -> Evaluation:
     """Return the errors of every frame that follows another by `time_step` [s].
 
-    Cells that a frame does not show are as in the last corrected prediction before it, as in the
-    twin. The free run starts again after an interruption, a gap or a frame with too little seen.
-    Snapshots are those at `snapshot_times` [s], 10 and 30 minutes as in the paper.
+    Unseen cells are filled from the last corrected prediction, as in the twin. The free run starts
+    again after an interruption, a gap, or a frame that shows too little.
+
+    Args:
+        experiments: observed maps on the grid of the models.
+        time_step: length of a step [s].
+        predict: the physics-based model.
+        correct: the physics-based model with a corrective source term.
+        correction: the data-driven model.
+        shown_times: times [s] of the frames whose fields are kept.
+        progress: called with the number of frames after each one.
 
     Raises:
-        InputError: no frame can be judged.
+        InputError: no frame can be evaluated.
     """
-    frames: list[FrameErrors] = []
-    snapshots: list[Snapshot] = []
+    models = _Models(predict, correct, correction, time_step)
+    errors: list[FrameErrors] = []
+    shown: list[FrameFields] = []
     names = []
-
-    def step(start: FloatArray, rates: WellRates) -> tuple[FloatArray, FloatArray, str]:
-        predicted = predict(start, rates, time_step)
-        answer = assess(predicted, rates)
-        corrected = predicted
-        if answer.applied:
-            # as in the twin: the correction may overshoot, a concentration cannot
-            corrected = np.clip(correct(start, answer.sigma, rates, time_step), 0.0, 1.0)
-        return predicted, corrected, answer.status
-
     for experiment in experiments:
         names.append(experiment.name)
-        free: tuple[FloatArray, FloatArray] | None = None
-        prediction: FloatArray | None = None
-        times = experiment.times
-        for n in range(len(times) - 1):
-            before = np.asarray(experiment.concentration[n], dtype=float)
-            observed = np.asarray(experiment.concentration[n + 1], dtype=float)
-            clean = any(times[n] < moment <= times[n + 1] for moment in experiment.clean_times)
-            apart = not math.isclose(
-                times[n + 1] - times[n], time_step, rel_tol=TIME_STEP_TOLERANCE
-            )
-            if clean or apart or not (enough_seen(before) and enough_seen(observed)):
-                free = None
-                prediction = None if clean else prediction
-                continue
-            before = fill_unseen(before, prediction)
-            rates = mean_rates(experiment.schedule, float(times[n]), float(times[n + 1]))
-            predicted, corrected, status = step(before, rates)
-            prediction = corrected
-            free_start = free or (before, before)
-            free_predicted = predict(free_start[0], rates, time_step)
-            _, free_corrected, free_status = step(free_start[1], rates)
-            free = free_predicted, free_corrected
-            frames.append(
-                FrameErrors(
-                    experiment=experiment.name,
-                    time=float(times[n + 1]),
-                    predicted=relative_error(predicted, observed),
-                    corrected=relative_error(corrected, observed),
-                    free_predicted=relative_error(free_predicted, observed),
-                    free_corrected=relative_error(free_corrected, observed),
-                    predicted_mass=_mass_defect(predicted, observed),
-                    corrected_mass=_mass_defect(corrected, observed),
-                    status=status,
-                    free_status=free_status,
-                )
-            )
-            if any(abs(times[n + 1] - wanted) < time_step / 2 for wanted in snapshot_times):
-                snapshots.append(
-                    Snapshot(experiment.name, float(times[n + 1]), observed, predicted, corrected)
-                )
-            progress(len(frames))
-    if not frames:
+        for frame_errors, frame_fields in _frames(experiment, models):
+            errors.append(frame_errors)
+            if any(abs(frame_errors.time - wanted) < time_step / 2 for wanted in shown_times):
+                shown.append(frame_fields)
+            progress(len(errors))
+    if not errors:
         raise InputError(
             f'{", ".join(names) or "no recording"}: no two known frames {time_step:g} s apart'
         )
-    return Evaluation(tuple(frames), tuple(snapshots))
+    return Evaluation(tuple(errors), tuple(shown))
+
+
+class _Models(NamedTuple):
+    predict: PredictFn
+    correct: CorrectFn
+    correction: CorrectionFn
+    time_step: float
+
+    def step(self, start: FloatArray, rates: WellRates) -> tuple[FloatArray, FloatArray, str]:
+        """Return prediction, corrected prediction and status one time step after `start`."""
+        predicted = self.predict(start, rates, self.time_step)
+        answer = self.correction(predicted, rates, self.time_step)
+        corrected = answer.applied_to(
+            predicted, lambda sigma: self.correct(start, sigma, rates, self.time_step)
+        )
+        return predicted, corrected, answer.status
+
+
+def _frames(experiment: Frames, models: _Models) -> Iterator[tuple[FrameErrors, FrameFields]]:
+    """Yield errors and fields of each frame that follows another by a time step."""
+    free_predicted = free_corrected = prediction = None
+    sequence = 0
+    for pair in frame_pairs(experiment, models.time_step, Counter()):
+        if pair.sequence != sequence:
+            prediction, sequence = None, pair.sequence
+        start, end = (float(experiment.times[pair.number + k]) for k in (0, 1))
+        before = np.asarray(experiment.concentration[pair.number], dtype=float)
+        observed = np.asarray(experiment.concentration[pair.number + 1], dtype=float)
+        rates = mean_rates(experiment.schedule, start, end)
+        before = fill_unseen(before, prediction)
+        if free_predicted is None or free_corrected is None or not pair.follows:
+            free_predicted = free_corrected = before
+        predicted, corrected, status = models.step(before, rates)
+        free_predicted = models.predict(free_predicted, rates, models.time_step)
+        _, free_corrected, free_status = models.step(free_corrected, rates)
+        prediction = corrected
+        errors = FrameErrors(
+            experiment=experiment.name,
+            time=end,
+            predicted=relative_error(predicted, observed),
+            corrected=relative_error(corrected, observed),
+            free_predicted=relative_error(free_predicted, observed),
+            free_corrected=relative_error(free_corrected, observed),
+            predicted_mass=_mass_defect(predicted, observed),
+            corrected_mass=_mass_defect(corrected, observed),
+            status=status,
+            free_status=free_status,
+        )
+        yield errors, FrameFields(experiment.name, end, observed, predicted, corrected)
+
+
+def _mass_defect(concentration: FloatArray, observed: FloatArray) -> float:
+    """Return (sum c - sum c_obs) / sum c_obs over the observed cells; 0 without tracer."""
+    known = np.isfinite(observed)
+    total = float(observed[known].sum())
+    return (float(concentration[known].sum()) - total) / total if total > 0 else 0.0

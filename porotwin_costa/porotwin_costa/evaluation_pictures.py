@@ -1,20 +1,23 @@
-"""Pictures of what the correction earns: errors over time and maps, as in the paper."""
+"""Pictures of an evaluation: errors over time and maps, as in the paper."""
 
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from porotwin_core.grid import Grid
-from porotwin_costa.evaluation import Evaluation, Snapshot, relative_error
+from porotwin_core.grid import Grid, relative_error
+from porotwin_costa.evaluation import Evaluation, FrameFields
+
+SMALLEST_ERROR = 1e-5
+"""Lower end of the logarithmic colour scale [-], far below the camera's noise."""
 
 
 def write_pictures(evaluation: Evaluation, grid: Grid, folder: Path) -> list[Path]:
-    """Write pictures into `folder`; return the files.
+    """Write pictures into `folder` and return the files.
 
-    `one_step.png` and `accumulated.png` show errors over time, `fields_*.png` the observed,
-    predicted and corrected concentration with logarithmic errors (paper, figs. costa-10, costa-30,
-    complex-prederr, complex-accerr).
+    `one_step.png` and `accumulated.png` show the errors over time. `fields_*.png` show the
+    observed, predicted and corrected concentration with logarithmic errors (paper, figs. costa-10,
+    costa-30, complex-prederr, complex-accerr).
     """
     folder.mkdir(parents=True, exist_ok=True)
     curves = {
@@ -25,10 +28,10 @@ def write_pictures(evaluation: Evaluation, grid: Grid, folder: Path) -> list[Pat
         _curves(evaluation, folder / name, title, plain, corrected)
         for name, (title, plain, corrected) in curves.items()
     ]
-    for snapshot in evaluation.snapshots:
-        label = Path(snapshot.experiment).name
-        path = folder / f'fields_{label}_{snapshot.time:.0f}s.png'
-        files.append(_fields(snapshot, grid, path))
+    for frame in evaluation.shown:
+        label = Path(frame.experiment).name
+        path = folder / f'fields_{label}_{frame.time:.0f}s.png'
+        files.append(_fields(frame, grid, path))
     return files
 
 
@@ -49,25 +52,32 @@ def _curves(evaluation: Evaluation, path: Path, title: str, plain: str, correcte
     return path
 
 
-def _fields(snapshot: Snapshot, grid: Grid, path: Path) -> Path:
+def _fields(frame: FrameFields, grid: Grid, path: Path) -> Path:
     figure = Figure(figsize=(11, 9), layout='constrained')
     axes = np.asarray(figure.subplots(3, 2))
     extent = (0.0, grid.width, 0.0, grid.height)
     axes[0, 1].axis('off')
     panels = (
-        (axes[0, 0], snapshot.observed, 'observed'),
-        (axes[1, 0], snapshot.predicted, 'predicted, physics alone'),
-        (axes[2, 0], snapshot.corrected, 'corrected with COSTA'),
+        (axes[0, 0], frame.observed, 'observed'),
+        (axes[1, 0], frame.predicted, 'predicted, physics alone'),
+        (axes[2, 0], frame.corrected, 'corrected with COSTA'),
     )
     for axis, field, title in panels:
         image = axis.imshow(field, origin='lower', extent=extent, vmin=0, vmax=1, cmap='viridis')
         figure.colorbar(image, ax=axis, label='concentration [-]')
-        axis.set(title=f'{title}, {snapshot.time / 60:.1f} min', xlabel='x [m]', ylabel='z [m]')
-    for axis, field in ((axes[1, 1], snapshot.predicted), (axes[2, 1], snapshot.corrected)):
-        error = np.log10(np.maximum(np.abs(field - snapshot.observed), 1e-5))
-        image = axis.imshow(error, origin='lower', extent=extent, vmin=-5, vmax=0, cmap='magma')
+        axis.set(title=f'{title}, {frame.time / 60:.1f} min', xlabel='x [m]', ylabel='z [m]')
+    for axis, field in ((axes[1, 1], frame.predicted), (axes[2, 1], frame.corrected)):
+        error = np.log10(np.maximum(np.abs(field - frame.observed), SMALLEST_ERROR))
+        image = axis.imshow(
+            error,
+            origin='lower',
+            extent=extent,
+            vmin=np.log10(SMALLEST_ERROR),
+            vmax=0,
+            cmap='magma',
+        )
         figure.colorbar(image, ax=axis, label='log10 |error|')
-        relative = 100 * relative_error(field, snapshot.observed)
+        relative = 100 * relative_error(field, frame.observed)
         axis.set(title=f'relative error {relative:.2f} %', xlabel='x [m]', ylabel='z [m]')
     figure.savefig(path, dpi=120)
     return path

@@ -1,9 +1,8 @@
-"""How water would flow from each well through even sand: what the local network sees of the rates.
+"""The flow of each well through homogeneous sand: the input that the local network gets for rates.
 
-COSTA never asks a solver. But numerical diffusion and most other errors of a transport model follow
-the flow, and the flow follows the rates. In homogeneous sand the potential of a well is known from
-geometry alone, so the network can be told where the water goes; what the real sand does
-differently is left for it to learn.
+COSTA never calls a solver. But numerical diffusion, and most other errors of a transport model,
+follow the flow, and the flow follows the rates. In homogeneous sand the potential of a well depends
+on the geometry alone, so it is known without a solver. The network learns the effect of other sand.
 """
 
 from collections.abc import Mapping
@@ -18,10 +17,10 @@ from porotwin_core.rig import Boundaries, Rig
 
 @dataclass(frozen=True)
 class FlowShape:
-    """Flow per unit well rate through the inner faces, as shares of what the well injects [-].
+    """Flow through the inner faces per unit well rate [-].
 
-    `right` has shape (wells, nz, nx - 1), positive to the right; `up` (wells, nz - 1, nx), upward.
-    The order of the wells is the caller's.
+    `right` has shape (wells, nz, nx - 1) and is positive to the right; `up` has shape
+    (wells, nz - 1, nx) and is positive upward. The caller chooses the order of the wells.
     """
 
     right: FloatArray
@@ -29,7 +28,7 @@ class FlowShape:
 
 
 _TRANSFORMS = {
-    # sides (low, high): type and kind of the transform whose basis obeys them, and its wave shift
+    # sides (low, high): family and type of the transform whose basis satisfies them, and its shift
     ('closed', 'closed'): ('cosine', 2, 0.0),
     ('open', 'open'): ('sine', 2, 1.0),
     ('closed', 'open'): ('cosine', 4, 0.5),
@@ -51,7 +50,7 @@ def _transform(
 
 
 def _eigenvalues(count: int, sides: tuple[str, str]) -> FloatArray:
-    """Return those of the second difference -u[i-1] + 2 u[i] - u[i+1] on cells with these sides."""
+    """Return the eigenvalues of -u[i-1] + 2 u[i] - u[i+1] on `count` cells with these sides."""
     shift = _TRANSFORMS[sides][2]
     return 2.0 - 2.0 * np.cos(np.pi * (np.arange(count) + shift) / count)
 
@@ -59,12 +58,13 @@ def _eigenvalues(count: int, sides: tuple[str, str]) -> FloatArray:
 def homogeneous_flow(
     grid: Grid, wells: Mapping[str, tuple[float, float]], boundaries: Boundaries
 ) -> FlowShape:
-    """Return the flow of each well at (x, z) [m] alone through homogeneous sand.
+    """Return the flow of each well at (x, z) [m] through homogeneous sand, if it pumps alone.
 
-    Five-point Laplace equation with a point source, solved exactly by cosine and sine transforms
-    (Strang, "The discrete cosine transform", SIAM Review 41(1), 1999). Closed sides let nothing
-    through, open ones hold the potential. If all sides are closed the missing outflow is taken
-    evenly from the whole rig; for rates that sum to zero, superposition is exact all the same.
+    The five-point Laplace equation with a point source is solved exactly by cosine and sine
+    transforms (Strang, "The discrete cosine transform", SIAM Review 41(1), 1999). The flux through
+    a closed side is zero; the potential at an open side is constant. If all sides are closed, the
+    injected water is withdrawn evenly from the whole rig. The superposition is still exact for
+    rates that sum to zero.
     """
     vertical = (boundaries.bottom, boundaries.top)
     horizontal = (boundaries.left, boundaries.right)
@@ -93,6 +93,6 @@ def homogeneous_flow(
 
 
 def flow_shape_of(rig: Rig, grid: Grid, wells: tuple[str, ...]) -> FlowShape:
-    """Return `homogeneous_flow` for the named wells of a rig, in this order."""
+    """Return `homogeneous_flow` for the named wells of a rig, in the order of `wells`."""
     places = {name: (rig.wells[name].x_m, rig.wells[name].z_m) for name in wells}
     return homogeneous_flow(grid, places, rig.boundaries)

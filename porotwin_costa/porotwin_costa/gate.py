@@ -1,8 +1,8 @@
-"""What the network has seen, and whether a question lies within it."""
+"""The safety gate: sigma is withheld where the network would have to extrapolate."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,21 +10,25 @@ from numpy.typing import ArrayLike
 from porotwin_core.grid import FloatArray
 
 Range = tuple[float, float]
+"""Smallest and largest value."""
 
 MARGIN = 0.05
-"""How far outside the seen range a value may lie, as a share of the width of that range."""
+"""Allowed distance outside a trained range, as a share of its width [-]: room for noise."""
 
 SIGMA_MARGIN = 1.5
-"""How much larger than any residual in training a corrective source may be."""
+"""Largest plausible |sigma| divided by the largest training residual [-]."""
+
+ROUND_OFF = 1e-12
+"""Allowed distance outside a range of zero width, such as the rate of an idle well."""
 
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """Ranges over the training set; a network that extrapolates is not to be trusted.
+    """Ranges over the training data.
 
-    `rates` and `tracer_rates` [m^3/s] are per well, `pumping` [m^3/s] the sum of their sizes,
-    `concentration` [-] the least and largest cell, `tracer` [-] the mean over the rig,
-    `largest_residual` [1/s] the size of any cell's.
+    `rates` and `tracer_rates` [m^3/s] hold a range per well, `pumping` [m^3/s] the sum of the sizes
+    of all rates. `concentration` [-] ranges over all cells, `tracer` [-] over the means of the
+    maps. `largest_residual` [1/s] is the largest size of a residual in a cell.
     """
 
     rates: tuple[Range, ...]
@@ -46,40 +50,64 @@ class TrainingRange:
             largest_residual=float(np.abs(residual).max()),
         )
 
+    @classmethod
+    def from_description(cls, ranges: Mapping[str, Any]) -> Self:
+        """Return the ranges in a description as JSON keeps it, with lists for tuples.
+
+        Raises:
+            KeyError: a range is missing.
+        """
+
+        def pair(values: Sequence[float]) -> Range:
+            return float(values[0]), float(values[1])
+
+        return cls(
+            rates=tuple(pair(values) for values in ranges['rates']),
+            tracer_rates=tuple(pair(values) for values in ranges['tracer_rates']),
+            pumping=pair(ranges['pumping']),
+            concentration=pair(ranges['concentration']),
+            tracer=pair(ranges['tracer']),
+            largest_residual=float(ranges['largest_residual']),
+        )
+
     def objection(
         self, predicted: FloatArray, rates: FloatArray, wells: Sequence[str], *, whole_field: bool
     ) -> str:
-        """Return why (predicted (nz, nx), rates (wells, 2)) lies outside, or an empty string.
+        """Return why the inputs lie outside the training data, or an empty string.
 
-        A network that looks at the `whole_field` at once knows only the rates of each well and the
-        amounts of tracer that it has seen; one that looks at a neighbourhood is bound by the
-        strength of all pumping instead.
+        Args:
+            predicted: the predicted concentration (nz, nx).
+            rates: water rate and tracer rate of each well [m^3/s], (wells, 2).
+            wells: the names of the wells, for the message.
+            whole_field: whether the network reads the whole map. Such a network knows only the
+                rates of each well and the mean concentrations of its training. Another network
+                reads a neighbourhood, so only the sum of all rates is limited.
         """
         if not np.isfinite(predicted).all():
             return 'the prediction holds unknown cells'
-        checks = [('concentration', self.concentration, [predicted.min(), predicted.max()])]
-        if whole_field:
-            checks.append(('mean concentration', self.tracer, [predicted.mean()]))
-            checks += [
-                (f"rate of '{well}' [m^3/s]", seen, [rate])
-                for well, seen, rate in zip(wells, self.rates, rates[:, 0], strict=True)
-            ]
-            checks += [
-                (f"tracer rate of '{well}' [m^3/s]", seen, [rate])
-                for well, seen, rate in zip(wells, self.tracer_rates, rates[:, 1], strict=True)
-            ]
-        else:
-            pumping = np.abs(rates[:, 0]).sum()
-            checks.append(('pumping [m^3/s]', (0.0, self.pumping[1]), [pumping]))
-        for name, (low, high), values in checks:
-            slack = MARGIN * (high - low) + 1e-12
+        for name, (low, high), values in self._checks(predicted, rates, wells, whole_field):
+            slack = MARGIN * (high - low) + ROUND_OFF
             for value in values:
                 if not low - slack <= value <= high + slack:
                     return f'{name} {value:.3g} outside the trained {low:.3g} to {high:.3g}'
         return ''
 
+    def _checks(
+        self, predicted: FloatArray, rates: FloatArray, wells: Sequence[str], whole_field: bool
+    ) -> Iterator[tuple[str, Range, list[float]]]:
+        """Yield the name of each checked quantity, its trained range and its values."""
+        yield 'concentration', self.concentration, [predicted.min(), predicted.max()]
+        if not whole_field:
+            yield 'pumping [m^3/s]', (0.0, self.pumping[1]), [np.abs(rates[:, 0]).sum()]
+            return
+        yield 'mean concentration', self.tracer, [predicted.mean()]
+        for well, trained, rate in zip(wells, self.rates, rates[:, 0], strict=True):
+            yield f"rate of '{well}' [m^3/s]", trained, [rate]
+        for well, trained, rate in zip(wells, self.tracer_rates, rates[:, 1], strict=True):
+            yield f"tracer rate of '{well}' [m^3/s]", trained, [rate]
+
     def objection_to(self, sigma: FloatArray) -> str:
-        """Return why a corrective source [1/s] cannot be right, or an empty string."""
+        """Return why sigma (nz, nx) [1/s] is implausible, or an empty string."""
         if not np.isfinite(sigma).all():
             return 'the network answered with numbers that are not finite'
         largest = float(np.abs(sigma).max())

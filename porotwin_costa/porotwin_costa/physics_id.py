@@ -1,4 +1,4 @@
-"""Which physics-based model was corrected: a correction is right for that one only."""
+"""The identity of a physics-based model: a correction is valid for one model only."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -8,9 +8,9 @@ from porotwin_core.rig import Rig
 
 @dataclass(frozen=True)
 class PhysicsId:
-    """The scheme of a physics-based model, and the fingerprint of the rig that it believes in.
+    """The preset of a physics-based model and the fingerprint of its rig description.
 
-    Empty where it is not known: a file of before this was kept, a scheme that nobody named.
+    A field is empty where it is not known: in a file of version 0.1, or without a named preset.
     """
 
     preset: str = ''
@@ -18,12 +18,12 @@ class PhysicsId:
 
     @classmethod
     def of(cls, rig: Rig, preset: str) -> Self:
-        """Return that of the physics of `rig` with the scheme `preset`."""
+        """Return the identity of the model of `rig` with the numerical scheme `preset`."""
         return cls(preset, rig.physics_fingerprint)
 
     @property
     def known(self) -> bool:
-        """Whether both are known, so that a difference will be found."""
+        """Whether preset and rig are both known, so that every difference is found."""
         return bool(self.preset and self.rig)
 
     def difference(self, other: Self) -> str:

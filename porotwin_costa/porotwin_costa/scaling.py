@@ -1,17 +1,21 @@
-"""How physical quantities become network inputs and outputs."""
+"""How physical quantities become the inputs and outputs of a network."""
 
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
+from porotwin_core.grid import FloatArray
 from porotwin_costa.dataset import Dataset
-from porotwin_costa.network import NetworkSettings
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """Input (c~ - `offset`) / `spread`; rates / `rate` [m^3/s]; sigma = output * `sigma` [1/s]."""
+    """Scales of one data set.
+
+    Inputs are (c~ - `offset`) / `spread` and rates / `rate` [m^3/s]. The output is multiplied by
+    `sigma` [1/s].
+    """
 
     offset: float
     spread: float
@@ -19,12 +23,15 @@ class Scaling:
     sigma: float
 
     @classmethod
-    def of(cls, dataset: Dataset, network: NetworkSettings) -> Self:
-        """Return the scales of a data set; the local network needs c~ as it is."""
-        standard = network.architecture == 'paper'
+    def of(cls, dataset: Dataset, *, standardise: bool) -> Self:
+        """Return the scales of a data set; without `standardise`, c~ stays as it is."""
         return cls(
-            offset=float(dataset.predicted.mean()) if standard else 0.0,
-            spread=float(dataset.predicted.std()) or 1.0 if standard else 1.0,
+            offset=float(dataset.predicted.mean()) if standardise else 0.0,
+            spread=float(dataset.predicted.std()) or 1.0 if standardise else 1.0,
             rate=float(np.abs(dataset.rates).max()) or 1.0,
             sigma=float(np.sqrt(np.mean(np.square(dataset.residual, dtype=float)))) or 1.0,
         )
+
+    def concentration(self, values: FloatArray) -> FloatArray:
+        """Return the network input for concentrations [-] of any shape."""
+        return (values - self.offset) / self.spread

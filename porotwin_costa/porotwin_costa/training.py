@@ -1,9 +1,10 @@
-"""Training: repeatable from a seed, judged on samples that it does not learn from."""
+"""Training of a network: repeatable from a seed, validated on samples kept aside."""
 
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,52 +13,23 @@ from torch import Tensor, nn
 
 from porotwin_core.errors import InputError
 from porotwin_costa.batches import Batches
+from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.gate import TrainingRange
-from porotwin_costa.model import CorrectiveModel
-from porotwin_costa.network import (
-    HOMOGENEOUS_RIG,
-    LocalFluxNetwork,
-    NetworkSettings,
-    build_network,
-    parameter_count,
-)
+from porotwin_costa.networks import Architecture, CorrectiveNetwork, RigFields, parameter_count
 from porotwin_costa.scaling import Scaling
+from porotwin_costa.training_settings import TrainingSettings
 
-
-@dataclass(frozen=True)
-class TrainingSettings:
-    """How long and on what to train.
-
-    About `validation_share` of the samples is kept aside, see `split_samples`. Training ends after
-    `patience` epochs without a better loss on those, and the best weights are kept. The local
-    network learns from windows of `window` x `window` cells, or from whole maps with 0.
-    """
-
-    network: NetworkSettings = HOMOGENEOUS_RIG
-    epochs: int = 150
-    batch_size: int = 16
-    learning_rate: float = 1e-3
-    patience: int = 40
-    window: int = 0
-    validation_share: float = 0.15
-
-    def __post_init__(self) -> None:
-        if min(self.epochs, self.batch_size, self.patience) < 1 or not self.learning_rate > 0:
-            raise InputError(
-                f'training: epochs {self.epochs}, batch_size {self.batch_size}, patience '
-                f'{self.patience}, learning_rate {self.learning_rate} must all be positive'
-            )
-        if not 0 < self.validation_share < 1:
-            raise InputError(f'validation_share {self.validation_share}: must lie within 0 and 1')
+LEAST_PAIRS = 4
+"""Fewer pairs cannot be split into training and validation samples."""
 
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """State after an epoch; losses are mean squared errors relative to the residual's own [-].
+    """State after an epoch; losses are mean squared errors divided by the mean squared residual.
 
-    A validation loss of 1 is that of no correction at all; a training loss over windows counts only
-    where tracer is, so it is larger.
+    The validation loss without any correction is 1. The training loss over windows is larger,
+    because it counts only cells near tracer. `remaining_seconds` is an estimate [s].
     """
 
     epoch: int
@@ -67,24 +39,38 @@ class TrainingProgress:
     remaining_seconds: float
 
 
+ProgressFn = Callable[[TrainingProgress], None]
+"""Called after every epoch."""
+
+
 class TrainingCancelledError(Exception):
-    """Training was asked to stop before it was done; there is no model."""
+    """Training was cancelled; there is no model."""
 
 
-def split_samples(dataset: Dataset, settings: TrainingSettings) -> NDArray[np.bool_]:
-    """Return which samples are kept aside for validation, shape (samples,).
+class Losses(NamedTuple):
+    """Training and validation loss of the weights that are kept, and the number of epochs done."""
 
-    The last experiments, whole: a frame that follows one learned from is hardly a new one. As many
-    as hold `validation_share` of the samples, but at most half of all; where that cannot be, as
-    with one experiment, the last samples of all.
+    training: float
+    validation: float
+    epochs: int
+
+
+def split_samples(dataset: Dataset, validation_share: float) -> NDArray[np.bool_]:
+    """Return which samples are kept for validation, shape (samples,).
+
+    They are the last experiments as a whole, because consecutive frames of one experiment are
+    nearly the same. Together they hold at least `validation_share` of the samples, but no more than
+    half. Where that is impossible, as with one experiment, the last samples are taken.
 
     Raises:
-        InputError: too few samples to keep any aside.
+        InputError: there are fewer than `LEAST_PAIRS` samples.
     """
     count = len(dataset)
-    if count < 4:
-        raise InputError(f'{count} training pairs: at least 4 are needed; record longer')
-    wanted = settings.validation_share * count
+    if count < LEAST_PAIRS:
+        raise InputError(
+            f'{count} training pairs: at least {LEAST_PAIRS} are needed; record longer'
+        )
+    wanted = validation_share * count
     for number in np.unique(dataset.experiment)[::-1]:
         aside = dataset.experiment >= number
         if aside.sum() >= wanted:
@@ -99,43 +85,49 @@ def split_samples(dataset: Dataset, settings: TrainingSettings) -> NDArray[np.bo
 
 def train(
     dataset: Dataset,
-    settings: TrainingSettings,
+    architecture: Architecture,
+    settings: TrainingSettings | None = None,
     *,
     seed: int,
-    progress: Callable[[TrainingProgress], None] = lambda _: None,
+    progress: ProgressFn = lambda _: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> CorrectiveModel:
     """Return a model of the residuals in `dataset`: mean squared error, Adam, early stopping.
 
     The same data, settings, seed and number of threads give the same weights, bit for bit.
-    `progress` is called after every epoch, `cancelled` is asked after every batch.
+
+    Args:
+        dataset: predictions, rates and residuals.
+        architecture: the network to train.
+        settings: how to train; None: the settings of the architecture.
+        seed: of the first weights and of the order of the samples.
+        progress: called after every epoch.
+        cancelled: asked before every batch; True ends the training.
 
     Raises:
-        InputError: too little to learn from, or no epoch with a finite loss.
-        TrainingCancelledError: `cancelled` said so.
+        InputError: too few samples, windows for a network that reads the whole map, or no epoch
+            with a finite loss.
+        TrainingCancelledError: `cancelled` returned True.
     """
-    aside = split_samples(dataset, settings)
-    learning, judging = dataset.select(~aside), dataset.select(aside)
-    scaling = Scaling.of(learning, settings.network)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        network = build_network(
-            dataset.grid.shape, len(dataset.wells), settings.network, dataset.flow
+    settings = settings or architecture.training
+    if settings.window and architecture.reach is None:
+        raise InputError(
+            f"architecture '{architecture.name}': reads the whole map; train it with window 0"
         )
-    if isinstance(network, LocalFluxNetwork):
-        network.change.copy_(torch.as_tensor(scaling.sigma * dataset.time_step / dataset.porosity))
-        network.relative_depth.copy_(torch.as_tensor(dataset.relative_depth))
+    aside = split_samples(dataset, settings.validation_share)
+    learning, judging = dataset.select(~aside), dataset.select(aside)
+    scaling = Scaling.of(learning, standardise=architecture.standardise)
+    network = _fresh_network(dataset, architecture, scaling, seed)
     batches, validation = Batches.of(learning, scaling), Batches.of(judging, scaling)
-    losses = _fit(
-        network, batches, validation, settings, seed=seed, progress=progress, cancelled=cancelled
-    )
+    loop = _Loop(network, batches, validation, settings, architecture.reach or 0)
+    losses = loop.run(seed=seed, progress=progress, cancelled=cancelled)
     answer = validation.answers(network, settings.batch_size)
     trust, unexplained = _trust(answer, validation.target)
     return CorrectiveModel(
         grid=dataset.grid,
         wells=dataset.wells,
         time_step=dataset.time_step,
-        settings=settings.network,
+        architecture=architecture,
         network=network.eval(),
         scaling=scaling,
         trained_on=TrainingRange.of(dataset.predicted, dataset.rates, dataset.residual),
@@ -146,77 +138,116 @@ def train(
             'samples': len(dataset),
             'sources': list(dataset.sources),
             'seed': seed,
-            'settings': asdict(settings),
+            'settings': {'network': architecture.description(), **asdict(settings)},
             'parameters': parameter_count(network),
-            'training_loss': losses[0],
-            'validation_loss': losses[1],
+            'training_loss': losses.training,
+            'validation_loss': losses.validation,
             'unexplained_share': unexplained,
-            'epochs': losses[2],
+            'epochs': losses.epochs,
             'versions': {name: version(name) for name in ('torch', 'numpy')},
         },
     )
 
 
-def _trust(answer: Tensor, target: Tensor) -> tuple[float, float]:
-    """Return the factor in 0..1 that fits the answer to the target best, and what it leaves.
+def _fresh_network(
+    dataset: Dataset, architecture: Architecture, scaling: Scaling, seed: int
+) -> CorrectiveNetwork:
+    """Return the network with random weights from `seed`; the global random state is kept."""
+    rig = RigFields(
+        shape=dataset.grid.shape,
+        wells=len(dataset.wells),
+        flow=dataset.flow,
+        change_per_sigma=scaling.sigma * dataset.time_step / dataset.porosity,
+        relative_depth=dataset.relative_depth,
+    )
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return architecture.network(rig)
 
-    Least squares through the origin; what is left is the share of the target's sum of squares.
+
+def _trust(answer: Tensor, target: Tensor) -> tuple[float, float]:
+    """Return the factor in 0..1 that fits the answer to the target, and the unexplained share.
+
+    The factor is the least-squares solution through the origin. The unexplained share is
+    |factor * answer - target|^2 / |target|^2.
     """
     power = float((answer.double() ** 2).sum())
     fit = float((answer.double() * target.double()).sum()) / power if power > 0 else 0.0
     trust = min(max(fit, 0.0), 1.0)
     total = float((target.double() ** 2).sum())
-    left = float(((trust * answer.double() - target.double()) ** 2).sum())
-    return trust, left / total if total > 0 else 0.0
+    remainder = float(((trust * answer.double() - target.double()) ** 2).sum())
+    return trust, remainder / total if total > 0 else 0.0
 
 
-def _fit(
-    network: nn.Module,
-    batches: Batches,
-    validation: Batches,
-    settings: TrainingSettings,
-    *,
-    seed: int,
-    progress: Callable[[TrainingProgress], None],
-    cancelled: Callable[[], bool],
-) -> tuple[float, float, int]:
-    """Train in place; return the losses of the weights kept and the number of epochs done."""
-    random = torch.Generator().manual_seed(seed)
-    optimiser = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.epochs)
-    best, best_weights, since = (np.inf, np.inf, 0), {}, 0
-    started = time.monotonic()
-    count = len(batches.target)
-    for epoch in range(1, settings.epochs + 1):
-        network.train()
+@dataclass(frozen=True)
+class _Loop:
+    """The training loop; it leaves the best weights in `network`."""
+
+    network: CorrectiveNetwork
+    batches: Batches
+    validation: Batches
+    settings: TrainingSettings
+    reach: int
+
+    def run(self, *, seed: int, progress: ProgressFn, cancelled: Callable[[], bool]) -> Losses:
+        network, settings = self.network, self.settings
+        random = torch.Generator().manual_seed(seed)
+        optimiser = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.epochs)
+        best, best_weights, epochs_since = Losses(np.inf, np.inf, 0), {}, 0
+        started = time.monotonic()
+        for epoch in range(1, settings.epochs + 1):
+            training_loss = self._epoch(optimiser, random, epoch, cancelled)
+            schedule.step()
+            validation_loss = self._validation_loss()
+            epochs_since += 1
+            if validation_loss < best.validation:
+                best, epochs_since = Losses(training_loss, validation_loss, epoch), 0
+                best_weights = {name: value.clone() for name, value in network.state_dict().items()}
+            remaining = (time.monotonic() - started) / epoch * (settings.epochs - epoch)
+            progress(
+                TrainingProgress(epoch, settings.epochs, training_loss, validation_loss, remaining)
+            )
+            if epochs_since >= settings.patience:
+                break
+        if not best_weights:
+            raise InputError(
+                f'training diverged with learning_rate {settings.learning_rate}; try a tenth of it'
+            )
+        network.load_state_dict(best_weights)
+        return best._replace(epochs=epoch)
+
+    def _epoch(
+        self,
+        optimiser: torch.optim.Optimizer,
+        random: torch.Generator,
+        epoch: int,
+        cancelled: Callable[[], bool],
+    ) -> float:
+        """Train on every sample once, in random order; return the mean loss."""
+        self.network.train()
         total = 0.0
-        for chosen in torch.randperm(count, generator=random).split(settings.batch_size):
+        count = len(self.batches.target)
+        for chosen in torch.randperm(count, generator=random).split(self.settings.batch_size):
             if cancelled():
                 raise TrainingCancelledError(f'stopped in epoch {epoch}')
             optimiser.zero_grad()
-            if settings.window and isinstance(network, LocalFluxNetwork):
-                loss = batches.window_loss(network, chosen, settings.window, random)
-            else:
-                loss = batches.loss(network, chosen)
+            loss = self._loss(chosen, random)
             loss.backward()
             optimiser.step()
             total += float(loss.detach()) * len(chosen)
-        schedule.step()
-        network.eval()
-        answer = validation.answers(network, settings.batch_size)
-        loss_aside = float(nn.functional.mse_loss(answer, validation.target))
-        loss_aside /= float(validation.target.square().mean()) or 1.0
-        since += 1
-        if loss_aside < best[1]:
-            best, since = (total / count, loss_aside, epoch), 0
-            best_weights = {name: value.clone() for name, value in network.state_dict().items()}
-        remaining = (time.monotonic() - started) / epoch * (settings.epochs - epoch)
-        progress(TrainingProgress(epoch, settings.epochs, total / count, loss_aside, remaining))
-        if since >= settings.patience:
-            break
-    if not best_weights:
-        raise InputError(
-            f'training diverged with learning_rate {settings.learning_rate}; try a tenth of it'
+        return total / count
+
+    def _loss(self, chosen: Tensor, random: torch.Generator) -> Tensor:
+        if not self.settings.window:
+            return self.batches.loss(self.network, chosen)
+        return self.batches.window_loss(
+            self.network, chosen, size=self.settings.window, reach=self.reach, random=random
         )
-    network.load_state_dict(best_weights)
-    return best[0], best[1], epoch
+
+    def _validation_loss(self) -> float:
+        """Return the mean squared error on the validation samples, relative to no correction."""
+        self.network.eval()
+        answer = self.validation.answers(self.network, self.settings.batch_size)
+        loss = float(nn.functional.mse_loss(answer, self.validation.target))
+        return loss / (float(self.validation.target.square().mean()) or 1.0)

@@ -1,3 +1,5 @@
+"""The collector: pairs from a stream of states, rates and interruptions."""
+
 import dataclasses
 
 import numpy as np
@@ -7,7 +9,8 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import fill_unseen
 from porotwin_core.wells import WellRate
 from porotwin_costa.collector import Collector
-from porotwin_costa.dataset import build_dataset, load_dataset, mean_rates
+from porotwin_costa.dataset import load_dataset
+from porotwin_costa.frames import mean_rates
 
 
 @pytest.fixture
@@ -16,7 +19,7 @@ def collector(rig, grid):
 
 
 def _feed(collector, model, frames, count=25, start=0.0):
-    """Let an asset emit `frames` from `start` [s] on, and a solver answer to every pair."""
+    """Add `frames` from `start` [s] on, and complete every pair as a solver does."""
     pairs = []
     for n in range(count):
         time = start + float(frames.times[n])
@@ -26,7 +29,7 @@ def _feed(collector, model, frames, count=25, start=0.0):
         pairs += collector.observed(time, frames.concentration[n], model.grid)
     pairs += collector.finished()
     for pair in pairs:
-        start = collector.start(pair)
+        start = collector.start_state(pair)
         predicted = model.predict(start, pair.rates, 30.0)
         following = fill_unseen(pair.following, predicted)
         residual = model.residual(start, following, pair.rates, 30.0)
@@ -36,7 +39,7 @@ def _feed(collector, model, frames, count=25, start=0.0):
 
 @pytest.mark.parametrize('hidden_columns', [0, 9])
 def test_a_live_run_gives_the_data_set_that_its_recording_gives(
-    collector, model, unseen_frames, rig, grid, hidden_columns
+    collector, model, unseen_frames, build, hidden_columns
 ):
     concentration = unseen_frames.concentration.copy()
     concentration[:, :, :hidden_columns] = np.nan
@@ -44,15 +47,7 @@ def test_a_live_run_gives_the_data_set_that_its_recording_gives(
     _feed(collector, model, frames)
     live = collector.take()
     assert len(live) == 24
-    recorded = build_dataset(
-        [frames],
-        rig,
-        grid=grid,
-        time_step=30.0,
-        predict=model.predict,
-        residual=model.residual,
-    )
-    assert live.fingerprint == recorded.fingerprint
+    assert live.fingerprint == build(frames).fingerprint
 
 
 @pytest.mark.parametrize('late', [True, False])
@@ -83,7 +78,7 @@ def test_a_clock_that_jumps_back_begins_another_experiment(collector, model, uns
     assert dataset.experiment.tolist() == [0] * 4 + [1] * 4
 
 
-def test_pairs_are_given_out_only_when_their_rates_have_arrived(collector, model, grid):
+def test_pairs_are_returned_only_when_their_rates_have_arrived(collector, model, grid):
     blank = np.zeros(grid.shape)
     assert collector.observed(0.0, blank, grid) == []
     assert collector.observed(30.0, blank, grid) == []
@@ -93,7 +88,7 @@ def test_pairs_are_given_out_only_when_their_rates_have_arrived(collector, model
     assert pair.end == 30.0
 
 
-def test_what_cannot_be_used_is_counted(collector, model, grid):
+def test_pairs_that_cannot_be_used_are_counted(collector, model, grid):
     blank, unknown = np.zeros(grid.shape), np.full(grid.shape, np.nan)
     collector.observed(0.0, blank, grid)
     collector.observed(30.0, blank, grid)
@@ -112,7 +107,7 @@ def test_what_cannot_be_used_is_counted(collector, model, grid):
 def test_samples_are_taken_once_and_written_as_parts(collector, model, unseen_frames, tmp_path):
     _feed(collector, model, unseen_frames, 6)
     collector.take().append_to(tmp_path)
-    assert collector.untaken == 0
+    assert collector.waiting == 0
     assert len(collector.take()) == 0
     _feed(collector, model, unseen_frames, 6)
     collector.take().append_to(tmp_path)
@@ -127,12 +122,37 @@ def test_state_on_another_grid_and_unknown_well_are_refused(collector, rig):
         collector.measured(0.0, {'other': WellRate(1e-7)})
 
 
-def test_what_was_believed_ends_with_an_interruption(collector, model, unseen_frames, grid):
+def test_predictions_fill_no_cells_after_the_clock_jumped_back(
+    collector, model, unseen_frames, grid
+):
     hidden = unseen_frames.concentration.copy()
     hidden[:, :, :9] = np.nan
     frames = dataclasses.replace(unseen_frames, concentration=hidden)
     pairs = _feed(collector, model, frames, 5)
-    assert collector.start(pairs[-1])[:, :9].any()
+    assert collector.start_state(pairs[-1])[:, :9].any()
     (later, *_) = _feed(collector, model, frames, 5)
-    assert later.course == pairs[-1].course + 1
-    assert collector.start(pairs[-1])[:, :9].any() != collector.start(later)[:, :9].any()
+    assert later.sequence == pairs[-1].sequence + 1
+    assert (
+        collector.start_state(pairs[-1])[:, :9].any() != collector.start_state(later)[:, :9].any()
+    )
+
+
+def test_report_names_the_reasons_for_pairs_left_out(collector, grid):
+    unknown = np.full(grid.shape, np.nan)
+    reports = []
+    for number in range(4):
+        collector.observed(30.0 * number, unknown, grid)
+        reports.append(collector.report)
+    assert reports[2:] == [
+        f'0 training pairs so far; left out: {count} pairs with too little seen' for count in (1, 2)
+    ]
+
+
+def test_values_that_are_not_finite_make_no_sample(collector, model, unseen_frames):
+    (pair, *_) = _feed(collector, model, unseen_frames, 3)
+    unknown = np.full(model.grid.shape, np.nan)
+    assert collector.complete(pair, pair.previous, pair.previous)
+    completed = collector.completed
+    assert not collector.complete(pair, unknown, pair.previous)
+    assert collector.completed == completed
+    assert collector.dropped == {'pairs without finite residual': 1}

@@ -1,39 +1,41 @@
+"""Errors per frame with and without the correction, one step ahead and free-running."""
+
 import csv
 import dataclasses
 
 import numpy as np
 import pytest
+from costa_examples import TIME_STEP
 
+from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
-from porotwin_costa.evaluation import evaluate, relative_error
-from porotwin_costa.evaluation_pictures import write_pictures
-from porotwin_costa.model import APPLIED, NO_MODEL, Correction
-
-TIME_STEP = 30.0
+from porotwin_core.grid import relative_error
+from porotwin_costa.corrective_source import APPLIED, NO_MODEL
+from porotwin_costa.evaluation import evaluate
 
 
-def _nothing(predicted, rates):
-    return Correction(np.zeros_like(predicted), NO_MODEL)
+def _nothing(predicted, rates, time_step):
+    return Correction(None, NO_MODEL)
 
 
-def _run(model, frames, assess, **options):
+def _run(model, frames, correction, **options):
     return evaluate(
         frames,
         time_step=TIME_STEP,
         predict=model.predict,
         correct=model.correct,
-        assess=assess,
+        correction=correction,
         **options,
     )
 
 
-class _AllKnowing:
-    """Answers with the exact residual of the frame that is asked for, once per step and run."""
+class _Exact:
+    """Answers with the exact residual of the frame that the prediction belongs to."""
 
     def __init__(self, model, frames):
         self.model, self.frames = model, frames
 
-    def __call__(self, predicted, rates):
+    def __call__(self, predicted, rates, time_step):
         starts = self.frames.concentration[:-1]
         known = [self.model.predict(start, rates, TIME_STEP) for start in starts]
         n = int(np.argmin([np.abs(predicted - one).max() for one in known]))
@@ -50,13 +52,13 @@ def test_without_correction_both_runs_agree(model, unseen_frames):
     assert 'no correction in 24 of 24 frames, first because: no model loaded' in result.table()
 
 
-def test_exact_correction_leaves_no_error_one_step_or_free(model, unseen_frames):
+def test_exact_correction_has_no_error_one_step_ahead_or_free_running(model, unseen_frames):
     steady = dataclasses.replace(
         unseen_frames,
         times=unseen_frames.times[:10],
         concentration=unseen_frames.concentration[:10],
     )
-    result = _run(model, [steady], _AllKnowing(model, steady))
+    result = _run(model, [steady], _Exact(model, steady))
     assert result.mean('predicted') > 0.01
     assert result.mean('free_predicted') > result.mean('predicted')
     assert max(frame.corrected for frame in result.frames) < 1e-12
@@ -71,7 +73,7 @@ def test_an_overshooting_correction_stays_within_0_and_1_as_in_the_twin(model, u
         starts.append((start.min(), start.max()))
         return model.predict(start, rates, time_step)
 
-    def overshooting(predicted, rates):
+    def overshooting(predicted, rates, time_step):
         return Correction(np.where(predicted > 0.5, 0.01, -0.01), APPLIED)
 
     result = evaluate(
@@ -79,12 +81,12 @@ def test_an_overshooting_correction_stays_within_0_and_1_as_in_the_twin(model, u
         time_step=TIME_STEP,
         predict=predict,
         correct=model.correct,
-        assess=overshooting,
+        correction=overshooting,
     )
     low, high = np.transpose(starts)
     assert low.min() >= 0.0
     assert high.max() <= 1.0 + 1e-9
-    assert all(shot.corrected.max() <= 1.0 for shot in result.snapshots)
+    assert all(frame.corrected.max() <= 1.0 for frame in result.shown)
 
 
 def test_free_run_starts_anew_after_an_interruption(model, unseen_frames):
@@ -107,7 +109,7 @@ def test_cells_that_were_not_observed_do_not_count(model, unseen_frames):
     assert np.isfinite(result.frames[-1].predicted)
 
 
-def test_sand_that_is_never_seen_does_not_end_the_judgement(model, unseen_frames):
+def test_cells_that_are_never_seen_do_not_end_the_evaluation(model, unseen_frames):
     concentration = unseen_frames.concentration.copy()
     concentration[:, 4:12, 6:9] = np.nan
     hidden = dataclasses.replace(unseen_frames, concentration=concentration)
@@ -117,10 +119,24 @@ def test_sand_that_is_never_seen_does_not_end_the_judgement(model, unseen_frames
     assert result.mean('predicted') < 1.5 * whole.mean('predicted')
 
 
-def test_error_is_relative_to_the_observed_tracer():
-    observed = np.array([[3.0, 4.0, np.nan]])
-    assert relative_error(np.array([[3.0, 3.0, 99.0]]), observed) == pytest.approx(1 / 5)
-    assert relative_error(np.array([[0.5]]), np.zeros((1, 1))) == pytest.approx(0.5)
+def test_errors_are_those_of_the_grid_and_undefined_without_tracer(model, unseen_frames):
+    concentration = unseen_frames.concentration.copy()
+    concentration[1] = 0.0  # the camera saw no tracer in the second frame
+    frames = dataclasses.replace(unseen_frames, concentration=concentration)
+    result = _run(model, [frames], _nothing, shown_times=frames.times)
+    errors = [frame.predicted for frame in result.frames]
+    expected = [relative_error(frame.predicted, frame.observed) for frame in result.shown]
+    assert np.array_equal(errors, expected, equal_nan=True)
+    assert np.isnan(errors[0])
+    assert np.isfinite(errors[1:]).all()
+    assert result.mean('predicted') == np.mean(errors[1:])
+
+
+def test_mean_error_of_frames_without_tracer_is_undefined(model, unseen_frames):
+    blank = dataclasses.replace(
+        unseen_frames, concentration=np.zeros_like(unseen_frames.concentration)
+    )
+    assert np.isnan(_run(model, [blank], _nothing).mean('predicted'))
 
 
 def test_recording_without_pairs_is_refused(model, unseen_frames):
@@ -129,12 +145,8 @@ def test_recording_without_pairs_is_refused(model, unseen_frames):
         _run(model, [sparse], _nothing)
 
 
-def test_table_and_pictures_are_written(model, unseen_frames, grid, tmp_path):
-    result = _run(model, [unseen_frames], _nothing, snapshot_times=(600.0,))
-    files = write_pictures(result, grid, tmp_path / 'report')
-    names = {file.name for file in files}
-    assert names == {'one_step.png', 'accumulated.png', 'fields_unseen_600s.png'}
-    assert all(file.read_bytes().startswith(b'\x89PNG') for file in files)
+def test_a_row_per_frame_is_written(model, unseen_frames, tmp_path):
+    result = _run(model, [unseen_frames], _nothing)
     result.write_csv(tmp_path / 'errors.csv')
     with (tmp_path / 'errors.csv').open() as file:
         rows = list(csv.DictReader(file))

@@ -1,3 +1,5 @@
+"""The flow of a well through homogeneous sand."""
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def _source(place: tuple[float, float]) -> np.ndarray:
         Boundaries(left='open', right='open', top='closed'),
     ],
 )
-def test_what_a_well_injects_leaves_through_the_open_sides_only(boundaries):
+def test_injected_water_leaves_through_the_open_sides_only(boundaries):
     flow = homogeneous_flow(GRID, WELLS, boundaries)
     inner = np.ones(GRID.shape, bool)
     inner[-1] &= boundaries.top == 'closed'
@@ -65,6 +67,6 @@ def test_far_from_walls_flow_falls_with_distance_as_around_a_line_source():
     flow = homogeneous_flow(grid, {'a': (0.5, 0.5)}, Boundaries(top='closed'))
     for cells in (10, 20):
         expected = 1 / (2 * np.pi * (cells + 0.5))
-        # the even loss over a closed rig takes away what leaves within the circle
+        # the even loss over a closed rig reduces the flow through the circle
         expected *= 1 - np.pi * (cells + 0.5) ** 2 / 101**2
         assert flow.right[0, 50, 50 + cells] == pytest.approx(expected, rel=0.02)

@@ -12,6 +12,10 @@ from typing import Any
 NAMESPACE = '/porotwin'
 """Namespace of all nodes."""
 
+TRAINING_PAIRS = 'pairs'
+TRAINED_MODEL = 'model.safetensors'
+"""Names in the folder of retraining: the pairs that the trainer collects, and the weights."""
+
 Parameter = bool | int | float | str
 """A value of a node's parameter."""
 
@@ -60,6 +64,8 @@ class GraphSettings:
     evaluations: int = _option(60, 'most predictions of one optimisation')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
     retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')
+    architecture: str = _option('', 'network to train; empty: the one of the loaded model')
+    training: Path | None = _option(None, 'folder for training pairs and weights of retraining')
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
@@ -101,8 +107,34 @@ def _imaging_node(settings: GraphSettings, mapped: Parameters) -> NodeDescriptio
 
 
 def _costa_node(settings: GraphSettings, modelled: Parameters) -> NodeDescription:
-    model = {'model': str(settings.model)} if settings.model else {}
-    return NodeDescription('costa', 'porotwin_costa', 'costa_node', {**modelled, **model})
+    """Return the data-driven model; started again, it uses the weights of the last retraining."""
+    parameters = {**modelled}
+    if settings.model is not None:
+        parameters['model'] = str(settings.model)
+    if settings.architecture:
+        parameters['architecture'] = settings.architecture
+    if settings.training is not None:
+        parameters['trained_model'] = str(settings.training / TRAINED_MODEL)
+    return NodeDescription('costa', 'porotwin_costa', 'costa_node', parameters)
+
+
+def _trainer_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
+    """Return the trainer; its pairs and weights are files, so that a restart continues with them.
+
+    The node costa chooses the network, because it knows the loaded model.
+    """
+    if settings.retrain_every <= 0:
+        return []
+    parameters = {
+        **modelled,
+        'photo_interval_s': settings.photo_interval_s,
+        'retrain_every': settings.retrain_every,
+        'architecture': settings.architecture,
+    }
+    if settings.training is not None:
+        parameters['dataset'] = str(settings.training / TRAINING_PAIRS)
+        parameters['output'] = str(settings.training / TRAINED_MODEL)
+    return [NodeDescription('trainer', 'porotwin_costa', 'trainer_node', parameters)]
 
 
 def _hub_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
@@ -114,17 +146,6 @@ def _hub_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
         'control': settings.control,
     }
     return NodeDescription('hub', 'porotwin_hub', 'hub_node', parameters)
-
-
-def _trainer_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
-    if settings.retrain_every <= 0:
-        return []
-    parameters = {
-        **modelled,
-        'photo_interval_s': settings.photo_interval_s,
-        'retrain_every': settings.retrain_every,
-    }
-    return [NodeDescription('trainer', 'porotwin_costa', 'trainer_node', parameters)]
 
 
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:

@@ -25,6 +25,8 @@ FULL = GraphSettings(
     model=Path('model'),
     grid='94x56',
     retrain_every=40,
+    architecture='local',
+    training=Path('training'),
     record=Path('bag'),
     diagnoses=Path('diagnoses'),
     page='127.0.0.1:8765',
@@ -126,3 +128,20 @@ def test_costa_and_its_trainer_know_the_scheme_of_the_solver() -> None:
 def test_every_option_of_the_graph_has_a_description() -> None:
     names = [option.name for option in dataclasses.fields(GraphSettings)]
     assert all(description_of(name) for name in names)
+
+
+def test_retraining_keeps_pairs_and_weights_in_files_that_a_restart_finds() -> None:
+    nodes = {node.name: node.parameters for node in twin_nodes(FULL)}
+    assert nodes['trainer']['dataset'] == 'training/pairs'
+    assert nodes['trainer']['output'] == 'training/model.safetensors'
+    assert nodes['costa']['trained_model'] == nodes['trainer']['output']
+    assert nodes['costa']['model'] == 'model'
+
+
+def test_the_chosen_network_is_trained_and_else_costa_chooses() -> None:
+    nodes = {node.name: node.parameters for node in twin_nodes(FULL)}
+    assert nodes['trainer']['architecture'] == nodes['costa']['architecture'] == 'local'
+    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, training=Path('training'))
+    nodes = {node.name: node.parameters for node in twin_nodes(settings)}
+    assert nodes['trainer']['architecture'] == ''
+    assert 'architecture' not in nodes['costa']

@@ -1,0 +1,242 @@
+"""The demo: preparation, closed loop, and the comparison with a run without control."""
+
+import os
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porotwin_cli.graph_watch import GraphWatch
+from porotwin_cli.rehearsal import calibration_run, train_costa
+from porotwin_cli.run_account import TrueTracer, read_account, summary
+from porotwin_cli.run_pictures import course_picture, plume_picture
+from porotwin_cli.terminal import WorkFailed, print_table, progress, say
+from porotwin_cli.workspace import small_rig
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_hub.control import Limits
+from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_hub.processes import GraphProcesses
+from porotwin_recording.concentration import open_maps
+from porotwin_rig.asset import VirtualRig
+from porotwin_rig.camera import camera_before
+from porotwin_rig.pumps import Pumps
+from porotwin_rig.session import parse_pace
+from porotwin_solver.model import preset_named
+
+PHOTO_INTERVAL_S = 30.0
+"""Time between photographs [s]."""
+
+PRODUCER_DELIVERY = 0.99
+"""Share of its commanded rate that the producer's pump delivers (paper, section 4)."""
+
+PAGE = '127.0.0.1:8765'
+
+STALL_S = 120.0
+"""Longest time without a cycle, before the loop counts as stalled [s]."""
+
+LAST_REPORT_S = 10.0
+"""Longest wait for the report of the last photograph [s]."""
+
+LAST_WRITE_S = 1.0
+"""Time for the recorder to write the last messages [s]."""
+
+DOMAINS = 100
+"""ROS domains among which demos on one machine are spread; all have free ports on Linux."""
+
+
+@dataclass(frozen=True)
+class DemoSettings:
+    """The options of `./porotwin demo`; `minutes` is the length of the experiment [min]."""
+
+    minutes: float
+    speed: str
+    seed: int
+    costa: bool
+    preset: str
+    photo_width: int
+    page: bool
+
+    def check(self) -> None:
+        """Check the options that are text.
+
+        Raises:
+            InputError: speed or preset is unknown.
+        """
+        parse_pace(self.speed)
+        preset_named(self.preset)
+
+
+def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
+    """Run the experiment and return its figures; all files go into `folder`.
+
+    Raises:
+        WorkFailed: a node cannot run, or the loop stalls.
+    """
+    started = time.monotonic()
+    rig_file = _prepare_rig(folder, settings.photo_width)
+    calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
+    graph = GraphSettings(
+        rig=rig_file,
+        calibration=calibration,
+        model=model,
+        preset=settings.preset,
+        photo_interval_s=PHOTO_INTERVAL_S,
+        record=folder / 'bag',
+        page=PAGE if settings.page else '',
+        use_sim_time=True,
+    )
+    _run_loop(graph, folder, settings)
+    figures = _account(load_rig(rig_file), folder)
+    return {**figures, 'duration_s': time.monotonic() - started}
+
+
+def _prepare_rig(folder: Path, photo_width: int) -> Path:
+    """Write rig.yaml with the corners of the rig in the virtual camera's photographs."""
+    rig = load_rig(small_rig())
+    camera = camera_before(rig, photo_width).description()
+    write_rig(rig.model_copy(update={'camera': camera}), folder / 'rig.yaml')
+    return folder / 'rig.yaml'
+
+
+def _prepare_camera_and_model(
+    rig_file: Path, folder: Path, settings: DemoSettings
+) -> tuple[Path, Path | None]:
+    """Return the calibration of the camera and, if chosen, a trained COSTA model."""
+    rig = load_rig(rig_file)
+    say('calibrating the camera with a known injection ...')
+    calibration = calibration_run(rig, folder, seed=settings.seed, photo_width=settings.photo_width)
+    if not settings.costa:
+        return calibration, None
+    say('training COSTA on experiments with other schedules ...')
+    return calibration, train_costa(
+        rig,
+        folder,
+        calibration,
+        photo_interval=PHOTO_INTERVAL_S,
+        seed=settings.seed,
+        preset=settings.preset,
+        photo_width=settings.photo_width,
+    )
+
+
+def _virtual_rig(graph: GraphSettings, folder: Path, settings: DemoSettings) -> NodeDescription:
+    """Return the node that stands for the physical asset."""
+    return NodeDescription(
+        'virtual_rig',
+        'porotwin_rig',
+        'virtual_rig_node',
+        {
+            'rig': str(graph.rig),
+            'photo_interval_s': graph.photo_interval_s,
+            'duration_s': settings.minutes * 60.0,
+            'seed': settings.seed,
+            'speed': settings.speed,
+            'photo_width_px': settings.photo_width,
+            'truth': str(folder / 'truth.nc'),
+        },
+    )
+
+
+def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> None:
+    """Start the graph, show its progress, and return after the end of the experiment.
+
+    Raises:
+        WorkFailed: a node cannot run, or the loop stalls.
+    """
+    nodes = [
+        *twin_nodes(graph),
+        operator_node(graph, asset=False),
+        _virtual_rig(graph, folder, settings),
+    ]
+    photographs = round(settings.minutes * 60.0 / graph.photo_interval_s) + 1
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    # two demos on one machine must not receive each other's messages
+    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % DOMAINS))
+    newest = [time.monotonic()]
+    reported = threading.Event()
+    with progress() as bar:
+        task = bar.add_task('closed loop', total=photographs)
+
+        def on_cycle(_: object) -> None:
+            newest[0] = time.monotonic()
+            bar.advance(task)
+            if bar.finished:
+                reported.set()
+
+        with GraphWatch(on_cycle) as watch, GraphProcesses(nodes, folder, say=say) as processes:
+            if graph.page:
+                say(f'page: http://{graph.page}')
+            while not watch.finished.wait(0.5):
+                _check(processes, newest[0], folder)
+            reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
+            time.sleep(LAST_WRITE_S)
+
+
+def _check(processes: GraphProcesses, newest: float, folder: Path) -> None:
+    """Raise WorkFailed if a node other than the page gave up, or if no cycle came for long."""
+    failed = {name: why for name, why in processes.failed.items() if name != 'page'}
+    if failed:
+        name, why = next(iter(failed.items()))
+        raise WorkFailed(f'{name} cannot run: {why}')
+    if time.monotonic() - newest > STALL_S:
+        raise WorkFailed(f'no cycle for {STALL_S:g} s; see {folder / "log"}')
+
+
+def _free_run(rig: Rig, times: FloatArray, grid: Grid) -> FloatArray:
+    """Return the tracer of the same virtual rig at `times` [s] without control, (nt, nz, nx)."""
+    asset = VirtualRig(rig, pumps=Pumps({'producer': PRODUCER_DELIVERY}))
+    asset.set_rates(Limits.of(rig).safe())
+    maps = []
+    for moment in times:
+        if moment > asset.time:
+            asset.advance(moment - asset.time)
+        maps.append(asset.concentration(grid))
+    return np.array(maps)
+
+
+def _account(rig: Rig, folder: Path) -> dict[str, Any]:
+    """Draw the pictures of the run and return its figures."""
+    account = read_account(folder / 'bag')
+    maps = open_maps(folder / 'truth.nc', rig)
+    controlled = TrueTracer(maps.times, maps.grid, maps)
+    say('the same experiment without control ...')
+    free = TrueTracer(maps.times, maps.grid, _free_run(rig, maps.times, maps.grid))
+    plume_picture(folder / 'plume.png', rig, controlled, free)
+    course_picture(folder / 'course.png', rig, account, controlled, free)
+    return summary(account, rig, controlled, free)
+
+
+def show_figures(figures: dict[str, Any], folder: Path) -> None:
+    """Print the figures of a run and the places of its files."""
+    rows = [
+        (
+            'tracer in the disallowed zone at the end [ml]',
+            f'{figures["disallowed_ml"]:.1f}',
+            f'{figures["disallowed_without_control_ml"]:.1f} without control',
+        ),
+        (
+            'dose: tracer in the zone over time [ml min]',
+            f'{figures["dose_ml_min"]:.0f}',
+            f'{figures["dose_without_control_ml_min"]:.0f} without control',
+        ),
+        (
+            'prediction of the next photograph, relative error',
+            f'{figures["corrected_error"]:.4f}',
+            f'{figures["prediction_error"]:.4f} without COSTA',
+        ),
+        ('photograph to map, relative error', f'{figures["image_error"]:.4f}', 'against the truth'),
+        (
+            'state to setpoint, median [s]',
+            f'{figures["cycle_median_s"]:.2f}',
+            f'{figures["cycle_longest_s"]:.2f} at most, of {PHOTO_INTERVAL_S:g}',
+        ),
+        ('photographs', figures['photographs'], f'{figures["remarks"]} remarks in the bag'),
+    ]
+    print_table('closed loop on the virtual rig', ('', 'with the twin', 'compared with'), rows)
+    print(f'pictures: {folder / "plume.png"}, {folder / "course.png"}')
+    print(f'bag: {folder / "bag"} (replay it with ./porotwin replay {folder / "bag"})')
+    print(f'duration: {figures["duration_s"]:.0f} s')

@@ -1,0 +1,41 @@
+"""./porotwin blind-check: the diagnosis on recordings whose truth is hidden from it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, progress, say
+
+
+def command(
+    output: Annotated[
+        Path, typer.Option(help='Folder for cases and report. A second call continues there.')
+    ],
+    cases: Annotated[int, typer.Option(help='Number of recordings.', min=1)] = 20,
+    seed: Annotated[int, typer.Option(help='Seed of the random effects and rigs.')] = 1,
+    as_json: Json = False,
+) -> None:
+    """Score the diagnosis on recordings with hidden effects.
+
+    The virtual rig makes recordings with random effects, and the diagnosis has to find them. The
+    hashes of all hidden effects are written before the first diagnosis. The process that diagnoses
+    gets the folder of a recording and nothing else.
+
+    Example: ./porotwin blind-check --cases 100 --output blind
+    """
+    from porotwin_validation.blind_study import blind_check
+
+    with progress() as bar:
+        task = bar.add_task('cases', total=cases)
+        figures = blind_check(
+            output,
+            cases=cases,
+            seed=seed,
+            progress=lambda done, _, stage: bar.update(task, completed=done, description=stage),
+        )
+    if as_json:
+        print_json({'output': output, **figures})
+        return
+    print((output / 'report.md').read_text(encoding='utf-8'))
+    say(f'table and confusion matrix: {output / "report.md"}')

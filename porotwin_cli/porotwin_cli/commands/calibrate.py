@@ -1,0 +1,56 @@
+"""./porotwin calibrate: the calibration of a camera and rig from a known injection."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+from porotwin_core.errors import InputError
+
+
+def command(
+    folder: Annotated[
+        Path, typer.Argument(help='Experiment folder or bag: photographs of an injection.')
+    ],
+    output: Annotated[
+        Path | None, typer.Option(help='Folder; default: FOLDER-calibration.')
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Calibrate a camera and rig from photographs of a known injection, with pictures of each step.
+
+    The folder holds a baseline photograph and some photographs of growing tracer (imaging.csv), and
+    the injected rates (rates.csv; without them the strongest signal is taken for tracer stock).
+
+    Example: ./porotwin calibrate monday --output monday-calibration
+    """
+    from porotwin_imaging.calibration_fit import fit_calibration
+    from porotwin_imaging.calibration_pictures import write_fit
+    from porotwin_recording.recording import open_recording
+
+    target = output or folder.with_name(f'{folder.name}-calibration')
+    refuse_existing(target)
+    recording = open_recording(folder)
+    baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
+    states = [(photo.time, photo.read()) for photo in recording.photos if photo.role == 'state']
+    if not baselines or not states:
+        raise InputError(
+            f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
+        )
+    fit = fit_calibration(
+        recording.rig,
+        baselines,
+        states,
+        schedule=recording.measured or recording.told,
+        source=folder.name,
+        progress=say,
+    )
+    say('drawing')
+    write_fit(fit, target)
+    if as_json:
+        print_json({'output': target, 'lines': fit.lines, **fit.calibration.made})
+        return
+    for line in fit.lines:
+        print(line)
+    print(f'use it with --calibration {target / "calibration.yaml"}; check the pictures beside it')

@@ -1,0 +1,98 @@
+"""./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, progress, say
+from porotwin_core.errors import InputError
+
+
+def command(
+    output: Annotated[Path, typer.Option(help='Folder for report, diagnosis.json and fields.nc.')],
+    recordings: Annotated[
+        list[Path] | None, typer.Argument(help='Experiment folders or MCAP bags of one rig.')
+    ] = None,
+    live: Annotated[
+        bool, typer.Option('--live', help='Diagnose the run so far of the running twin.')
+    ] = False,
+    rig: Annotated[
+        Path | None, typer.Option(help='rig.yaml of the model. Default: from the recording.')
+    ] = None,
+    preset: Annotated[
+        str, typer.Option(help='Preset of the model: accurate, fast or upwind.')
+    ] = 'accurate',
+    apply: Annotated[
+        bool, typer.Option(help='Also write a rig.yaml with the effects found.')
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Find the cause of the gap between model and rig.
+
+    The diagnosis says where the gap is, which effect causes it, and how far it shrinks with this
+    effect. Several recordings of one rig are diagnosed together. The report is a page with
+    pictures. With --live the running twin makes the report while it continues to work.
+
+    Example: ./porotwin diagnose runs/monday --output monday-diagnosis
+    """
+    from porotwin_core.rig import load_rig
+    from porotwin_diagnosis.examine import diagnose
+    from porotwin_recording.recording import open_recording
+    from porotwin_solver.effects import EFFECTS
+
+    if live != (not recordings):
+        raise InputError('name recordings, or the running twin with --live')
+    if live or recordings is None:
+        if rig is not None or apply or preset != 'accurate':
+            raise InputError(
+                '--live diagnoses the twin as it runs; leave out --rig, --preset and --apply'
+            )
+        _live(output, as_json=as_json)
+        return
+    own = load_rig(rig) if rig is not None else None
+    for recording in recordings:
+        open_recording(recording, rig=own)  # refuse wrong input before a progress bar is drawn
+    with progress() as bar:
+        task = bar.add_task('diagnosis', total=100)
+        result = diagnose(
+            recordings,
+            output,
+            rig=own,
+            preset=preset,
+            apply=apply,
+            progress=lambda stage, share: bar.update(
+                task, completed=round(100 * share), description=stage
+            ),
+        )
+    if as_json:
+        print_json({'output': output, **result.summary})
+        return
+    print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
+    say(f'report: {output / "report.html"}')
+    camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
+    if apply and not (result.verdict.members and result.verdict.model.effects):
+        say('rig.yaml is unchanged: the verdict names no effect that it could describe')
+    if apply and camera:
+        say(
+            f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
+            'expects it. The running twin does not correct its maps for it: correct the camera'
+        )
+
+
+def _live(output: Path, *, as_json: bool) -> None:
+    """Print the diagnosis of the run so far."""
+    from porotwin_cli.live_diagnosis import diagnose_run_so_far
+
+    with progress() as bar:
+        task = bar.add_task('diagnosis', total=100)
+        result = diagnose_run_so_far(
+            output,
+            lambda stage, share: bar.update(task, completed=round(100 * share), description=stage),
+        )
+    if as_json:
+        print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
+        return
+    print(f'{result.verdict}, with confidence {result.confidence:.2f}')
+    say(f'report: {result.report}')

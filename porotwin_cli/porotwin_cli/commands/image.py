@@ -1,0 +1,79 @@
+"""./porotwin image: photographs to concentration maps."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+
+if TYPE_CHECKING:
+    from porotwin_recording.photos import Photo
+
+
+def command(
+    experiment: Annotated[Path, typer.Argument(help='Experiment folder or bag with photographs.')],
+    output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
+    grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
+    calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
+    as_json: Json = False,
+) -> None:
+    """Turn the photographs of an experiment into maps of tracer concentration.
+
+    A photograph that cannot be used is named and left out; the others are imaged.
+
+    Example: ./porotwin image experiment --output maps.nc --grid 280x150
+    """
+    from porotwin_imaging.baseline import make_baseline
+    from porotwin_imaging.calibration import load_calibration
+    from porotwin_imaging.photo_to_map import concentration_map
+    from porotwin_recording.concentration import ConcentrationWriter
+    from porotwin_recording.recording import open_recording
+
+    recording = open_recording(experiment)
+    rig = recording.rig
+    map_grid = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    baselines = [photo for photo in recording.photos if photo.role == 'baseline']
+    states = [photo for photo in recording.photos if photo.role != 'baseline']
+    if not baselines or not states:
+        raise InputError(
+            f'{experiment}: needs a baseline and at least one state photograph; '
+            'give their roles in imaging.csv'
+        )
+    baseline = make_baseline(
+        rig,
+        map_grid,
+        [photo.read() for photo in baselines],
+        calibration=load_calibration(calibration) if calibration else None,
+    )
+    for remark in baseline.remarks:
+        say(remark)
+    imaged, refused = [], []
+    with ConcentrationWriter(output, map_grid) as writer, progress() as bar:
+        task = bar.add_task('photographs', total=len(states))
+        for photo in states:
+            try:
+                found = concentration_map(_read(photo), baseline)
+                writer.append(photo.time, found.values)
+            except InputError as error:
+                refused.append(f'{photo.name}: {error}')
+                say(refused[-1])
+            else:
+                imaged.append({'time_s': photo.time, 'photo': photo.name, 'remarks': found.status})
+            bar.advance(task)
+        if not imaged:
+            raise WorkFailed('no photograph could be used')
+    if as_json:
+        print_json({'output': output, 'grid': str(map_grid), 'maps': imaged, 'refused': refused})
+    else:
+        print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
+
+
+def _read(photo: 'Photo') -> bytes:
+    """Return the bytes of a photograph; raise InputError if the file cannot be read."""
+    try:
+        return photo.read()
+    except OSError as error:
+        raise InputError(f'cannot be read ({error.strerror})') from None

@@ -1,0 +1,29 @@
+"""./porotwin record: all messages of a running graph into a bag."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.foreground import run_node
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+
+
+def command(
+    output: Annotated[Path, typer.Option(help='Bag folder to write.')],
+    as_json: Json = False,
+) -> None:
+    """Record the running graph until Ctrl-C.
+
+    Example: ./porotwin record --output runs/today
+    """
+    from porotwin_recording.bag_reader import BagReader
+
+    refuse_existing(output)
+    say(f'recording into {output}; stop with Ctrl-C')
+    run_node('porotwin_recording.recorder_node', 'recorder', {'output': str(output.resolve())})
+    messages = BagReader(output).message_count
+    if as_json:
+        print_json({'output': output, 'messages': messages})
+    else:
+        print(f'{output}: {messages} messages')

@@ -1,0 +1,43 @@
+"""./porotwin replay: a bag into the running graph, with /clock."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.foreground import run_node
+from porotwin_cli.terminal import Json, print_json
+from porotwin_core.errors import InputError
+from porotwin_hub.graph import Parameter
+
+
+def command(
+    bag: Annotated[Path, typer.Argument(help='MCAP file or bag folder.')],
+    rate: Annotated[
+        float, typer.Option(help='Speed relative to real time. 0: as fast as possible.')
+    ] = 1.0,
+    start: Annotated[float, typer.Option(help='Start so far into the bag [s].', min=0.0)] = 0.0,
+    loop: Annotated[bool, typer.Option(help='Start again at the end.')] = False,
+    topics: Annotated[
+        str, typer.Option(help="Topic names, 'inputs' (messages from the rig) or 'all'.")
+    ] = 'inputs',
+    as_json: Json = False,
+) -> None:
+    """Play a bag into the running graph.
+
+    The graph receives photographs, measured rates and the time as if they came from the rig.
+
+    Example: ./porotwin replay bags/sample --rate 20
+    """
+    if not bag.exists():
+        raise InputError(f'{bag}: no such bag; name an .mcap file or a bag folder')
+    parameters: dict[str, Parameter] = {
+        'bag': str(bag.resolve()),
+        'rate': rate,
+        'start_s': start,
+        'loop': loop,
+        'topics': topics,
+    }
+    run_node('porotwin_recording.player_node', 'player', parameters)
+    if as_json:
+        print_json(parameters)

@@ -1,0 +1,67 @@
+"""./porotwin test: all checks and tests."""
+
+import subprocess
+import sys
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.terminal import WorkFailed, say
+from porotwin_cli.workspace import ROOT
+
+CONTEXT_SETTINGS = {'ignore_unknown_options': True}
+
+CHECKS = (
+    ('ruff check', ['-m', 'ruff', 'check', '.']),
+    ('ruff format', ['-m', 'ruff', 'format', '--check', '.']),
+)
+
+ON_ALL_CORES = ['-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '--no-loadscope-reorder']
+
+TESTS = (
+    ('tests', [*ON_ALL_CORES, '-m', 'not graph']),
+    ('tests of ROS 2 nodes', [*ON_ALL_CORES, '-m', 'graph and not slow']),
+    ('tests of whole graphs', ['-m', 'graph and slow']),
+)
+"""Whole graphs run one after the other: with other work beside them, photographs would be late."""
+
+
+def command(
+    arguments: Annotated[
+        list[str] | None, typer.Argument(help='Arguments for pytest, such as a folder.')
+    ] = None,
+) -> None:
+    """Run all checks and tests, or some tests.
+
+    Without arguments: ruff, mypy and all tests. With arguments: pytest with these arguments.
+
+    Example: ./porotwin test
+
+    Example: ./porotwin test porotwin_hub -k limits
+    """
+    chosen = [('tests', arguments)] if arguments else TESTS
+    runs = [(name, ['-m', 'pytest', *options]) for name, options in chosen]
+    types = None if arguments else _start_mypy()
+    failed = []
+    for name, run in runs if arguments else (*CHECKS, *runs):
+        say(f'{name} ...')
+        if subprocess.run([sys.executable, *run], cwd=ROOT, check=False).returncode != 0:
+            failed.append(name)
+    if types is not None:
+        found, _ = types.communicate()
+        say(f'mypy ...\n{found.strip()}')
+        if types.returncode != 0:
+            failed.append('mypy')
+    if failed:
+        raise WorkFailed(f'failed: {", ".join(failed)}')
+
+
+def _start_mypy() -> subprocess.Popen[str]:
+    """Start mypy beside the tests, which often wait for nodes."""
+    return subprocess.Popen(
+        ['nice', '-n', '19', sys.executable, '-m', 'mypy'],
+        cwd=ROOT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )

@@ -1,0 +1,97 @@
+"""./porotwin up: the twin beside the rig, until stopped."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json
+from porotwin_cli.workspace import run_folder
+from porotwin_core.errors import InputError
+from porotwin_hub.graph import GraphSettings, description_of
+
+
+def command(
+    rig: Annotated[Path, typer.Option(help=description_of('rig'))],
+    photos: Annotated[Path | None, typer.Option(help=description_of('photos'))] = None,
+    camera: Annotated[str, typer.Option(help=description_of('camera'))] = GraphSettings.camera,
+    replay: Annotated[
+        bool, typer.Option('--replay', help='Photographs and time come from ./porotwin replay.')
+    ] = False,
+    page: Annotated[str, typer.Option(help=description_of('page'))] = '127.0.0.1:8765',
+    grid: Annotated[str, typer.Option(help=description_of('grid'))] = GraphSettings.grid,
+    preset: Annotated[str, typer.Option(help=description_of('preset'))] = GraphSettings.preset,
+    calibration: Annotated[Path | None, typer.Option(help=description_of('calibration'))] = None,
+    model: Annotated[Path | None, typer.Option(help=description_of('model'))] = None,
+    retrain_every: Annotated[
+        int, typer.Option(help=description_of('retrain_every'), min=0)
+    ] = GraphSettings.retrain_every,
+    architecture: Annotated[
+        str, typer.Option(help=description_of('architecture'))
+    ] = GraphSettings.architecture,
+    photo_interval_s: Annotated[
+        float, typer.Option(help=description_of('photo_interval_s'), min=0.1)
+    ] = GraphSettings.photo_interval_s,
+    horizon_s: Annotated[
+        float, typer.Option(help=description_of('horizon_s'), min=1.0)
+    ] = GraphSettings.horizon_s,
+    speak: Annotated[bool, typer.Option(help=description_of('speak'))] = GraphSettings.speak,
+    predict_only: Annotated[bool, typer.Option(help='Never choose setpoints.')] = False,
+    diagnosis: Annotated[
+        bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
+    ] = True,
+    output: Annotated[
+        Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Start the twin beside the rig.
+
+    It turns photographs into maps, predictions and setpoints, and records everything. It runs until
+    Ctrl-C.
+
+    Example: ./porotwin up --rig rig.yaml --photos /mnt/camera --page 0.0.0.0:8765
+    """
+    from porotwin_cli.grids import grid_of
+    from porotwin_cli.live_twin import check_early, run_until_stopped
+    from porotwin_core.rig import load_rig
+    from porotwin_imaging.sources.source_registry import source_at
+
+    rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
+    description = load_rig(rig_file)
+    if [photos is not None, bool(camera), replay].count(True) != 1:
+        raise InputError('name either --photos FOLDER or --camera DEVICE, or --replay for a bag')
+    if photos is not None and not photos.is_dir():
+        raise InputError(f'{photos}: no such folder of photographs; create it or name another')
+    if description.camera is None:
+        raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
+    cells = grid_of(grid, description)
+    check_early(description, cells, preset, calibration, model, architecture, page)
+    if camera:
+        source_at(camera)  # refuses an unknown camera source
+    folder = run_folder(output, 'up')
+    settings = GraphSettings(
+        rig=rig_file.resolve(),
+        photos=photos.resolve() if photos is not None else None,
+        camera=camera,
+        calibration=calibration,
+        model=model,
+        grid=grid,
+        preset=preset,
+        photo_interval_s=photo_interval_s,
+        horizon_s=horizon_s,
+        control=not predict_only,
+        retrain_every=retrain_every,
+        architecture=architecture,
+        training=folder / 'training' if retrain_every else None,
+        record=folder / 'bag',
+        diagnoses=folder / 'diagnoses' if diagnosis else None,
+        page=page,
+        speak=speak,
+        use_sim_time=replay,
+    )
+    run_until_stopped(settings, folder)
+    if as_json:
+        print_json({'output': folder, 'bag': settings.record, 'logs': folder / 'log'})
+    else:
+        print(f'recorded in {settings.record}')

@@ -1,0 +1,33 @@
+"""Converts recordings between experiment folders and bags, with progress and a summary."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from porotwin_cli.terminal import print_json, progress, refuse_existing
+
+ConvertFn = Callable[..., object]
+"""Converts (source, target); calls its argument `progress` with the steps done and their total."""
+
+
+def convert(work: ConvertFn, source: Path, target: Path, *, as_json: bool) -> None:
+    """Convert `source` into `target` and print the numbers of maps and photographs.
+
+    Raises:
+        InputError: `target` exists, or `source` is no recording.
+    """
+    from porotwin_recording.recording import open_recording
+
+    refuse_existing(target)
+    with progress() as bar:
+        task = bar.add_task('converting', total=None)
+        work(
+            source,
+            target,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    made = open_recording(target)
+    maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
+    if as_json:
+        print_json({'output': target, 'maps': maps, 'photographs': photographs})
+    else:
+        print(f'{target}: {maps} maps, {photographs} photographs')

@@ -1,0 +1,75 @@
+"""The twin beside a rig: its arguments checked, its graph run until stopped."""
+
+import os
+import signal
+import threading
+from pathlib import Path
+
+from porotwin_cli.terminal import say
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Rig
+from porotwin_costa.corrective_model import CorrectiveModel
+from porotwin_costa.networks import architecture as architecture_called
+from porotwin_hub.graph import GraphSettings, live_graph
+from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.processes import GraphProcesses
+from porotwin_imaging.calibration import load_calibration
+from porotwin_page.address import listen
+from porotwin_solver.model import preset_named
+
+NEEDED = ('imaging', 'solver', 'hub', 'camera')
+"""Nodes without which the twin cannot work."""
+
+POLL_S = 0.5
+"""Time between two looks at the nodes [s]."""
+
+
+def check_early(
+    rig: Rig,
+    grid: Grid,
+    preset: str,
+    calibration: Path | None,
+    model: Path | None,
+    architecture: str,
+    page: str,
+) -> None:
+    """Check arguments of `./porotwin up` as its nodes will, before any node starts.
+
+    Raises:
+        InputError: a node would refuse an argument.
+    """
+    preset_named(preset)
+    if rig.control is not None:
+        make_objective(rig, grid)
+    architecture_called(architecture)
+    if calibration is not None:
+        load_calibration(calibration)
+    if model is not None:
+        learned = CorrectiveModel.load(model).for_physics(rig, grid, preset)
+        if learned.doubt:
+            say(f'{model}: {learned.doubt}')
+    if page:
+        listen(page).close()
+
+
+def run_until_stopped(settings: GraphSettings, folder: Path) -> None:
+    """Run the graph until Ctrl-C; logs go into `folder`.
+
+    Raises:
+        InputError: a node that the twin needs cannot run.
+    """
+    stop = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph uses it for SIGTERM as well
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    source = settings.photos or settings.camera or './porotwin replay'
+    say(f'twin of {settings.rig}, photographs from {source}')
+    if settings.page:
+        say(f'page: http://{settings.page}')
+    say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
+    with GraphProcesses(live_graph(settings), folder, say=say, show=('operator',)) as graph:
+        while not stop.wait(POLL_S):
+            failed = [name for name in NEEDED if name in graph.failed]
+            if failed:
+                raise InputError(f'{failed[0]} cannot run: {graph.failed[failed[0]]}')
+    say('stopped')

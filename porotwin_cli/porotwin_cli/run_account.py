@@ -1,0 +1,155 @@
+"""The figures of a closed-loop run: read from its bag, compared with the truth of the rig."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid, relative_error
+from porotwin_core.rig import Rig
+from porotwin_core.units import to_ml_h
+from porotwin_hub.graph import NAMESPACE
+from porotwin_hub.objective_registry import make_objective
+from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.concentration import ConcentrationMaps
+
+ML = 1e6
+"""Millilitres in a cubic metre."""
+
+
+@dataclass
+class RunAccount:
+    """The course of a closed-loop run, one entry per photograph.
+
+    The hub's reports give `times` [s], relative errors of the predictions [-], whether a correction
+    was applied, and the wall-clock times of optimisation and cycle [s]. The setpoints give
+    `setpoint_times` [s] and `rates_ml_h` by well [ml/h]. `observed` holds the maps (nz, nx) by
+    their time [s].
+    """
+
+    times: list[float] = field(default_factory=list)
+    prediction_error: list[float] = field(default_factory=list)
+    corrected_error: list[float] = field(default_factory=list)
+    corrected: list[bool] = field(default_factory=list)
+    optimise_s: list[float] = field(default_factory=list)
+    cycle_s: list[float] = field(default_factory=list)
+    rates_ml_h: dict[str, list[float]] = field(default_factory=dict)
+    setpoint_times: list[float] = field(default_factory=list)
+    observed: dict[float, FloatArray] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+    def add_report(self, time: float, message: Any) -> None:
+        """Add a `CycleReport`."""
+        self.times.append(time)
+        self.prediction_error.append(message.prediction_error)
+        self.corrected_error.append(message.corrected_error)
+        self.corrected.append(message.corrected)
+        self.optimise_s.append(message.optimise_duration)
+        self.cycle_s.append(message.cycle_duration)
+        self.remarks += list(message.remarks)
+
+    def add_setpoint(self, time: float, message: Any) -> None:
+        """Add a `Setpoint`."""
+        self.setpoint_times.append(time)
+        for well in message.wells:
+            self.rates_ml_h.setdefault(well.well, []).append(to_ml_h(well.rate))
+
+    def add_state(self, time: float, message: Any) -> None:
+        """Add a `NewState`."""
+        grid = message.tracer.grid
+        values = np.asarray(message.tracer.concentration, dtype=float)
+        self.observed[time] = values.reshape(grid.nz, grid.nx)
+
+
+def read_account(bag: Path) -> RunAccount:
+    """Return the account of the run that a bag of the demo holds.
+
+    Raises:
+        InputError: the bag cannot be read, or holds no report of the hub.
+    """
+    account = RunAccount()
+    add: dict[str, Callable[[float, Any], None]] = {
+        f'{NAMESPACE}/hub/cycle': account.add_report,
+        f'{NAMESPACE}/wells/setpoint': account.add_setpoint,
+        f'{NAMESPACE}/asset/new_state': account.add_state,
+    }
+    reader = BagReader(bag)
+    for raw in reader.messages(set(add)):
+        message = reader.decode(raw)
+        stamp = message.header.stamp
+        add[raw.topic](stamp.sec + stamp.nanosec * 1e-9, message)
+    if not account.times:
+        raise InputError(f'{bag}: holds no report of the hub; the loop did not run')
+    return account
+
+
+@dataclass(frozen=True)
+class TrueTracer:
+    """The tracer of the virtual rig, which the twin does not know.
+
+    `times` [s] of the photographs have shape (nt,), `maps` (nt, nz, nx).
+    """
+
+    times: NDArray[np.float64]
+    grid: Grid
+    maps: ConcentrationMaps | FloatArray
+
+    def disallowed(self, rig: Rig) -> FloatArray:
+        """Return the tracer in the disallowed zone at every time [m^3], shape (nt,)."""
+        objective = make_objective(rig, self.grid)
+        return np.array([objective.disallowed_tracer(values) for values in self.maps])
+
+    def at(self, time: float) -> FloatArray:
+        """Return the map (nz, nx) of the photograph nearest to `time` [s]."""
+        return np.asarray(self.maps[int(np.abs(self.times - time).argmin())])
+
+
+def summary(
+    account: RunAccount, rig: Rig, controlled: TrueTracer, free: TrueTracer
+) -> dict[str, float]:
+    """Return the figures of a run.
+
+    Volumes are in millilitres, the dose in ml min, times in seconds. Errors are medians of relative
+    L2 norms over the photographs.
+
+    Args:
+        account: the course of the run.
+        rig: the rig with its disallowed zone.
+        controlled: the true tracer of the run.
+        free: the true tracer of the same experiment without control.
+    """
+    with_control, without = controlled.disallowed(rig), free.disallowed(rig)
+    image_errors = [
+        relative_error(values, controlled.at(time))
+        for time, values in account.observed.items()
+        if time > 0
+    ]
+    both = [
+        (plain, corrected)
+        for plain, corrected in zip(account.prediction_error, account.corrected_error, strict=True)
+        if np.isfinite(plain) and np.isfinite(corrected)
+    ]
+    plain, corrected = np.array(both).T if both else (np.array([np.nan]), np.array([np.nan]))
+    return {
+        'photographs': len(account.times),
+        'disallowed_ml': float(with_control[-1] * ML),
+        'disallowed_without_control_ml': float(without[-1] * ML),
+        'dose_ml_min': _dose(controlled.times, with_control),
+        'dose_without_control_ml_min': _dose(free.times, without),
+        'image_error': float(np.nanmedian(image_errors)) if image_errors else float('nan'),
+        'prediction_error': float(np.median(plain)),
+        'corrected_error': float(np.median(corrected)),
+        'corrections': int(np.sum(account.corrected)),
+        'cycle_median_s': float(np.median(account.cycle_s)),
+        'cycle_longest_s': float(np.max(account.cycle_s)),
+        'remarks': len(account.remarks),
+    }
+
+
+def _dose(times: FloatArray, volumes: FloatArray) -> float:
+    """Return the integral over time of the tracer in the zone [ml min]."""
+    return float(np.trapezoid(volumes * ML, times / 60.0))

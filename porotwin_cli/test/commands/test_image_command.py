@@ -1,0 +1,42 @@
+"""./porotwin image."""
+
+import json
+import shutil
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+from cli_examples import porotwin
+
+
+def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'maps.nc'
+    result = porotwin('image', experiment, '--output', output, '--grid', '94x56', '--json')
+    assert result.returncode == 0, result.stderr
+    answer = json.loads(result.stdout)
+    assert len(answer['maps']) == 6
+    assert answer['refused'] == []
+    with netCDF4.Dataset(output) as dataset:
+        seen = np.ma.filled(dataset['concentration'][-1].astype(float), np.nan)
+    assert np.nanmax(seen) > 0.5
+
+
+def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'experiment'
+    shutil.copytree(experiment, folder)
+    lines = (folder / 'imaging.csv').read_text().splitlines()
+    names = [line.split(',')[1] for line in lines]
+    time, _, role = lines[3].split(',')
+    lines[4] = f'{time},{names[4]},{role}'
+    (folder / 'imaging.csv').write_text('\n'.join(lines))
+    (folder / names[5]).unlink()
+    (folder / names[5]).symlink_to('/proc/self/mem')  # exists, but nobody can read it
+    output = tmp_path / 'maps.nc'
+    result = porotwin('image', folder, '--output', output, '--grid', '94x56', '--json')
+    assert result.returncode == 0, result.stderr
+    answer = json.loads(result.stdout)
+    assert len(answer['maps']) == 4
+    assert 'times must increase' in answer['refused'][0]
+    assert answer['refused'][1] == f'{names[5]}: cannot be read (Input/output error)'
+    with netCDF4.Dataset(output) as dataset:
+        assert len(dataset['time']) == 4

@@ -1,0 +1,29 @@
+"""./porotwin import and export."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from cli_examples import porotwin
+
+from porotwin_recording.recording import open_recording
+
+
+def test_a_folder_is_the_same_after_import_and_export(experiment: Path, tmp_path: Path) -> None:
+    imported = porotwin('import', experiment, tmp_path / 'bag')
+    assert imported.returncode == 0
+    assert '7 photographs' in imported.stdout
+    result = porotwin('export', tmp_path / 'bag', tmp_path / 'again', '--json')
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)['photographs'] == 7
+    before, after = open_recording(experiment), open_recording(tmp_path / 'again')
+    np.testing.assert_array_equal(after.concentration, before.concentration)
+    assert [p.read() for p in after.photos] == [p.read() for p in before.photos]
+    assert after.schedule.at(100.0) == before.schedule.at(100.0)
+
+
+def test_nothing_is_overwritten(experiment: Path, tmp_path: Path) -> None:
+    (tmp_path / 'bag').mkdir()
+    result = porotwin('import', experiment, tmp_path / 'bag')
+    assert result.returncode == 2
+    assert 'exists already; name another output or remove it' in result.stderr

@@ -1,0 +1,50 @@
+"""./porotwin simulate."""
+
+import json
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from cli_examples import porotwin
+
+from porotwin_recording.recording import open_recording
+
+
+def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
+    result = porotwin('simulate', experiment, '--output', tmp_path / 'model.nc', '--json')
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)['grid'] == '94x56'
+    recording = open_recording(experiment)
+    with netCDF4.Dataset(tmp_path / 'model.nc') as dataset:
+        model = np.asarray(dataset['concentration'][:])
+    observed = np.asarray(recording.concentration)
+    assert model.shape == observed.shape
+    error = np.linalg.norm(model[-1] - observed[-1]) / np.linalg.norm(observed[-1])
+    assert error < 0.1
+
+
+def test_simulate_with_an_effect_differs(experiment: Path, tmp_path: Path) -> None:
+    effect = 'rate:well=injector,factor=0.5'
+    for name, extra in (('plain', []), ('weak', ['--effect', effect])):
+        arguments = ['--output', tmp_path / f'{name}.nc', '--times', '0:180:90', *extra]
+        result = porotwin('simulate', experiment, *arguments)
+        assert result.returncode == 0
+        assert '3 maps on 94x56' in result.stdout
+    masses = []
+    for name in ('plain', 'weak'):
+        with netCDF4.Dataset(tmp_path / f'{name}.nc') as dataset:
+            masses.append(float(np.sum(dataset['concentration'][-1])))
+    assert masses[1] == pytest.approx(0.5 * masses[0], rel=0.05)
+
+
+def test_an_unknown_effect_or_grid_is_refused(experiment: Path, tmp_path: Path) -> None:
+    for arguments, named in (
+        (['--effect', 'magic:x=1'], "'magic'"),
+        (['--grid', 'huge'], "'huge'"),
+        (['--times', 'now'], "'now'"),
+    ):
+        result = porotwin('simulate', experiment, '--output', tmp_path / 'x.nc', *arguments)
+        assert result.returncode == 2, result.stderr
+        assert named in result.stderr
+    assert not (tmp_path / 'x.nc').exists()

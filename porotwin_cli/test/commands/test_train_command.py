@@ -1,0 +1,39 @@
+"""./porotwin train and evaluate."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_examples import porotwin
+
+
+@pytest.mark.slow
+def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> None:
+    rig = experiment / 'rig.yaml'
+    common = ['--grid', '94x56', '--preset', 'upwind', '--architecture', 'local', '--epochs', '2']
+    trained = porotwin('train', experiment, '--rig', rig, '--output', tmp_path / 'm', *common)
+    assert trained.returncode == 0, trained.stderr
+    assert 'of the residual' in trained.stdout
+    arguments = ['--preset', 'upwind', '--output', tmp_path / 'evaluation', '--json']
+    result = porotwin('evaluate', tmp_path / 'm', experiment, *arguments)
+    assert result.returncode == 0, result.stderr
+    errors = json.loads(result.stdout)
+    assert 0 < errors['corrected'] <= 1.5 * errors['predicted']
+    assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
+    assert 'the model learned from it' in result.stderr
+    for command in (['evaluate', tmp_path / 'm', experiment], ['up', *_up(experiment, tmp_path)]):
+        refused = porotwin(*command, '--preset', 'fast')
+        assert refused.returncode == 2, refused.stderr
+        assert "model corrects preset 'upwind', not 'fast'" in refused.stderr
+
+
+def _up(experiment: Path, folder: Path) -> list[str | Path]:
+    rig = ['--rig', experiment / 'rig.yaml', '--grid', '94x56', '--model', folder / 'm']
+    return [*rig, '--photos', experiment, '--output', folder / 'up']
+
+
+def test_train_refuses_an_unknown_network_before_it_works(experiment: Path, tmp_path: Path) -> None:
+    arguments = ['--rig', experiment / 'rig.yaml', '--architecture', 'cubist']
+    result = porotwin('train', experiment, '--output', tmp_path / 'm', *arguments)
+    assert result.returncode == 2
+    assert "architecture 'cubist': unknown; choose from" in result.stderr

@@ -1,0 +1,78 @@
+"""./porotwin up."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from cli_examples import TIMEOUT_S, porotwin
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'named'),
+    [
+        (['--preset', 'typo'], "'typo'"),
+        (['--calibration', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['--model', 'nowhere'], 'nowhere'),
+        (['--page', 'somewhere'], "'somewhere'"),
+        (['--grid', 'huge'], "'huge'"),
+        (['--architecture', 'cubist'], "'cubist'"),
+    ],
+)
+def test_up_checks_arguments_before_it_starts_a_node(
+    arguments: list[str], named: str, experiment: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / 'up'
+    common = ['--rig', experiment / 'rig.yaml', '--photos', experiment, '--output', output]
+    result = porotwin('up', *common, *arguments)
+    assert result.returncode == 2, result.stderr
+    assert named in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not output.exists()
+
+
+def test_up_needs_exactly_one_source_of_photographs(experiment: Path) -> None:
+    result = porotwin('up', '--rig', experiment / 'rig.yaml')
+    assert result.returncode == 2
+    assert 'either --photos FOLDER or --camera DEVICE' in result.stderr
+    both = porotwin('up', '--rig', experiment / 'rig.yaml', '--photos', experiment, '--replay')
+    assert both.returncode == 2
+
+
+@pytest.mark.graph
+@pytest.mark.slow
+def test_up_gives_the_trainer_a_folder_of_the_run_and_the_chosen_network(
+    experiment: Path, tmp_path: Path
+) -> None:
+    output, photos = tmp_path / 'run', tmp_path / 'photos'
+    photos.mkdir()
+    arguments = ['--rig', experiment / 'rig.yaml', '--photos', photos, '--output', output]
+    arguments += ['--retrain-every', '5', '--architecture', 'local', '--page', '']
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'porotwin_cli', 'up', *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    log = output / 'log' / 'trainer.log'
+    deadline = time.monotonic() + TIMEOUT_S
+    try:
+        while not log.is_file() or 'training pairs in' not in log.read_text():
+            assert time.monotonic() < deadline
+            assert process.poll() is None
+            time.sleep(0.2)
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 0, errors
+    assert f'training pairs in {output}/training/pairs: 0 so far' in log.read_text()
+    (description,) = yaml.safe_load((output / 'log' / 'trainer.yaml').read_text()).values()
+    parameters = description['ros__parameters']
+    assert parameters['output'] == str(output / 'training' / 'model.safetensors')
+    assert parameters['architecture'] == 'local'
+    assert parameters['retrain_every'] == 5

@@ -1,0 +1,84 @@
+"""The command line: its commands, their help, and one line for wrong input."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_examples import porotwin
+from typer.testing import CliRunner
+
+from porotwin_cli import commands
+from porotwin_cli.app import HELP_OPTIONS, app, command_modules
+
+COMMANDS = sorted(str(command.name) for command in app.registered_commands)
+
+HEAVY = ('matplotlib', 'netCDF4', 'numba', 'rclpy', 'scipy', 'torch')
+"""Packages that take long to import."""
+
+
+def test_every_module_of_the_folder_is_a_command() -> None:
+    files = {path.stem for path in Path(commands.__path__[0]).glob('*.py')} - {'__init__'}
+    assert {name.strip('_').replace('_', '-') for name in files} == set(COMMANDS)
+    assert {'blind-check', 'demo', 'import', 'test', 'up'} < set(COMMANDS)
+
+
+@pytest.mark.parametrize('option', HELP_OPTIONS)
+@pytest.mark.parametrize('command', COMMANDS)
+def test_every_command_has_help_with_an_example(command: str, option: str) -> None:
+    result = CliRunner().invoke(app, [command, option], prog_name='porotwin')
+    assert result.exit_code == 0
+    assert f'Example: ./porotwin {command}' in ' '.join(result.stdout.split())
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_every_option_is_explained(command: str) -> None:
+    result = CliRunner().invoke(app, [command, '--help'], prog_name='porotwin')
+    options = [line for line in result.stdout.splitlines() if line.startswith('  -')]
+    documented = ' '.join(result.stdout.split())
+    assert options
+    for line in options:
+        name = line.split()[0].rstrip(',')
+        assert len(documented.split(name, 1)[1].split()) > 2, f'{command} {name}'
+
+
+def test_the_list_of_commands_says_what_each_does() -> None:
+    result = CliRunner().invoke(app, ['--help'], prog_name='porotwin')
+    assert result.exit_code == 0
+    assert 'Exit status: 0 done, 1 the work failed, 2 wrong input' in result.stdout
+    modules = command_modules()
+    for name in COMMANDS:
+        first = (modules[name].command.__doc__ or '').splitlines()[0]
+        assert first.endswith('.'), name
+        assert f'  {name}' in result.stdout
+
+
+def test_help_needs_no_large_package() -> None:
+    code = (
+        'import sys; import porotwin_cli.app; '
+        f'print([name for name in {HEAVY} if name in sys.modules])'
+    )
+    result = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == '[]'
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'named'),
+    [
+        (['simulate', 'nowhere', '--output', 'x.nc'], 'nowhere'),
+        (['export', 'nowhere', 'there'], 'nowhere'),
+        (['replay', 'nowhere'], 'nowhere'),
+        (['image', 'nowhere', '--output', 'x.nc'], 'nowhere'),
+        (['up', '--rig', 'nowhere.yaml', '--photos', '.'], 'nowhere.yaml'),
+        (['bench', 'nothing'], "'nothing'"),
+        (['evaluate', 'nowhere', 'there'], 'nowhere'),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments: list[str], named: str) -> None:
+    result = porotwin(*arguments)
+    assert result.returncode == 2, result.stderr
+    assert named in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stdout == ''

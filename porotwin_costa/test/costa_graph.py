@@ -1,0 +1,197 @@
+"""Real COSTA nodes in processes of their own, and a client that plays asset, solver and hub."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+
+from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_costa.frames import Frames, mean_rates
+from porotwin_msgs.action import Train
+from porotwin_msgs.msg import CleanState, NewState, WellRates
+from porotwin_msgs.srv import Predict, Residual
+
+PATIENCE = 60.0
+"""Longest wait for anything [s]; starting a process with torch takes several on a busy machine."""
+
+GRID = '30x20'
+
+HIDDEN = slice(6, 9)
+"""Columns behind a tube: never seen."""
+
+
+class Client:
+    """A node of the test that runs in a thread."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node('test', context=self.context)
+        self.executor = MultiThreadedExecutor(num_threads=3, context=self.context)
+        self.executor.add_node(self.node)
+        self.group = ReentrantCallbackGroup()
+        threading.Thread(target=self.executor.spin, daemon=True).start()
+
+    def wait(self, future: Any) -> Any:
+        """Return the result of a future."""
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(PATIENCE), f'no answer in {PATIENCE} s'
+        return future.result()
+
+    def call(self, service: Any, name: str, request: Any) -> Any:
+        """Return the answer of a service, once it is there."""
+        client = self.node.create_client(service, name, callback_group=self.group)
+        assert client.wait_for_service(PATIENCE), f'{name} absent after {PATIENCE} s'
+        return self.wait(client.call_async(request))
+
+    def action(self, **goal: Any) -> tuple[Any, list[Any]]:
+        """Send a training goal; return its handle and a list that grows with its feedback."""
+        feedback: list[Any] = []
+        client = ActionClient(self.node, Train, 'costa/train', callback_group=self.group)
+        assert client.wait_for_server(PATIENCE)
+        handle = self.wait(
+            client.send_goal_async(Train.Goal(**goal), lambda m: feedback.append(m.feedback))
+        )
+        return handle, feedback
+
+    def until(self, reason: str, condition: Callable[[], bool]) -> None:
+        """Return when `condition` holds; fail with `reason` if it never does."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, reason
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """End the node."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def start(module: str, **parameters: Any) -> subprocess.Popen:
+    """Start a node of COSTA on the toy grid with these parameters."""
+    parameters = {'grid': GRID, **parameters}
+    arguments = [f'{name}:={value}' for name, value in parameters.items()]
+    flags = [part for argument in arguments for part in ('-p', argument)]
+    return subprocess.Popen(
+        [sys.executable, '-m', f'porotwin_costa.{module}', '--ros-args', *flags],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def stop(process: subprocess.Popen) -> str:
+    """End a node as Ctrl-C does; return its output."""
+    process.send_signal(signal.SIGINT)
+    try:
+        out, errors = process.communicate(timeout=20)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        out, errors = process.communicate()
+    return out + errors
+
+
+def offer_solver(client: Client, model: Any) -> list[Any]:
+    """Offer the services of a solver with a toy model; return them."""
+
+    def answer(field: str, convert: Callable, work: Callable) -> Callable:
+        def callback(request: Any, response: Any) -> Any:
+            values = conversions.tracer_from_msg(request.previous)[0]
+            rates = conversions.rates_from_msg(request.wells)
+            try:
+                result = work(request, values, rates)
+            except InputError as error:
+                response.outcome = conversions.refusal(error)
+                return response
+            setattr(response, field, convert(result, model.grid, 0.0))
+            return response
+
+        return callback
+
+    def predict(request: Any, previous: np.ndarray, rates: dict) -> np.ndarray:
+        return model.predict(previous, rates, request.time_step)
+
+    def residual(request: Any, previous: np.ndarray, rates: dict) -> np.ndarray:
+        following = conversions.tracer_from_msg(request.next)[0]
+        return model.residual(previous, following, rates, request.time_step)
+
+    make = client.node.create_service
+    return [
+        make(
+            Predict,
+            'solver/predict',
+            answer('predicted', conversions.tracer_to_msg, predict),
+            callback_group=client.group,
+        ),
+        make(
+            Residual,
+            'solver/residual',
+            answer('residual', conversions.source_to_msg, residual),
+            callback_group=client.group,
+        ),
+    ]
+
+
+class Asset:
+    """Publishes states, measured rates and clean states, as the asset does."""
+
+    def __init__(self, client: Client, model: Any) -> None:
+        make = client.node.create_publisher
+        self._states = make(NewState, 'asset/new_state', qos.FIELD)
+        self._measured = make(WellRates, 'wells/measured', qos.FIELD)
+        self._clean = make(CleanState, 'asset/clean_state', qos.FIELD)
+        self._client, self._grid = client, model.grid
+        self._sequence = 0
+
+    def wait_for_trainer(self) -> None:
+        """Return when a trainer receives the messages."""
+        publishers = (self._states, self._measured, self._clean)
+        self._client.until(
+            'the trainer has no subscriptions',
+            lambda: all(one.get_subscription_count() for one in publishers),
+        )
+        time.sleep(1.0)  # discovery is not symmetric: the trainer may not know us yet
+
+    def state(self, time_s: float, concentration: np.ndarray) -> None:
+        """Publish a state (nz, nx)."""
+        header = conversions.header_at(time_s)
+        tracer = conversions.tracer_to_msg(concentration, self._grid, time_s)
+        self._states.publish(NewState(header=header, sequence=self._sequence, tracer=tracer))
+        self._sequence += 1
+
+    def experiment(self, frames: Frames, begin: float, count: int) -> None:
+        """Publish `count` frames from `begin` [s] on, after an interruption; a tube hides some."""
+        self._clean.publish(
+            CleanState(header=conversions.header_at(begin), cause=0, reason=frames.name)
+        )
+        for n in range(count):
+            start, end = frames.times[n], frames.times[n + 1]
+            rates = conversions.rates_to_msg(mean_rates(frames.schedule, start, end))
+            self._measured.publish(
+                WellRates(
+                    header=conversions.header_at(begin + end),
+                    start=conversions.time_to_msg(begin + start),
+                    wells=rates,
+                )
+            )
+            seen = frames.concentration[n].copy()
+            seen[:, HIDDEN] = np.nan
+            self.state(begin + start, seen)
+            time.sleep(0.02)
+
+    def finish(self) -> None:
+        """Publish the end of the experiment, after the last state has arrived."""
+        time.sleep(0.5)  # topics may overtake each other
+        self._clean.publish(CleanState(cause=CleanState.FINISHED, reason='finished'))

@@ -1,0 +1,187 @@
+"""The node of COSTA as a real process: services, training, parameters."""
+
+import dataclasses
+import subprocess
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from costa_graph import PATIENCE, start, stop  # noqa: E402
+
+from porotwin_core import conversions  # noqa: E402
+from porotwin_costa.corrective_model import CorrectiveModel  # noqa: E402
+from porotwin_costa.corrective_source import corrective_source  # noqa: E402
+from porotwin_costa.frames import mean_rates  # noqa: E402
+from porotwin_costa.networks import architecture  # noqa: E402
+from porotwin_costa.physics_id import PhysicsId  # noqa: E402
+from porotwin_costa.training import train  # noqa: E402
+from porotwin_costa.training_settings import TrainingSettings  # noqa: E402
+from porotwin_msgs.msg import Outcome  # noqa: E402
+from porotwin_msgs.srv import (  # noqa: E402
+    CorrectiveSource,
+    DataModelInfo,
+    LoadModel,
+    Ping,
+    SaveModel,
+)
+
+pytestmark = pytest.mark.graph
+
+
+@pytest.fixture
+def costa(rig_file) -> Iterator[subprocess.Popen]:
+    process = start('costa_node', rig=rig_file, architecture='local')
+    yield process
+    stop(process)
+
+
+@pytest.fixture(scope='module')
+def trained(dataset):
+    settings = TrainingSettings(epochs=10, batch_size=4, learning_rate=5e-3)
+    return train(dataset, architecture('local'), settings, seed=5)
+
+
+def _question(model, frames, n=12) -> tuple[CorrectiveSource.Request, np.ndarray, dict]:
+    rates = mean_rates(frames.schedule, frames.times[n], frames.times[n + 1])
+    predicted = model.predict(frames.concentration[n], rates, 30.0)
+    as_sent = conversions.tracer_to_msg(predicted, model.grid, 390.0)
+    request = CorrectiveSource.Request(
+        predicted=as_sent, wells=conversions.rates_to_msg(rates), time_step=30.0
+    )
+    return request, conversions.tracer_from_msg(as_sent)[0], rates
+
+
+def test_costa_answers_like_the_model_that_it_loaded(
+    client, costa, model, unseen_frames, trained, tmp_path
+):
+    request, predicted, rates = _question(model, unseen_frames)
+    empty = client.call(CorrectiveSource, 'costa/corrective_source', request)
+    assert empty.outcome.code == Outcome.OK
+    assert not empty.active
+    assert empty.status == 'no model loaded'
+    assert not any(empty.source.source)
+    assert client.call(Ping, 'costa/ping', Ping.Request()).status == 'no model loaded'
+    assert not client.call(DataModelInfo, 'costa/info', DataModelInfo.Request()).loaded
+    refused = client.call(SaveModel, 'costa/save', SaveModel.Request(path=str(tmp_path / 'x')))
+    assert refused.outcome.code == Outcome.NOT_READY
+
+    path = tmp_path / 'model.safetensors'
+    trained.save(path)
+    loaded = client.call(LoadModel, 'costa/load', LoadModel.Request(path=str(path)))
+    assert loaded.outcome.code == Outcome.OK
+    answer = client.call(CorrectiveSource, 'costa/corrective_source', request)
+    assert answer.active
+    assert answer.source.header == request.predicted.header
+    sigma, _ = conversions.source_from_msg(answer.source)
+    assert np.array_equal(sigma, corrective_source(trained, predicted, rates, 30.0).sigma)
+
+    info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
+    assert (info.loaded, info.architecture, info.time_step) == (True, 'local', 30.0)
+    assert info.path == str(path)
+    copy = tmp_path / 'copy.safetensors'
+    client.call(SaveModel, 'costa/save', SaveModel.Request(path=str(copy)))
+    assert copy.read_bytes() == path.read_bytes()
+
+    broken = tmp_path / 'broken.safetensors'
+    broken.write_bytes(b'\x80\x04pickle')
+    refused = client.call(LoadModel, 'costa/load', LoadModel.Request(path=str(broken)))
+    assert refused.outcome.code == Outcome.INVALID_INPUT
+    assert 'pickle' in refused.outcome.message
+    request.wells[0].well = 'nobody'
+    refused = client.call(CorrectiveSource, 'costa/corrective_source', request)
+    assert refused.outcome.code == Outcome.INVALID_INPUT
+    assert "'nobody'" in refused.outcome.message
+    assert client.call(DataModelInfo, 'costa/info', DataModelInfo.Request()).loaded
+
+
+def test_training_runs_beside_the_services_and_can_be_cancelled(
+    client, costa, model, unseen_frames, dataset, tmp_path
+):
+    pairs, output = tmp_path / 'pairs.safetensors', tmp_path / 'model.safetensors'
+    dataset.save(pairs)
+    handle, feedback = client.action(dataset=str(pairs), epochs=100_000, seed=5)
+    assert handle.accepted
+    until = time.monotonic() + PATIENCE
+    while not feedback and time.monotonic() < until:
+        time.sleep(0.05)
+    assert feedback[0].epoch == 1
+    assert feedback[0].epochs == 100_000
+    assert feedback[0].remaining > 0
+    second, _ = client.action(dataset=str(pairs), epochs=1, seed=5)
+    assert not second.accepted
+    request, *_ = _question(model, unseen_frames)
+    during = client.call(CorrectiveSource, 'costa/corrective_source', request)
+    assert during.status == 'no model loaded'
+    client.wait(handle.cancel_goal_async())
+    cancelled = client.wait(handle.get_result_async()).result
+    assert cancelled.outcome.code == Outcome.FAILED
+    assert 'cancelled' in cancelled.outcome.message
+
+    handle, feedback = client.action(dataset=str(pairs), output=str(output), epochs=8, seed=5)
+    result = client.wait(handle.get_result_async()).result
+    assert result.outcome.code == Outcome.OK, result.outcome.message
+    assert result.samples == len(dataset)
+    assert result.validation_loss < 1.0
+    assert CorrectiveModel.load(output).provenance['seed'] == 5
+    assert client.call(CorrectiveSource, 'costa/corrective_source', request).active
+
+    handle, _ = client.action(dataset=str(tmp_path / 'absent'), seed=5)
+    failed = client.wait(handle.get_result_async()).result
+    assert failed.outcome.code == Outcome.INVALID_INPUT
+    assert 'absent' in failed.outcome.message
+
+
+def test_the_loaded_model_decides_which_network_is_trained(
+    client, rig_file, trained, dataset, tmp_path
+):
+    pairs, start_model = tmp_path / 'pairs.safetensors', tmp_path / 'start.safetensors'
+    output = tmp_path / 'output.safetensors'
+    dataset.save(pairs)
+    small = trained.architecture.described({'filters': 4})
+    quick = train(dataset, small, TrainingSettings(epochs=1), seed=5)
+    quick.save(start_model)
+    process = start('costa_node', rig=rig_file, model=start_model, trained_model=output)
+    try:
+        goal = {'dataset': str(pairs), 'output': str(output), 'epochs': 1, 'seed': 5}
+        handle, _ = client.action(**goal)
+        result = client.wait(handle.get_result_async()).result
+        assert result.outcome.code == Outcome.OK, result.outcome.message
+        assert CorrectiveModel.load(output).architecture == small
+        other = tmp_path / 'other.safetensors'
+        handle, _ = client.action(**{**goal, 'output': str(other)}, architecture='paper')
+        client.wait(handle.get_result_async())
+        assert CorrectiveModel.load(other).architecture == architecture('paper')
+    finally:
+        stop(process)
+    # started again, the node uses the trained weights instead of the first model
+    process = start('costa_node', rig=rig_file, model=start_model, trained_model=output)
+    try:
+        info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
+        assert info.path == str(output)
+    finally:
+        stop(process)
+
+
+def test_wrong_parameters_end_the_node_with_one_line(rig, rig_file, trained, tmp_path):
+    broken = tmp_path / 'model.safetensors'
+    broken.write_bytes(b'no model')
+    other = tmp_path / 'other.safetensors'
+    dataclasses.replace(trained, physics=PhysicsId.of(rig, 'upwind')).save(other)
+    processes = [
+        start('costa_node', rig=rig_file, model=other, preset='fast'),
+        start('costa_node', rig=tmp_path / 'none.yaml'),
+        start('costa_node', rig=rig_file, model=broken),
+        start('costa_node', rig=rig_file, architecture='cubist'),
+        start('trainer_node', rig=rig_file),
+    ]
+    complaints = ("preset 'upwind'", 'none.yaml', 'safetensors', 'cubist', 'dataset')
+    for process, complaint in zip(processes, complaints, strict=True):
+        _, errors = process.communicate(timeout=2 * PATIENCE)
+        assert process.returncode == 2
+        assert errors.count('error: ') == 1
+        assert complaint in errors
+        assert 'Traceback' not in errors

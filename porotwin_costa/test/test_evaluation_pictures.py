@@ -1,0 +1,20 @@
+"""Pictures of an evaluation."""
+
+from porotwin_core.correction import Correction
+from porotwin_costa.evaluation import evaluate
+from porotwin_costa.evaluation_pictures import write_pictures
+
+
+def test_curves_and_fields_are_drawn(model, unseen_frames, grid, tmp_path):
+    result = evaluate(
+        [unseen_frames],
+        time_step=30.0,
+        predict=model.predict,
+        correct=model.correct,
+        correction=lambda *_: Correction(None, 'no model loaded'),
+        shown_times=(600.0,),
+    )
+    files = write_pictures(result, grid, tmp_path / 'report')
+    names = {file.name for file in files}
+    assert names == {'one_step.png', 'accumulated.png', 'fields_unseen_600s.png'}
+    assert all(file.read_bytes().startswith(b'\x89PNG') for file in files)

@@ -1,0 +1,88 @@
+"""Frames: usable pairs, mean rates over an interval, and rates as a vector."""
+
+import dataclasses
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from porotwin_core.errors import InputError
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, WellRate
+from porotwin_costa.frames import (
+    Frames,
+    enough_seen,
+    frame_pairs,
+    left_out,
+    mean_rates,
+    rate_vector,
+    same_time_step,
+)
+
+RATES = st.floats(-500, 500).map(lambda rate: WellRate(from_ml_h(rate), 0.5 if rate > 0 else 0.0))
+
+
+@given(st.lists(st.tuples(st.floats(0, 40), RATES), min_size=1, max_size=5))
+def test_mean_rates_pump_the_same_volume_and_tracer(changes):
+    schedule = Schedule.from_rates([(0.0, {'a': WellRate()}), *((t, {'a': r}) for t, r in changes)])
+    mean = mean_rates(schedule, 5.0, 35.0)['a']
+    intervals = list(schedule.intervals(5.0, 35.0))
+    volume = sum((end - start) * rates['a'].rate for start, end, rates in intervals)
+    assert mean.rate * 30.0 == pytest.approx(volume, abs=1e-15)
+    if all(rates['a'].rate >= 0 for *_, rates in intervals):
+        tracer = sum(
+            (end - start) * rates['a'].rate * rates['a'].concentration
+            for start, end, rates in intervals
+        )
+        assert mean.rate * mean.concentration * 30.0 == pytest.approx(tracer, abs=1e-15)
+
+
+def test_rate_vector_has_the_order_of_the_wells():
+    rates = {'b': WellRate(2e-7, 0.5), 'c': WellRate(-1e-7, 1.0)}
+    assert rate_vector(rates, ('a', 'b', 'c')).tolist() == [[0, 0], [2e-7, 1e-7], [-1e-7, 0]]
+
+
+def test_unknown_well_is_refused_only_if_it_pumps():
+    with pytest.raises(InputError, match=r"'new'.*a, b"):
+        rate_vector({'new': WellRate(1e-7)}, ('a', 'b'))
+    assert rate_vector({'new': WellRate()}, ('a',)).sum() == 0
+
+
+def test_frames_have_a_name_by_default():
+    assert isinstance(Frames(np.zeros(1), np.zeros((1, 1, 1)), Schedule()).name, str)
+
+
+def test_pairs_know_whether_they_follow_each_other():
+    times = np.array([0.0, 30.0, 60.0, 120.0, 150.0, 180.0, 210.0])
+    frames = Frames(times, np.zeros((7, 2, 2)), Schedule(), clean_times=(170.0,))
+    dropped: Counter[str] = Counter()
+    pairs = list(frame_pairs(frames, 30.0, dropped))
+    assert [pair.number for pair in pairs] == [0, 1, 3, 5]
+    assert [pair.follows for pair in pairs] == [False, True, False, False]
+    assert [pair.sequence for pair in pairs] == [0, 0, 0, 1]
+    assert dropped == {'pairs not 30 s apart': 1, 'pairs across an interruption': 1}
+
+
+def test_pairs_with_a_map_that_shows_too_little_are_left_out():
+    concentration = np.zeros((3, 2, 4))
+    concentration[0, :, 1:] = np.nan
+    frames = Frames(np.arange(3) * 30.0, concentration, Schedule())
+    dropped: Counter[str] = Counter()
+    assert [pair.number for pair in frame_pairs(frames, 30.0, dropped)] == [1]
+    assert left_out(dropped) == '1 pairs with too little seen'
+    shown = dataclasses.replace(frames, concentration=np.zeros((3, 2, 4)))
+    assert len(list(frame_pairs(shown, 30.0, dropped))) == 2
+
+
+def test_half_of_the_cells_is_enough():
+    half = np.array([[0.0, np.nan], [0.0, np.nan]])
+    assert enough_seen(half)
+    half[0, 0] = np.nan
+    assert not enough_seen(half)
+
+
+def test_time_steps_agree_within_two_percent():
+    assert same_time_step(30.0, 30.5)
+    assert not same_time_step(30.0, 31.0)

@@ -1,0 +1,116 @@
+"""The trainer as a real process: pairs and weights in files, which a restart finds."""
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from costa_graph import HIDDEN, Asset, offer_solver, start, stop  # noqa: E402
+
+from porotwin_core.errors import InputError  # noqa: E402
+from porotwin_costa.corrective_model import CorrectiveModel  # noqa: E402
+from porotwin_costa.dataset import load_dataset  # noqa: E402
+from porotwin_costa.physics_id import PhysicsId  # noqa: E402
+from porotwin_costa.trainer_node import known_pairs  # noqa: E402
+from porotwin_msgs.srv import DataModelInfo  # noqa: E402
+
+FRAMES = 13
+"""Frames of an experiment: twelve pairs."""
+
+
+@pytest.fixture
+def twin(rig_file, tmp_path):
+    """Return a function that starts a trainer with its files in the test's folder."""
+
+    def trainer(**parameters):
+        return start(
+            'trainer_node',
+            rig=rig_file,
+            dataset=tmp_path / 'run' / 'pairs',
+            output=tmp_path / 'run' / 'model.safetensors',
+            retrain_every=20,
+            **parameters,
+        )
+
+    return trainer
+
+
+@pytest.mark.graph
+def test_trainer_keeps_pairs_and_weights_in_files_and_continues_after_a_restart(
+    client, rig_file, model, training_frames, unseen_frames, twin, tmp_path
+):
+    folder, output = tmp_path / 'run' / 'pairs', tmp_path / 'run' / 'model.safetensors'
+    costa = start('costa_node', rig=rig_file, architecture='local')
+    trainer = twin(architecture='local')
+    try:
+        asset = Asset(client, model)
+        asset.wait_for_trainer()
+        for frames, begin in zip(training_frames, (0.0, 1000.0), strict=True):
+            asset.experiment(frames, begin, FRAMES)
+        asset.finish()
+        # the solver is started last: pairs wait for it
+        services = offer_solver(client, model)
+        client.until('no model was trained', output.exists)
+        client.until(
+            'the new model is not used',
+            lambda: client.call(DataModelInfo, 'costa/info', DataModelInfo.Request()).loaded,
+        )
+        assert len(services) == 2
+    finally:
+        report = stop(trainer)
+    try:
+        dataset = load_dataset(folder)
+        assert len(dataset) == 24, report
+        assert len(np.unique(dataset.experiment)) == 2
+        assert not dataset.residual[:, :, HIDDEN].any()
+        corrective = CorrectiveModel.load(output)
+        assert corrective.architecture.name == 'local'
+        assert corrective.provenance['samples'] in (20, 24)
+        assert 'Traceback' not in report
+
+        # the restarted trainer adds to the pairs, and trains with the fortieth
+        first_weights = output.read_bytes()
+        trainer = twin()
+        asset.wait_for_trainer()
+        asset.experiment(unseen_frames, 2000.0, 20)
+        asset.finish()
+        client.until('no second training', lambda: output.read_bytes() != first_weights)
+    finally:
+        report = stop(trainer)
+        stop(costa)
+    assert f'training pairs in {folder}: 24 so far' in report
+    dataset = load_dataset(folder)
+    assert len(dataset) == 43, report
+    assert np.unique(dataset.experiment).tolist() == [0, 1, 2]
+    corrective = CorrectiveModel.load(output)
+    assert corrective.architecture.name == 'local'
+    assert corrective.provenance['samples'] in (40, 43)
+    for service in services:
+        client.node.destroy_service(service)
+
+
+@pytest.mark.graph
+def test_a_trainer_that_collects_nothing_says_why(client, model, twin):
+    trainer = twin()
+    try:
+        asset = Asset(client, model)
+        asset.wait_for_trainer()
+        for number in range(4):
+            asset.state(30.0 * number, np.full(model.grid.shape, np.nan))
+    finally:
+        asset.finish()
+        report = stop(trainer)
+    assert '0 training pairs so far; left out: 1 pairs with too little seen' in report
+
+
+def test_pairs_of_another_twin_are_refused(dataset, rig, tmp_path):
+    assert known_pairs(tmp_path, dataset.grid, 30.0, dataset.physics) is None
+    dataset.append_to(tmp_path)
+    assert len(known_pairs(tmp_path, dataset.grid, 30.0, dataset.physics)) == 48
+    with pytest.raises(InputError, match='the twin runs on 31x20 every 30 s; name another folder'):
+        known_pairs(tmp_path, rig.grid(31, 20), 30.0, dataset.physics)
+    with pytest.raises(InputError, match='every 60 s; name another folder'):
+        known_pairs(tmp_path, dataset.grid, 60.0, dataset.physics)
+    other = PhysicsId.of(rig.model_copy(update={'porosity': 0.4}), 'upwind')
+    with pytest.raises(InputError, match=r'holds pairs of rig .*; name another folder'):
+        known_pairs(tmp_path, dataset.grid, 30.0, other)
