@@ -270,8 +270,8 @@ class Engine:
     def exchanges(self, flux: FaceField, duration: float) -> Exchanges:
         """Return the diffusive exchanges over `duration` [s].
 
-        Without dispersion they do not depend on `flux`, and those of the latest few durations are
-        kept.
+        Without dispersion they do not depend on `flux`; the exchanges of the latest few durations
+        are kept.
         """
         physics = self.physics
         if physics.disperses:

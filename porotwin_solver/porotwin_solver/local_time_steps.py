@@ -1,9 +1,9 @@
 """Local time stepping: every cell divides a common time step into its own number of substeps.
 
-A cell of level l takes 2**l substeps of `duration / 2**l`. The level is the lowest one at which the
-cell's CFL number stays below a limit. A cell next to a well may need many substeps while a cell far
-away needs one, so the cost is proportional to the sum of the CFL numbers, not to the largest one
-(Osher and Sanders, Math. Comp. 41 (1983) 321-336).
+A cell of level l takes 2**l substeps of `duration / 2**l`. The level is the lowest one that keeps
+the cell's CFL number below a limit. A cell next to a well may need many substeps while a distant
+cell needs one. The cost grows with the sum of the CFL numbers, not with the largest one (Osher and
+Sanders, Math. Comp. 41 (1983) 321-336).
 """
 
 # mypy: disable-error-code="no-untyped-def"

@@ -26,7 +26,7 @@ def simulate(
 ) -> FloatArray:
     """Return the maps at `times` [s] as the camera shows them, (nt, nz, nx).
 
-    The arguments are those of `simulated_maps`.
+    The arguments are as in `simulated_maps`.
 
     Raises:
         InputError: as `simulated_maps`.
@@ -61,7 +61,7 @@ def simulated_maps(
     The model runs from `initial` (nz, nx; default: no tracer) at `start` [s] through the
     `schedule`. It keeps its state on the refined grid between the maps. The effects of the rig and
     further `effects` act on physics and picture. A time before `start` shows the initial state.
-    `preset` and `refinement` are those of `Model`.
+    `preset` and `refinement` are as in `Model`.
 
     Raises:
         InputError: times that decrease or are not finite, NaN in `initial`, or as `Model`.

@@ -33,7 +33,7 @@ class SourcesAndSinks:
     def active(self, rates: WellRates) -> list[ActiveSource]:
         """Return the sources and sinks whose rate is not zero.
 
-        The rates are the commanded `rates` times the pumps' rate factors, and those of the leaks.
+        The rate of a well is the commanded rate times its rate factor. Leaks are included.
 
         Raises:
             InputError: a rate for a well that the rig does not have.

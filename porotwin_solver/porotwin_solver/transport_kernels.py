@@ -70,7 +70,7 @@ def between(value, end):
 
 @compiled
 def corrections(c, near, cfl_out, cfl_in, cfl_well, well, low, high, scheme):
-    """Return the corrections to `c` on the four faces through which the cell lets water out.
+    """Return the corrections to `c` on the outflow faces of a cell, zero on its inflow faces.
 
     `near`: concentrations of the neighbours. `cfl_out` and `cfl_in`: fraction of the cell's storage
     that leaves and enters through each side in one substep; `cfl_well`: the same through a well,

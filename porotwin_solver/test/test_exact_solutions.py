@@ -164,7 +164,7 @@ def test_radial_dispersion_follows_chen(make_rig) -> None:
 
 
 def doublet_production(make_rig, side: str, count: int) -> tuple[float, float]:
-    """Return the production of a doublet at 0.9 and 2 breakthrough times."""
+    """Return the production at 0.9 and 2 breakthrough times, in rate times breakthrough time."""
     rig = make_rig(
         width_m=1.6,
         height_m=1.6,

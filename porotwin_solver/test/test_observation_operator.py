@@ -1,4 +1,4 @@
-"""What the camera makes of a map."""
+"""The map that the camera shows of a concentration."""
 
 import math
 
@@ -20,7 +20,7 @@ def spot(x: float, z: float, width: float = 0.05) -> np.ndarray:
     return np.exp(-((GRID.x[None, :] - x) ** 2 + (GRID.z[:, None] - z) ** 2) / (2 * width**2))
 
 
-def test_a_point_appears_where_the_registration_says() -> None:
+def test_a_point_appears_at_its_registered_place() -> None:
     """p appears at C + scale R(rotation) (p - C) + (dx, dz)."""
     operator = ObservationOperator(dx=0.02, dz=-0.01, rotation=0.3, scale=1.1)
     shown = operator.apply(spot(0.6, 0.3), GRID, 0.0)
@@ -31,8 +31,8 @@ def test_a_point_appears_where_the_registration_says() -> None:
     assert (shown * GRID.z[:, None]).sum() / shown.sum() == pytest.approx(expected_z, abs=2e-3)
 
 
-def test_a_picture_that_is_moved_twice_is_moved_by_both() -> None:
-    """As a rig description has it in which one diagnosis after the other found a registration."""
+def test_two_registrations_combine_to_one() -> None:
+    """Two diagnoses, one after the other, may each add a registration to a rig description."""
     first = {'dx': 0.02, 'dz': -0.01, 'rotation': 0.3, 'scale': 1.1}
     second = {'dx': -0.005, 'dz': 0.015, 'rotation': -0.1, 'scale': 0.95}
     move = EFFECTS['registration'].on_observation
@@ -45,12 +45,12 @@ def test_a_picture_that_is_moved_twice_is_moved_by_both() -> None:
     assert abs(both - spot(0.6, 0.3)).max() > 0.3
 
 
-def test_beyond_the_rig_lies_what_lies_at_its_edge() -> None:
+def test_the_values_at_the_edge_continue_beyond_the_rig() -> None:
     shown = ObservationOperator(dx=0.05).apply(np.ones(GRID.shape), GRID, 0.0)
     np.testing.assert_allclose(shown, 1.0)
 
 
-def test_saturation_bends_and_illumination_lights_and_clips() -> None:
+def test_saturation_is_a_power_and_illumination_a_clipped_factor() -> None:
     field = np.full(GRID.shape, 0.25)
     np.testing.assert_allclose(ObservationOperator(exponent=0.5).apply(field, GRID, 0.0), 0.5)
     lit = ObservationOperator(drift=1e-3, gradient=2.0).apply(field, GRID, 500.0)
@@ -58,7 +58,7 @@ def test_saturation_bends_and_illumination_lights_and_clips() -> None:
     assert ObservationOperator(drift=1.0).apply(field, GRID, 500.0).max() == 1.0
 
 
-def test_the_clock_shows_the_rig_at_another_pump_time(rig, rates) -> None:
+def test_the_clock_offset_shifts_the_pump_time(rig, rates) -> None:
     grid = rig.grid(31, 19)
     schedule = Schedule.constant(rates)
     late = [EffectDescription(name='clock', parameters={'offset': 60.0})]

@@ -200,18 +200,18 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
     empty = tracer_to_msg(model.initial_condition(), model.grid, 0.0)
     holes = tracer_to_msg(np.full(model.grid.shape, np.nan), model.grid, 0.0)
     small = tracer_to_msg(np.zeros((3, 4)), model.rig.grid(4, 3), 0.0)
-    commanded = rates_to_msg(rates)
+    wells = rates_to_msg(rates)
     unknown = rates_to_msg({'pump': rates['injector']})
     for fields, text in (
-        ({'previous': holes, 'wells': commanded, 'time_step': 30.0}, '589 cells are not finite'),
-        ({'previous': small, 'wells': commanded, 'time_step': 30.0}, 'the solver runs on 31x19'),
+        ({'previous': holes, 'wells': wells, 'time_step': 30.0}, '589 cells are not finite'),
+        ({'previous': small, 'wells': wells, 'time_step': 30.0}, 'the solver runs on 31x19'),
         (
-            {'previous': empty, 'wells': commanded, 'time_step': 0.0},
+            {'previous': empty, 'wells': wells, 'time_step': 0.0},
             'time step 0.0 s: must be positive',
         ),
         ({'previous': empty, 'wells': unknown, 'time_step': 30.0}, "unknown well 'pump'"),
         (
-            {'previous': empty, 'wells': [*commanded, commanded[0]], 'time_step': 30.0},
+            {'previous': empty, 'wells': [*wells, wells[0]], 'time_step': 30.0},
             'is named twice',
         ),
     ):
@@ -223,12 +223,12 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
         Correct,
         'correct',
         previous=empty,
-        wells=commanded,
+        wells=wells,
         time_step=30.0,
         source=source_to_msg(np.full((19, 31), np.nan), model.grid, 0.0),
     )
     assert 'sigma: 589 cells are not finite' in answer.outcome.message
-    good = client.call(Predict, 'predict', previous=empty, wells=commanded, time_step=30.0)
+    good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=30.0)
     assert good.outcome.code == Outcome.OK
 
 

@@ -52,8 +52,8 @@ def gradient(
     """Return the sum of `cost` over the maps at `times` [s] of `simulate`, and its gradient.
 
     `parameters` are (effect, parameter) names among the effects of the rig and the given `effects`.
-    The other arguments are those of `simulate`. The cost in time is a few simulations, whatever the
-    number of rates; each parameter adds a part of one.
+    The other arguments are as in `simulate`. The run time is a few simulations for any number of
+    rates; each parameter adds a fraction of one.
 
     Raises:
         InputError: a parameter without a gradient (the offset of the clock; dispersivities that are

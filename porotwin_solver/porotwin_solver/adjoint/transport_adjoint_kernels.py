@@ -320,7 +320,7 @@ def evaluate_faces_adjoint(
             carried_bar[2] -= length * amount_z_bar[i, j]
         if i < nz - 1 and level[i + 1, j] < own:
             carried_bar[3] += length * amount_z_bar[i + 1, j]
-        # this cell set the rates of its outflow faces; what they held before has no effect
+        # this cell has set the rates of its outflow faces; earlier values have no effect
         if leaving[0] > 0.0:
             rate_x_bar[i, j] = 0.0
         if leaving[1] > 0.0:
