@@ -215,8 +215,8 @@ def _choose_signal(
     name = max(candidates, key=lambda key: clarity[key])
     red, green, blue = candidates[name].weights
     lines.append(
-        f'signal: {name} (red {red:.2f}, green {green:.2f}, blue {blue:.2f}); signal-to-noise ratio '
-        f'{clarity[name]:.0f}'
+        f'signal: {name} (red {red:.2f}, green {green:.2f}, blue {blue:.2f}); '
+        f'signal-to-noise ratio {clarity[name]:.0f}'
     )
     return candidates[name]
 
