@@ -35,6 +35,10 @@ GRID = (94, 56)
 PRESETS = ('upwind', 'fast')
 SEED = 7
 
+UNSEEN_TRACER_ML_H = 400.0
+UNSEEN_WATER_ML_H = 150.0
+"""Rates of the unseen experiment: within the trained ones, and in none of the schedules."""
+
 
 def run(
     *,
@@ -57,7 +61,10 @@ def run(
     grid = rig.grid(*GRID)
     seen = [_frames(rig, schedule, grid, minutes, 'seen') for schedule in training_schedules()]
     half = 30.0 * minutes
-    other = balanced([(0.0, 'injector', 400.0, 1.0), (half, 'control1', 150.0, 0.0)], 'producer')
+    other = balanced(
+        [(0.0, 'injector', UNSEEN_TRACER_ML_H, 1.0), (half, 'control1', UNSEEN_WATER_ML_H, 0.0)],
+        'producer',
+    )
     unseen = _frames(rig, other, grid, minutes, 'unseen')
     return [_row(rig, grid, preset, seen, unseen, epochs) for preset in presets]
 

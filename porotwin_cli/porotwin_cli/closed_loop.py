@@ -34,6 +34,10 @@ PRODUCER_DELIVERY = 0.99
 """Share of its commanded rate that the producer's pump delivers (paper, section 4)."""
 
 PAGE = '127.0.0.1:8765'
+"""Address of the page: this machine only."""
+
+POLL_S = 0.5
+"""Time between two looks at the nodes [s]."""
 
 STALL_S = 120.0
 """Longest time without a cycle, before the loop counts as stalled [s]."""
@@ -170,7 +174,7 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
         with GraphWatch(on_cycle) as watch, GraphProcesses(nodes, folder, say=say) as processes:
             if graph.page:
                 say(f'page: http://{graph.page}')
-            while not watch.finished.wait(0.5):
+            while not watch.finished.wait(POLL_S):
                 _check(processes, newest[0], folder)
             reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
             time.sleep(LAST_WRITE_S)

@@ -16,6 +16,9 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
+DPI = 110
+"""Resolution of the pictures [dots per inch]."""
+
 SHOWN_MINUTES = (10, 35, 60, 80)
 """Times of the paper's figures [min]."""
 
@@ -31,7 +34,7 @@ def plume_picture(path: Path, rig: Rig, controlled: TrueTracer, free: TrueTracer
         for minute, axis in zip(minutes, axes, strict=True):
             _draw_rig(axis, rig, truth.at(minute * 60.0))
             axis.set_title(f'{label}, {minute:.0f} min')
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
 
@@ -79,5 +82,5 @@ def course_picture(
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8, loc='best')
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=DPI)
     plt.close(figure)

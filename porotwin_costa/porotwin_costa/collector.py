@@ -11,7 +11,7 @@ from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_costa.dataset import Dataset, empty_dataset
-from porotwin_costa.dataset_builder import Sample, with_samples
+from porotwin_costa.dataset_builder import TrainingSample, with_samples
 from porotwin_costa.frames import (
     ACROSS_INTERRUPTION,
     TOO_LITTLE_SEEN,
@@ -78,7 +78,7 @@ class Collector:
         self._states: deque[tuple[float, FloatArray]] = deque(maxlen=2)
         self._rates: deque[tuple[float, dict[str, WellRate]]] = deque(maxlen=REMEMBERED)
         self._interruptions: deque[float] = deque(maxlen=REMEMBERED)
-        self._samples: list[Sample] = []
+        self._samples: list[TrainingSample] = []
         self._sequence = 0
         self._latest_prediction: tuple[int, FloatArray] | None = None
         self.dropped: Counter[str] = Counter()
@@ -139,7 +139,9 @@ class Collector:
             return False
         self._latest_prediction = pair.sequence, predicted
         residual = np.where(np.isfinite(pair.following), residual, 0.0)
-        self._samples.append(Sample(predicted, residual, pair.rates, pair.end, pair.experiment))
+        self._samples.append(
+            TrainingSample(predicted, residual, pair.rates, pair.end, pair.experiment)
+        )
         self.completed += 1
         return True
 

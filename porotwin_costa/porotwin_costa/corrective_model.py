@@ -23,6 +23,9 @@ from porotwin_costa.tensor_files import read_header, write_tensors
 
 FORMAT = 'porotwin-costa-model-1'
 
+REASON_CHARACTERS = 200
+"""Longest excerpt of a library's message; torch lists every weight that does not fit."""
+
 
 @dataclass(frozen=True)
 class CorrectiveModel:
@@ -148,7 +151,7 @@ class CorrectiveModel:
                 physics=PhysicsId(**header.get('physics', {})),
             )
         except (KeyError, TypeError, RuntimeError, safetensors.SafetensorError) as error:
-            reason = ' '.join(str(error).split())[:200]
+            reason = ' '.join(str(error).split())[:REASON_CHARACTERS]
             raise InputError(f'{path}: damaged model ({reason}); train it again') from None
 
 

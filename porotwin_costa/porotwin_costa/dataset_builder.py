@@ -21,7 +21,7 @@ ResidualFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
 """(previous, next, rates, time step [s]) -> exact residual r [1/s] (paper, eq. costa_residual)."""
 
 
-class Sample(NamedTuple):
+class TrainingSample(NamedTuple):
     """One pair of frames: prediction and residual (nz, nx), rates, end [s], experiment number."""
 
     predicted: FloatArray
@@ -63,7 +63,7 @@ def build_dataset(
         InputError: a frame is not on `grid`, or no pair can be used.
     """
     dropped: Counter[str] = Counter()
-    samples: list[Sample] = []
+    samples: list[TrainingSample] = []
     names = []
     for frames in experiments:
         if frames.concentration.shape[1:] != grid.shape:
@@ -86,7 +86,7 @@ def build_dataset(
     )
 
 
-def with_samples(empty: Dataset, samples: list[Sample]) -> Dataset:
+def with_samples(empty: Dataset, samples: list[TrainingSample]) -> Dataset:
     """Return the data set `empty` with these samples."""
 
     def stack(values: Iterable[object], like: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ def _samples(
     residual: ResidualFn,
     dropped: Counter[str],
     first_number: int,
-) -> Iterator[Sample]:
+) -> Iterator[TrainingSample]:
     """Yield a sample for each usable pair; a gap begins the next experiment number."""
     experiment, sequence = first_number - 1, 0
     prediction: FloatArray | None = None
@@ -125,7 +125,7 @@ def _samples(
         before = fill_unseen(before, prediction)
         prediction = predict(before, rates, time_step)
         exact = residual(before, fill_unseen(after, prediction), rates, time_step)
-        yield Sample(
+        yield TrainingSample(
             prediction.astype(np.float32),
             np.where(np.isfinite(after), exact, 0.0).astype(np.float32),
             rates,

@@ -8,6 +8,9 @@ from matplotlib.figure import Figure
 from porotwin_core.grid import Grid, relative_error
 from porotwin_costa.evaluation import Evaluation, FrameFields
 
+DPI = 120
+"""Resolution of the pictures [dots per inch]."""
+
 SMALLEST_ERROR = 1e-5
 """Lower end of the logarithmic colour scale [-], far below the camera's noise."""
 
@@ -48,7 +51,7 @@ def _curves(evaluation: Evaluation, path: Path, title: str, plain: str, correcte
         axis.grid(alpha=0.3)
     axes[0].legend()
     axes[-1].set_xlabel('time [min]')
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=DPI)
     return path
 
 
@@ -79,5 +82,5 @@ def _fields(frame: FrameFields, grid: Grid, path: Path) -> Path:
         figure.colorbar(image, ax=axis, label='log10 |error|')
         relative = 100 * relative_error(field, frame.observed)
         axis.set(title=f'relative error {relative:.2f} %', xlabel='x [m]', ylabel='z [m]')
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=DPI)
     return path

@@ -57,7 +57,7 @@ class CorrectiveNetwork(nn.Module):
     """Base class of the networks: from a scaled prediction and scaled rates to scaled sigma."""
 
     def forward(self, concentration: Tensor, rates: Tensor) -> Tensor:
-        """Return scaled sigma (batch, nz, nx).
+        """Return scaled sigma (batch, nz, nx); every network defines it.
 
         `concentration` is the scaled prediction c~ (batch, nz, nx); `rates` (batch, 2 wells) holds
         the scaled water rate and tracer rate of each well in turn.
