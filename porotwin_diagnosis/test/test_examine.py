@@ -15,10 +15,10 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.examine import diagnose
 from porotwin_diagnosis.model.candidate import library
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.gap_map import _phases, map_gap
-from porotwin_diagnosis.search.scan import _leaks, starts
+from porotwin_diagnosis.search.place_scan import _leaks, starts
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
 

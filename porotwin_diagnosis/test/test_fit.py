@@ -11,7 +11,7 @@ from porotwin_core.rig import Boundaries, EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.model.candidate import Candidate, FitParameter, library, pumping_wells
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import ROUGHNESS, Forward, on_rough_sand
 from porotwin_diagnosis.search.ranking import possible
 from porotwin_recording.recording import open_recording
@@ -19,7 +19,7 @@ from porotwin_recording.recording import open_recording
 
 @pytest.fixture(scope='module')
 def fitter(denser_sand):
-    return Fitter([Forward(read_sample(open_recording(denser_sand)))], soft=0.3)
+    return Fitter([Forward(read_sample(open_recording(denser_sand)))], point_spread_width=0.3)
 
 
 def candidate(fitter, label):
@@ -37,21 +37,21 @@ def test_knob_turns_and_values_are_inverse():
 
 def test_porosity_is_found_in_data_of_another_simulator(fitter):
     fit = fitter.fit((candidate(fitter, 'porosity'),))
-    null = fitter.judged((), np.zeros(0))
+    null = fitter.evaluate((), np.zeros(0))
     assert fit.effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.012)
-    assert fit.held_out < 0.45 * null.held_out
+    assert fit.held_out_misfit < 0.45 * null.held_out_misfit
     fit = fitter.with_covariance(fit)
     assert 0 < np.sqrt(fit.covariance[0, 0]) * 0.015 < 0.02
 
 
 def test_held_out_frames_take_no_part_in_the_fit(fitter, denser_sand):
     sample = read_sample(open_recording(denser_sand))
-    sample.observed[sample.fitted :] = 0.5
-    spoiled = Fitter([Forward(sample)], soft=0.3)
+    sample.observed[sample.fitted_frames :] = 0.5
+    spoiled = Fitter([Forward(sample)], point_spread_width=0.3)
     a = fitter.fit((candidate(fitter, 'porosity'),))
     b = spoiled.fit((candidate(spoiled, 'porosity'),))
     assert np.allclose(a.scaled, b.scaled)
-    assert b.held_out > 3 * a.held_out
+    assert b.held_out_misfit > 3 * a.held_out_misfit
 
 
 def test_retardation_and_porosity_are_one_product_for_the_camera(fitter):
@@ -71,10 +71,10 @@ def test_predictions_of_different_effects_lie_apart(fitter):
 
 def test_model_without_effect_leaves_only_noise_of_a_quiet_recording(quiet):
     sample = read_sample(open_recording(quiet))
-    judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
-    null = judge.judged((), np.zeros(0))
-    assert null.fitted < 1.2
-    assert null.held_out < 1.2
+    judge = Fitter([Forward(sample, refinement=2)], point_spread_width=0.55)
+    null = judge.evaluate((), np.zeros(0))
+    assert null.fitted_misfit < 1.2
+    assert null.held_out_misfit < 1.2
 
 
 def test_a_closed_rig_cannot_leak_nor_misdeliver(fitter):
@@ -89,11 +89,11 @@ def test_a_closed_rig_cannot_leak_nor_misdeliver(fitter):
 
 def test_a_judged_fit_is_polished_with_the_slopes_of_coarser_cells(fitter, denser_sand):
     sample = read_sample(open_recording(denser_sand))
-    judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
+    judge = Fitter([Forward(sample, refinement=2)], point_spread_width=0.55)
     porosity = candidate(fitter, 'porosity')
-    off = judge.judged((porosity,), np.array([porosity.parameters[0].scaled(0.93)]))
-    polished = judge.polished(off, fitter)
-    assert polished.fitted < 0.4 * off.fitted
+    off = judge.evaluate((porosity,), np.array([porosity.parameters[0].scaled(0.93)]))
+    polished = judge.polish(off, fitter)
+    assert polished.fitted_misfit < 0.4 * off.fitted_misfit
     assert polished.effects[0].parameters['factor'] == pytest.approx(0.88, abs=0.01)
 
 
@@ -101,25 +101,25 @@ def test_a_shifted_and_turned_picture_is_found_in_its_narrow_valley(tmp_path):
     truth = {'dx': 0.006, 'dz': -0.008, 'rotation': -0.02, 'scale': 1.01}
     effect = EffectDescription(name='registration', parameters=truth)
     sample = read_sample(open_recording(recorded(tmp_path / 'recording', effect)))
-    fitter = Fitter([Forward(sample)], soft=0.3)
+    fitter = Fitter([Forward(sample)], point_spread_width=0.3)
     registration = candidate(fitter, 'registration')
-    true = fitter.judged(
+    true = fitter.evaluate(
         (registration,),
         np.array(
             [parameter.scaled(truth[parameter.name]) for parameter in registration.parameters]
         ),
     )
-    assert fitter.fit((registration,)).fitted <= 1.01 * true.fitted
+    assert fitter.fit((registration,)).fitted <= 1.01 * true.fitted_misfit
 
 
 def test_a_true_model_leaves_little_beyond_the_noise_and_a_wrong_one_much(fitter, denser_sand):
     sample = read_sample(open_recording(denser_sand))
-    judge = Fitter([Forward(sample, refinement=2)], soft=0.55)
-    right = judge.judged((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.88))
-    wrong = judge.judged((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.92))
-    left, noise = np.hypot(right.fitted, right.held_out), np.hypot(*right.noise)
+    judge = Fitter([Forward(sample, refinement=2)], point_spread_width=0.55)
+    right = judge.evaluate((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.88))
+    wrong = judge.evaluate((candidate(fitter, 'porosity'),), fitter_turns(fitter, 0.92))
+    left, noise = np.hypot(right.fitted_misfit, right.held_out_misfit), np.hypot(*right.noise)
     assert left < 2.5 * noise
-    assert np.hypot(wrong.fitted, wrong.held_out) > 2 * left
+    assert np.hypot(wrong.fitted_misfit, wrong.held_out_misfit) > 2 * left
 
 
 def fitter_turns(fitter, factor):
@@ -218,24 +218,24 @@ def test_an_effect_with_which_the_model_cannot_run_is_set_aside(fitter, monkeypa
     monkeypatch.setattr(forward, 'maps', refusing)
     dense = candidate(fitter, 'porosity')
     stopped = fitter.fit((dense,))
-    assert stopped.possible
+    assert stopped.is_feasible
     assert limit <= stopped.scaled[0] < 0.0, 'as far as the model goes'
-    assert not fitter.fit((dense,), start=np.array([limit - 1.0])).possible
-    at_the_limit = fitter.judged((dense,), np.array([limit]))
-    assert fitter.polished(at_the_limit, fitter).possible
-    screened = [at_the_limit, fitter.judged((dense,), np.array([limit - 1.0]))]
+    assert not fitter.fit((dense,), start=np.array([limit - 1.0])).is_feasible
+    at_the_limit = fitter.evaluate((dense,), np.array([limit]))
+    assert fitter.polish(at_the_limit, fitter).is_feasible
+    screened = [at_the_limit, fitter.evaluate((dense,), np.array([limit - 1.0]))]
     assert possible(screened) == [at_the_limit]
 
 
 def test_a_thinner_tracer_magnifies_what_nobody_knows_of_the_sand(fitter):
     sample = fitter.samples[0]
     rough = [[Forward(on_rough_sand(sample, seed))] for seed in (0, 1)]
-    judge = Fitter([Forward(sample)], soft=0.3, rough=rough)
+    judge = Fitter([Forward(sample)], point_spread_width=0.3, rough=rough)
     viscosity = candidate(fitter, 'viscosity')
 
     def fingering_amplification(ratio):
         scaled = np.array([viscosity.parameters[0].scaled(ratio)])
-        return judge.judged((viscosity,), scaled).fingering_amplification
+        return judge.evaluate((viscosity,), scaled).fingering_amplification
 
     assert fingering_amplification(1.5) == (1.0, 1.0)
     thin, thinner = fingering_amplification(0.8), fingering_amplification(0.5)

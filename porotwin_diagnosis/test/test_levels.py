@@ -19,9 +19,9 @@ def levels_of(recording):
 def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
     levels = levels_of(quiet)
     null = levels.null()
-    levels.measure_blur(null)
+    levels.measure_point_spread_width(null)
     assert levels.judging.soft == pytest.approx(MapNoise.drawn(3).blur_cells, abs=0.2)
-    assert levels.null().fitted <= null.fitted + 1e-6
+    assert levels.null().fitted <= null.fitted_misfit + 1e-6
 
 
 def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
@@ -38,6 +38,6 @@ def test_what_an_effect_changes_is_measured_where_fronts_are_sharp(denser_sand):
     levels = levels_of(denser_sand)
     bent = EffectDescription(name='saturation', parameters={'exponent': 0.7})
     coarse = levels.refining.forwards[0]
-    begin = coarse.sample.fitted
+    begin = coarse.sample.fitted_frames
     smeared = relative_error(coarse.maps((bent,))[begin:], coarse.maps(())[begin:])
     assert 0.0 < levels.change((bent,)) < 0.8 * smeared

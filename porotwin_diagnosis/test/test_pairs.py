@@ -6,10 +6,10 @@ from diagnosis_examples import fit_of, recorded
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.search.effect_pairs import BASES, PairSearch, bases_of
 from porotwin_diagnosis.search.levels import Levels
-from porotwin_diagnosis.search.pairs import BASES, PairSearch, bases_of
 from porotwin_diagnosis.search.ranking import score
-from porotwin_diagnosis.search.singles import Singles
+from porotwin_diagnosis.search.single_effects import Singles
 from porotwin_recording.recording import open_recording
 
 
@@ -65,7 +65,7 @@ def test_a_pair_exchanges_its_members_one_after_the_other(tmp_path):
     levels.screening = levels.judging  # so small a rig has no cells to spare
     known = {candidate.label: candidate for candidate in library(levels.samples)}
     names = ('decay', 'porosity', 'clock', 'illumination')
-    screened = [levels.screening.judged((known[n],), np.array(known[n].first)) for n in names]
+    screened = [levels.screening.evaluate((known[n],), np.array(known[n].first)) for n in names]
     pair = levels.screening.fit((known['clock'], known['illumination']))
     found = pairs.exchanged({frozenset(('clock', 'illumination')): pair}, screened)
     best = min(found.values(), key=score)
@@ -77,4 +77,4 @@ def test_a_search_that_finds_no_pairs_goes_on_without(quiet, monkeypatch):
     levels, pairs = search_of(quiet)
     null = levels.null()
     monkeypatch.setattr(pairs, '_screened', lambda screened, best: [])
-    assert pairs.judged([], null, null) == []
+    assert pairs.evaluate([], null, null) == []

@@ -2,7 +2,7 @@
 
 from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.search.ranking import beyond_noise, near, normalised_misfit, ranked
+from porotwin_diagnosis.search.ranking import misfit_beyond_noise, near, normalised_misfit, ranked
 
 
 def test_fits_are_ranked_by_the_part_where_more_is_left():
@@ -37,8 +37,8 @@ def test_what_is_left_beyond_the_noise_is_less_of_a_model_that_may_leave_more():
     plain, viscous = (
         fit_of(name, misfit=2.0, noise=(1.0, 1.0)) for name in ('porosity', 'viscosity')
     )
-    assert beyond_noise(plain) == beyond_noise(viscous)
-    assert normalised_misfit(viscous) < normalised_misfit(plain) == max(beyond_noise(plain))
+    assert misfit_beyond_noise(plain) == misfit_beyond_noise(viscous)
+    assert normalised_misfit(viscous) < normalised_misfit(plain) == max(misfit_beyond_noise(plain))
     assert normalised_misfit(fit_of('porosity', misfit=1.0, noise=(1.0, 1.0))) == 0.0
     rough = fit_of('viscosity', misfit=2.0, noise=(1.0, 1.0), fingering_amplification=(2.0, 2.0))
     assert normalised_misfit(rough) == normalised_misfit(viscous) / 2.0

@@ -6,7 +6,7 @@ from diagnosis_examples import SMALL
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate
-from porotwin_diagnosis.data.run_so_far import MOST_MAPS, RunSoFar
+from porotwin_diagnosis.data.live_run import MOST_MAPS, LiveRun
 from porotwin_recording.recording import open_recording
 
 GRID = SMALL.grid(20, 12)
@@ -16,7 +16,7 @@ INJECTING = {'injector': WellRate(1e-7, 1.0)}
 
 
 def run(*stamps, first=EMPTY):
-    kept = RunSoFar(SMALL, GRID)
+    kept = LiveRun(SMALL, GRID)
     for number, stamp in enumerate(stamps):
         kept.saw(stamp, FULL if number else first, GRID)
     return kept

@@ -7,8 +7,13 @@ from diagnosis_examples import fit_of
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.model.candidate import library
+from porotwin_diagnosis.search.effect_search import (
+    WORTH_EXCHANGING,
+    Findings,
+    Search,
+    worth_exchanging,
+)
 from porotwin_diagnosis.search.ranking import normalised_misfit
-from porotwin_diagnosis.search.search import WORTH_EXCHANGING, Findings, Search, worth_exchanging
 from porotwin_recording.recording import open_recording
 
 
@@ -24,11 +29,11 @@ def test_an_effect_that_found_its_place_beside_another_is_tried_again_alone(dens
     judging = search.levels.judging
     known = {candidate.label: candidate for candidate in library(judging.samples)}
     porosity, saturation = known['porosity'], known['saturation']
-    stuck = judging.judged((porosity,), np.zeros(1))
+    stuck = judging.evaluate((porosity,), np.zeros(1))
     right = porosity.parameters[0].scaled(0.885)
-    pair = judging.judged((porosity, saturation), np.array([right, 0.0]))
+    pair = judging.evaluate((porosity, saturation), np.array([right, 0.0]))
     findings = Findings(stuck, stuck, [], [stuck], [pair])
-    findings.parts = [judging.judged((porosity,), np.array([right]))]
+    findings.parts = [judging.evaluate((porosity,), np.array([right]))]
     search._tried_again_alone(findings)
     found = findings.singles[0].effects[0].parameters['factor']
     assert found == pytest.approx(0.88, abs=0.004)

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter, laplace
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.model.candidate import library
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_recording.concentration import ConcentrationMaps
@@ -94,9 +94,9 @@ def test_free_runs_find_a_diffusion_that_one_step_residuals_miss_in_noise(spread
 )
 def test_what_the_camera_does_does_not_pass_as_physics(tmp_path, effect, impostor):
     sample = read_sample(open_recording(recorded(tmp_path / 'recording', effect)))
-    fitter = Fitter([Forward(sample)], soft=0.3)
+    fitter = Fitter([Forward(sample)], point_spread_width=0.3)
     camera, physics = fitted(fitter, effect.name), fitted(fitter, impostor)
-    assert camera.held_out < 0.75 * physics.held_out
+    assert camera.held_out_misfit < 0.75 * physics.held_out_misfit
 
 
 def test_a_front_a_tenth_of_a_cell_off_is_no_gap_but_two_percent_of_retardation_is(quiet):
@@ -112,26 +112,27 @@ def test_a_front_a_tenth_of_a_cell_off_is_no_gap_but_two_percent_of_retardation_
     ):
         effect = EffectDescription(name=name, parameters=parameters)
         change = sample.whitened(forward.maps((effect,))) - sample.whitened(forward.maps(()))
-        changes.append(np.sqrt(np.sum(change**2) / sample.active))
+        changes.append(np.sqrt(np.sum(change**2) / sample.tracer_cells))
     assert changes[0] < 0.5
     assert changes[1] > max(0.7, 1.5 * changes[0])
     own, finer = (
-        Fitter([shown], soft=0.55).judged((), np.zeros(0)) for shown in (Forward(sample), forward)
+        Fitter([shown], point_spread_width=0.55).evaluate((), np.zeros(0))
+        for shown in (Forward(sample), forward)
     )
-    assert finer.held_out < 1.2
-    assert own.held_out > 1.3 * finer.held_out
+    assert finer.held_out_misfit < 1.2
+    assert own.held_out_misfit > 1.3 * finer.held_out_misfit
 
 
 def test_the_blur_of_a_camera_is_not_diffusion(quiet):
     sample = read_sample(open_recording(quiet))
     soft = np.stack([gaussian_filter(frame, 0.6) for frame in sample.observed])
-    blurred = replace(sample, observed=soft, weights={})
+    blurred = replace(sample, observed=soft)
     forward = Forward(blurred, refinement=2)
     tuned = Levels([blurred], progress=lambda _stage, _share: None, workers=1)
-    tuned.measure_blur(tuned.null())
+    tuned.measure_point_spread_width(tuned.null())
     found = []
     for width in (0.0, tuned.judging.soft):
-        fit = fitted(Fitter([forward], soft=width), 'dispersion diffusion')
+        fit = fitted(Fitter([forward], point_spread_width=width), 'dispersion diffusion')
         found.append(fit.effects[0].parameters['diffusion'])
     assert found[1] < 0.2 * found[0]
 
@@ -160,32 +161,34 @@ def test_a_wrong_effect_beside_a_refitted_porosity_fails_in_what_it_has_not_seen
     """Decay and drifting light: the first with a porosity closes what it is fitted to."""
     light = EffectDescription(name='illumination', parameters={'drift': -1.2e-4, 'gradient': 0.0})
     sample = read_sample(open_recording(recorded(tmp_path / 'recording', light)))
-    fitter = Fitter([Forward(sample)], soft=0.3)
+    fitter = Fitter([Forward(sample)], point_spread_width=0.3)
     known = {candidate.label: candidate for candidate in library([sample])}
-    null = fitter.judged((), np.zeros(0))
+    null = fitter.evaluate((), np.zeros(0))
     wrong = fitter.fit((known['decay'], known['porosity']))
     right = fitter.fit((known['illumination'],))
-    assert wrong.fitted < 0.6 * null.fitted
-    assert wrong.held_out > 1.5 * right.held_out
+    assert wrong.fitted_misfit < 0.6 * null.fitted_misfit
+    assert wrong.held_out_misfit > 1.5 * right.held_out_misfit
 
 
 def test_pixels_are_not_samples(quiet):
     """The interval of a parameter is far wider than independent pixels would make it."""
     sample = read_sample(open_recording(quiet))
-    fitter = Fitter([Forward(sample)], soft=0.3)
+    fitter = Fitter([Forward(sample)], point_spread_width=0.3)
     fit = fitter.with_covariance(fitted(fitter, 'porosity', coarse_steps=0))
     residual = fitter.residuals(fit.effects, 1.5, fitted_only=True)
-    column = fitter.responses(fit.members, fit.scaled)[0][0][: sample.fitted]
+    column = fitter.responses(fit.members, fit.scaled_parameters)[0][0][: sample.fitted_frames]
     naive = np.sqrt(np.mean(residual[0] ** 2) / np.sum(column**2))
     assert np.sqrt(fit.covariance[0, 0]) > 3 * naive
 
 
 def test_one_effect_has_one_size_in_all_recordings(denser_sand, quiet):
     same = [read_sample(open_recording(denser_sand)) for _ in range(2)]
-    both = Fitter([Forward(sample) for sample in same], soft=0.3)
-    alone = Fitter([Forward(same[0])], soft=0.3)
+    both = Fitter([Forward(sample) for sample in same], point_spread_width=0.3)
+    alone = Fitter([Forward(same[0])], point_spread_width=0.3)
     assert np.allclose(fitted(both, 'porosity').scaled, fitted(alone, 'porosity').scaled, atol=0.05)
-    torn = Fitter([Forward(same[0]), Forward(read_sample(open_recording(quiet)))], soft=0.3)
+    torn = Fitter(
+        [Forward(same[0]), Forward(read_sample(open_recording(quiet)))], point_spread_width=0.3
+    )
     assert fitted(torn, 'porosity').held_out > 2 * fitted(both, 'porosity').held_out
 
 
@@ -193,11 +196,11 @@ def test_blind_spots_of_the_camera_do_not_count(denser_sand):
     sample = read_sample(open_recording(denser_sand))
     blind = sample.observed.copy()
     blind[:, 20:26, 20:30] = np.nan
-    patched = replace(sample, observed=blind, weights={})
-    a = fitted(Fitter([Forward(sample)], soft=0.3), 'porosity')
-    b = fitted(Fitter([Forward(patched)], soft=0.3), 'porosity')
+    patched = replace(sample, observed=blind)
+    a = fitted(Fitter([Forward(sample)], point_spread_width=0.3), 'porosity')
+    b = fitted(Fitter([Forward(patched)], point_spread_width=0.3), 'porosity')
     assert b.scaled[0] == pytest.approx(a.scaled[0], abs=0.4)
-    assert np.isfinite(b.held_out)
+    assert np.isfinite(b.held_out_misfit)
 
 
 def test_smoothing_hides_what_a_scheme_smears_but_not_a_displaced_front():

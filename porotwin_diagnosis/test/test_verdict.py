@@ -10,7 +10,7 @@ from diagnosis_examples import fit_of
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Thresholds, Verdict, decide, refuted
 from porotwin_diagnosis.report.findings_json import read_findings, write_findings
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 
 LIMITS = Thresholds()
 NOISE = 0.4
