@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.decision.held_out import HeldOut, softened, together, worsened
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))

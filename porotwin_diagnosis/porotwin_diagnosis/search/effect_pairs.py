@@ -43,7 +43,8 @@ PAIR_COARSE_ITERATIONS, PAIR_FINE_ITERATIONS = 1, 4
 """Iterations of a fit of a pair on coarse and on fine residuals; one member is fitted already."""
 
 LEAST_RESPONSE = 1e-9
-"""Norm of a response, relative to the largest one, below which it is a copy of the base's own."""
+"""Norm of the remainder of an added response, relative to the largest remainder, below which it is
+round-off and left out."""
 
 SINGULAR = 1e-6
 """Relative singular value below which two responses count as equal; finite differences are not more
