@@ -25,7 +25,7 @@ def injection(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def chase(tmp_path_factory):
-    """A recording of the same sand, in which another well drives the tracer on."""
+    """A recording of the same sand, with another well that drives the tracer on."""
     folder = tmp_path_factory.mktemp('chase') / 'chase'
     commanded = schedule_of(
         (0, 'injector', 400, 1.0),

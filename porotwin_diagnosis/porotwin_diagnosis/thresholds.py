@@ -11,20 +11,21 @@ front that lies `FRONT_TOLERANCE` cells off. Ratios and factors are dimensionles
 # The normalised misfit (`ranking.normalised_misfit`) and the ranking
 
 NOISE_UNCERTAINTY = 1.1
-"""Ratio of the true to the measured noise that is still plausible: an estimate from few cells errs
-by up to a tenth."""
+"""Ratio of the true to the measured noise that is still plausible. The estimate comes from a
+limited number of cells, and its error must not look like a gap."""
 
 PENALTY_PER_PARAMETER = 1.08
 """Factor on the misfit of a judged fit for every parameter. A wrong effect with many parameters
-takes up some of the errors of the schemes; each parameter must lower the misfit by 8 %."""
+takes up some of the errors of the schemes, so that each must lower the misfit by this factor."""
 
 EXPLAINED_MISFIT = 0.5
-"""Normalised misfit below which a fit leaves nothing for a second effect: the errors of the schemes
-alone leave that much."""
+"""Normalised misfit below which a fit leaves nothing for a second effect. It lies slightly below
+the limit for a sufficient single effect, so that pairs are searched whenever a verdict may need
+one."""
 
 SMALL_GAP_MISFIT = 0.8
-"""Normalised misfit of the model without effects below which it counts as the best model. Nearly
-all of so small a misfit is noise, and an effect fitted to it would be spurious."""
+"""Normalised misfit of the model without effects below which it counts as the best model: point
+spread and correction are then measured without any effect, which could adapt to the noise."""
 
 NEARLY_CLOSED_MISFIT = 1.5
 """Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
@@ -39,8 +40,8 @@ place, would miss them."""
 # Selection of the fits that go on
 
 CLOSE_TO_BEST = 1.5
-"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. Coarse cells
-change misfits by less."""
+"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances
+time against the risk that coarse cells rank the true effect too low."""
 
 TIE = 1.03
 """Ratio of two misfits that counts as a tie: fits tied with the last selected one are selected."""
@@ -50,32 +51,34 @@ UNPROMISING = 2.0
 fine residuals. It is wider than `CLOSE_TO_BEST`, since few iterations were made."""
 
 REFINED_FITS = 7
-"""Largest number of fits refined on the cells of the recording. The true effect was never behind
-the seventh on the recordings that the thresholds were set on."""
+"""Largest number of fits refined on the cells of the recording; it bounds the time."""
 
 JUDGED_FITS = 4
-"""Largest number of fits judged on fine cells. A simulation there takes about ten times as long."""
+"""Largest number of fits judged on fine cells, where a simulation takes about eight times as long:
+twice as many cells each way, and twice as many time steps."""
 
 REFITTED_SINGLES = 6
-"""Largest number of single effects fitted again on newly corrected cells before pairs are made."""
+"""Largest number of single effects fitted again on newly corrected cells before pairs are made; it
+bounds the time."""
 
 WELL_DISTANCE = 5.0
-"""Distance [cells of the recording] from the rim of a well within which a leak cannot be told from
-a wrong rate of that well."""
+"""Distance [cells of the recording] from the rim of a well. A leak within it cannot be told from a
+wrong rate of that well."""
 
 # Places of a leak or a zone
 
 STARTING_PLACES = 3
-"""Number of places from which an effect is fitted. The response at a coarse grid of places ranks
-the right one among the first three."""
+"""Number of places where fits of an effect start. The linear response on a coarse grid ranks places
+only roughly, so that the first one need not be the right one."""
 
 # Pairs
 
 PAIR_BASES = 3
-"""Largest number of single effects from which pairs are made, beside the best judged one."""
+"""Largest number of single effects that get partners, beside the best judged one."""
 
 PAIR_PARTNERS = 4
-"""Number of partners that are fitted beside each of them, chosen by their linear response."""
+"""Number of partners that are fitted beside each base, chosen by their linear response; it bounds
+the time."""
 
 PAIR_BASE_MISFIT = 1.8
 """Ratio of the misfits of a single effect and of the best one above which no pairs are made from
@@ -89,11 +92,12 @@ PARTNER_GAIN_PER_PARAMETER = 0.85
 """Factor on the linear gain of a partner for every parameter: many parameters imitate much."""
 
 EXCHANGE_MISFIT = 3.0
-"""Normalised misfit of a judged pair above which its members are not exchanged again: from so far
-away no exchange has closed a gap."""
+"""Normalised misfit of a judged pair above which its members are not exchanged again. An exchange
+keeps one member, and in a pair that leaves so much probably neither is right."""
 
 MOST_EXCHANGES = 4
-"""Largest number of times that the best pair exchanges a member. It seldom takes more than two."""
+"""Largest number of times that the best pair exchanges a member. Exchanges end earlier if the score
+no longer decreases."""
 
 RELOCATED_PAIRS = 2
-"""Number of pairs with a leak or a zone for which other places are tried, and number of places."""
+"""Number of pairs with a leak or a zone that are tried at other places, and number of places."""

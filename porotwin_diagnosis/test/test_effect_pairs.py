@@ -1,4 +1,4 @@
-"""Pairs of effects: from which effects they are made, and how members are exchanged."""
+"""Pairs of effects: their bases, their gains, and the exchange of members."""
 
 from dataclasses import replace
 

@@ -55,13 +55,14 @@ def observed_maps(
 ) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
     """Return at most `count` frames of `recording` on `grid`, evenly spread in time.
 
-    Frames of which less than half is seen are left out: filled, they would look like another state.
+    Frames with less than half of their cells seen are left out: filled, they would look like
+    another state.
 
     Returns:
         Times [s] (nt,); maps (nz, nx) [-] without NaN; the seen share (nz, nx) [-] of every cell.
 
     Raises:
-        InputError: the recording holds no maps, or fewer than two of which enough is seen.
+        InputError: the recording holds no maps, or fewer than two with enough seen cells.
     """
     seen = [
         index

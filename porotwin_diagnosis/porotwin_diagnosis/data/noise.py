@@ -23,8 +23,8 @@ LEAST_DEVIATION = 1e-6
 """Least standard deviation of the noise [-]; it keeps divisions finite in maps without noise."""
 
 CLIPPING_TABLE_SIZE = 2001
-"""Concentrations at which the mean after clipping is tabulated: steps of 0.0005, far below the
-noise of any camera, so that linear interpolation is exact enough."""
+"""Number of concentrations in the table of means after clipping. Their distance of 0.0005 is far
+below the noise of any camera, so that linear interpolation is exact enough."""
 
 LARGEST_EXPONENT = 80.0
 """Largest z^2 in the normal density; exp(-40) is zero beside 1 in double precision."""

@@ -48,7 +48,7 @@ GRAIN_WIDTHS = np.linspace(0.3, 3.0, 271)
 """Widths [cells] that the grain may have, in steps of 0.01."""
 
 CLIPPED = 0.999
-"""Value [-] from which a cell counts as clipped at 1."""
+"""Least value [-] of a cell that counts as clipped at 1."""
 
 UNCLIPPED = 0.99
 """Value [-] below which two frames may be compared without an influence of clipping."""
@@ -63,11 +63,12 @@ LEAST_CHANGE = 0.004
 """Least median change [-] for this comparison: one step of an 8-bit photograph."""
 
 PLUME_NOISE_GUESS, FRAME_NOISE_GUESS, WIDTH_GUESS = 0.02, 0.01, 1.0
-"""Noise in the plume, frame noise [-] and width of the grain [cells] as cameras typically have
-them, where a recording has too few cells to estimate them."""
+"""Noise in the plume [-], frame noise [-] and width of the grain [cells] that are assumed where a
+recording has too few cells to estimate them."""
 
 LARGEST_POINT_SPREAD = 1.2
-"""Largest point spread width [cells] that is tried; a softer edge is no camera's."""
+"""Largest point spread width [cells] that is tried, twice the typical one: a softer edge is not the
+work of a camera."""
 
 POINT_SPREAD_TOLERANCE = 0.03
 """Tolerance [cells] of the point spread width."""

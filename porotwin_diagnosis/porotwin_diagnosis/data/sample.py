@@ -55,8 +55,7 @@ FULL_STOCK = 0.9
 """Smoothed concentration [-] above which a cell holds stock only and cannot show a gap."""
 
 FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
-"""Largest number of frames for fits and for the held-out part. More frames cost time and add
-little: the front moves by about a cell from one to the next."""
+"""Largest number of frames for fits and for the held-out part; they bound time and memory."""
 
 FEWEST_FRAMES = 8
 """Fewest frames of a recording that can be diagnosed."""
@@ -65,7 +64,8 @@ VISIBLE_TRACER = 0.1
 """Concentration [-] that one cell of a frame must exceed for the frame to show tracer."""
 
 NOISE_FRAMES = 40
-"""About so many frames are used to estimate the noise; more do not change the estimate."""
+"""About so many frames are used to estimate the noise. All frames share the grain, so that more of
+them would add little."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Sample:
         fitted_frames: number of frames that fits use.
         noise: noise of the maps.
         start: time of the first map of the recording [s].
-        held_out_start: time at which the held-out part begins [s].
+        held_out_start: beginning of the held-out part [s].
         end: time of the last map of the recording [s].
         initial: first map (nz, nx) if it holds tracer that no pump has injected; else None.
     """
@@ -100,7 +100,7 @@ class Sample:
 
     @property
     def model_start(self) -> float:
-        """Time at which the model starts [s]: at `initial` if there is one, else at zero."""
+        """Start time of the model [s]: the time of `initial` if there is one, else zero."""
         return 0.0 if self.initial is None else self.start
 
     def initial_on(self, grid: Grid) -> FloatArray | None:

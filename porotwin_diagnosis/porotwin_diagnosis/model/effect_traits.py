@@ -6,7 +6,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.candidate import IMAGE, LOCAL
 
 SLOW_ON_FINE_GRIDS = ('dispersion',)
-"""Effects with which a simulation on a large fine grid takes minutes."""
+"""Effects whose simulation on a large fine grid takes minutes."""
 
 TRIED_IN_EVERY_PAIR = ('saturation', 'illumination')
 """Effects that are tried beside every other one: they cost no simulation, and their response is not

@@ -73,9 +73,9 @@ class Fit:
 
 
 def infeasible_fit(members: Sequence[Candidate], scaled_parameters: FloatArray) -> Fit:
-    """Return the fit of `members` at `scaled_parameters` (p,), with which the model cannot run.
+    """Return an infeasible fit of `members` at `scaled_parameters` (p,).
 
-    Its misfits and errors are infinite.
+    The model cannot run with these effects; the misfits and errors are infinite.
     """
     size = len(scaled_parameters)
     scaled = np.array(scaled_parameters, dtype=float)

@@ -210,7 +210,7 @@ class Fitter:
         Args:
             members: the effects.
             scaled_parameters: where to differentiate, (p,).
-            first: index of the first parameter by which to differentiate.
+            first: index of the first parameter to differentiate by.
 
         Returns:
             One array (p - first, nt, nz', nx') per recording.
@@ -248,7 +248,7 @@ class Fitter:
             residuals: residuals at that point, (nt, nz', nx') per recording.
             width: width [cells] of the smoothing.
             fitted_only: whether `residuals` hold the fitted frames only.
-            first: index of the first parameter by which to differentiate.
+            first: index of the first parameter to differentiate by.
 
         Returns:
             One array (p - first, nt, nz', nx') per recording.

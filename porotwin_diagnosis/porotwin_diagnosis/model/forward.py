@@ -17,11 +17,10 @@ from porotwin_solver.physics import nominal_physics
 from porotwin_solver.simulation import simulated_maps
 
 REMEMBERED_SIMULATIONS = 40
-"""Simulations in memory per forward model: about as many as one iteration of all current fits
-needs. One takes about 3 MB on the small rig."""
+"""Simulations in memory per forward model. One takes about 3 MB on the small rig."""
 
 Effects = Sequence[EffectDescription]
-"""Effects in the order in which they are applied."""
+"""Effects in the order of their application."""
 
 
 class SimulationMemory:
@@ -112,10 +111,10 @@ class Forward:
     ) -> 'Forward':
         """Return this model with the additive multifidelity correction of `finer` cells.
 
-        Let f be the maps of this model without correction, F those of the finer model, and e the
-        `effects` at which both are compared. The corrected maps with any other effects are
+        Let f be the uncorrected maps of this model and F the maps of the finer model. Both are
+        compared at the given `effects` e. The corrected maps at any other effects x are
 
-            f(effects) + extrapolation (F(e) - f(e)).
+            f(x) + extrapolation (F(e) - f(e)).
 
         The errors of coarse cells are nearly the same where fronts lie at nearly the same places
         (Peherstorfer, Willcox & Gunzburger, SIAM Review 60 (2018) 550, section 3.2). An

@@ -35,16 +35,17 @@ TEST_FUNCTION_WIDTH = 2.0
 """Width [cells of the gap map] of the test functions."""
 
 MOST_STEPS = 30
-"""Largest number of steps: one takes about a second, and the map hardly changes with more."""
+"""Largest number of steps; it bounds the time."""
 
 MOST_HOT_SPOTS = 4
-"""Largest number of hot spots; weaker ones would not be looked at."""
+"""Largest number of hot spots; more would distract from the strongest."""
 
 HOT_SPOT_RADIUS = 0.06
-"""Radius of a hot spot as a share of the rig's longer side: the test functions resolve no less."""
+"""Radius of a hot spot as a share of the rig's longer side: two to three widths of the test
+functions on a grid of 187 columns."""
 
 LEAST_SPOT_SHARE = 0.05
-"""Share of the gap below which a hot spot is not reported; noise makes spots of that size."""
+"""Share of the gap below which a hot spot is not reported; it would distract from stronger ones."""
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ SlopesFn = Callable[[FloatArray, Sequence[FloatArray]], Sequence[FloatArray]]
 array (p, ...) per recording."""
 
 LEAST_GAIN = 5e-4
-"""Relative decrease of the sum of squares below which the iteration ends: further steps would move
-fronts by less than the scheme's own error."""
+"""Relative decrease of the sum of squares below which the iteration ends: more iterations are not
+worth their simulations."""
 
 TRIALS = 6
 """Trial steps per iteration. With the growth of the damping the last one is about a hundredth of
@@ -38,10 +38,11 @@ LEAST_STEP = 0.004
 position moves a front by about one cell, so that 0.004 is 0.4 % of a cell."""
 
 LARGEST_STEP = 30.0
-"""Largest change [scaled] of a parameter in one iteration; linear predictions fail far earlier."""
+"""Largest change [scaled] of a parameter in one iteration. It stops a nearly singular matrix from
+moving a parameter to its bound at once."""
 
 FIRST_DAMPING = 1e-3
-"""Damping of the first iteration, as in Marquardt's original method: nearly a Gauss-Newton step."""
+"""Damping of the first iteration: nearly a Gauss-Newton step."""
 
 REJECTED_DAMPING, DAMPING_GROWTH, DAMPING_DECAY = 1e-2, 10.0, 0.2
 """Least damping after a rejected step, and the factors after a rejected and an accepted step."""
@@ -73,8 +74,8 @@ def minimise(
 ) -> FloatArray:
     """Return the parameters (p,) with the least sum of squares that at most `iterations` find.
 
-    A step to parameters with which the model cannot run is rejected, and a shorter one is tried. If
-    the model cannot run at `start`, the result is `start` within the `bounds`.
+    If the model cannot run at a trial step, the step is rejected and a shorter one is tried. If it
+    cannot run at `start`, the result is `start` within the `bounds`.
     """
     parameters = bounds.clip(start)
     try:

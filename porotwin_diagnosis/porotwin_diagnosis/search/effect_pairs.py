@@ -98,7 +98,7 @@ def pairs_worth_exchanging(pairs: Sequence[Fit]) -> list[Fit]:
 
 
 def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
-    """Return the single effects from which pairs are made, and how many of them get all partners.
+    """Return the bases of pairs, which are single effects, and how many of them get all partners.
 
     The effect of `best`, the best judged fit, comes first: screening cells may have ranked it
     behind others. If they did, the first of the others gets all partners as well.

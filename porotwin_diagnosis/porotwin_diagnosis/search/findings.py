@@ -8,7 +8,7 @@ from porotwin_diagnosis.model.fit import Fit
 
 @dataclass(frozen=True)
 class Findings:
-    """All evidence from which a verdict is decided.
+    """All fits and distances that a verdict needs.
 
     Attributes:
         null: the model without effects, judged on fine cells.

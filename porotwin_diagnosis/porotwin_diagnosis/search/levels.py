@@ -56,19 +56,19 @@ MOST_FINE_CELLS = 250_000
 EXTRAPOLATION = 1.6
 """Factor on the difference between the finest and the judging cells. If errors are proportional to
 the cell size to the power 1 to 1.4, as observed, the full Richardson extrapolation from 1/2 to 1/3
-would take 2.3 to 3.0; about half of it is safe where the exponent is not known."""
+would take 2.3 to 3.0. A smaller factor is safe, since the exponent of a recording is not known."""
 
 TYPICAL_POINT_SPREAD = 0.55
-"""Point spread width [cells] before it is measured, as cameras typically have it."""
+"""Point spread width [cells] that is assumed before it is measured."""
 
 POINT_SPREAD_RANGE = (0.3, 0.9)
 """Least and largest point spread width [cells] that is attributed to the camera."""
 
 POINT_SPREAD_TOLERANCE = 0.02
-"""Tolerance [cells] of the point spread width: it changes misfits by less than a percent."""
+"""Tolerance [cells] of the point spread width, a thirtieth of its range."""
 
 ROUGH_SANDS = 2
-"""Number of rough sands on which the fingering amplification is measured."""
+"""Number of rough sands for the fingering amplification."""
 
 REFINING_ITERATIONS = 3
 """Iterations of a fit on the cells of the recording, which starts close to its optimum."""
@@ -78,7 +78,7 @@ REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.06, 0.08, 0.05
 
 
 class Judgement(NamedTuple):
-    """Judged fits, the most plausible first, and the corrected levels on which they were judged."""
+    """Judged fits, the most plausible first, and the corrected levels of their judgement."""
 
     levels: 'Levels'
     fits: list[Fit]

@@ -30,14 +30,14 @@ SCAN_COLUMNS, FEWEST_ROWS = 46, 8
 """Columns of the coarse grid, and its fewest rows: about four cells per distance of two places."""
 
 SCAN_FRAMES = 8
-"""Frames that are compared; the front moves by several cells from one to the next."""
+"""Frames that are compared, from early to late ones; they bound the time."""
 
 SCAN_SMOOTHING = 1.0
 """Width [coarse cells] of the smoothing of maps, which suppresses noise and smearing."""
 
 PLACE_DISTANCE = 0.09
-"""Distance of neighbouring places as a share of the rig's longer side: the response of a leak or a
-zone changes little over half of it."""
+"""Distance of neighbouring places as a share of the rig's longer side, one and a half radii of a
+trial zone."""
 
 LEAST_DISTANCE = 1.5
 """Least distance of two starts in units of the distance of places: neighbours and diagonal

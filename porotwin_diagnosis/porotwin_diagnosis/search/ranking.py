@@ -1,4 +1,4 @@
-"""Quantities by which fits are compared, and the selection of the fits that go on.
+"""The comparison of fits, and the selection of the fits that go on.
 
 A judged fit has a misfit m (`data.misfit`) and a misfit n from noise alone, each for the fitted and
 for the held-out part. The following quantities derive from them:
@@ -67,7 +67,7 @@ def larger_misfit(fit: Fit) -> float:
 
 
 def feasible(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the `fits` with which the model could run."""
+    """Return the feasible `fits`: the model could run with their effects."""
     return [fit for fit in fits if fit.is_feasible]
 
 
