@@ -19,7 +19,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.wells import WellRates as Rates
-from porotwin_diagnosis.data.run_so_far import RunSoFar
+from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import Diagnosis, diagnose
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
@@ -49,7 +49,7 @@ class DiagnosisNode(Node):
         self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')
         self._lock = threading.Lock()
         self._busy = threading.Lock()
-        self._run = RunSoFar(self._rig, self._grid)
+        self._run = LiveRun(self._rig, self._grid)
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
@@ -68,18 +68,22 @@ class DiagnosisNode(Node):
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             stamp = conversions.time_from_msg(message.header.stamp)
             with self._lock:
-                self._run.saw(stamp, concentration, grid)
+                self._run.add_map(stamp, concentration, grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
 
     def _on_setpoint(self, message: Setpoint) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
-        self._keep_rates(f'setpoint {message.sequence}', message, partial(self._run.told, stamp))
+        self._keep_rates(
+            f'setpoint {message.sequence}', message, partial(self._run.add_commanded_rates, stamp)
+        )
 
     def _on_measured(self, message: WellRates) -> None:
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
-        self._keep_rates('measured rates', message, partial(self._run.pumped, start, end))
+        self._keep_rates(
+            'measured rates', message, partial(self._run.add_measured_rates, start, end)
+        )
 
     def _keep_rates(
         self, what: str, message: Setpoint | WellRates, keep: Callable[[Rates], None]
@@ -95,9 +99,9 @@ class DiagnosisNode(Node):
     def _on_clean(self, message: CleanState) -> None:
         with self._lock:
             if message.cause == CleanState.START:
-                self._run.started()
+                self._run.note_evaluation_start()
             elif message.cause == CleanState.FINISHED:
-                self._run.finished()
+                self._run.note_experiment_end()
 
     def _execute(self, goal: ServerGoalHandle) -> Any:
         """Answer a goal; one that comes while another is worked on is told so at once."""

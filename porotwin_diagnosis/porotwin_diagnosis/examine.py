@@ -14,7 +14,8 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, write_rig
 from porotwin_diagnosis.advice.proposals import Proposal, propose
 from porotwin_diagnosis.advice.strength import smallest_strengths
-from porotwin_diagnosis.data.noise import measure_blur, noise_floor
+from porotwin_diagnosis.data.noise import noise_floor
+from porotwin_diagnosis.data.noise_estimation import measure_point_spread_width
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.held_out import HeldOut, worsened
 from porotwin_diagnosis.decision.numerics import Numerics, before_and_after, judge_numerics
@@ -25,8 +26,9 @@ from porotwin_diagnosis.progress import Progress, forward_only
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json, write_fields
 from porotwin_diagnosis.report.findings_json import write_findings
 from porotwin_diagnosis.report.page import write_report
-from porotwin_diagnosis.search.levels import EDGE_BLUR, Levels
-from porotwin_diagnosis.search.search import Findings, Search
+from porotwin_diagnosis.search.effect_search import search_effects
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD, Levels
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.model import preset_named
 
@@ -153,15 +155,17 @@ def examine(
     progress = forward_only(progress)
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == 'accurate' else preset)
-    search = Search(samples, excluded=excluded, workers=workers, progress=progress)
-    findings = search.run()
+    findings, levels = search_effects(
+        samples, excluded=excluded, workers=workers, progress=progress
+    )
     verdict = _no_surer_than_seen(decide(findings), samples)
     progress('measuring intervals', 0.92)
-    verdict = replace(verdict, model=_with_interval(search.levels, verdict.model))
-    findings.singles = [
-        _with_interval(search.levels, fit) if fit.members[0].effect in verdict.inseparable else fit
+    verdict = replace(verdict, model=_with_interval(levels, verdict.model))
+    singles = [
+        _with_interval(levels, fit) if fit.members[0].effect in verdict.inseparable else fit
         for fit in findings.singles
     ]
+    findings = replace(findings, singles=singles)
     numerics = judge_numerics(samples, findings, verdict, preset=preset)
     verdict = numerics.amended(verdict)
     held_out = _held_out(recordings, samples, verdict, numerics)
@@ -171,8 +175,8 @@ def examine(
     progress('looking for experiments that would tell more', 0.95)
     if verdict.name == NONE:
         gap = gap.without_places()
-    strengths = smallest_strengths(search.levels.screening)
-    proposals = propose(search.levels.screening, findings, verdict, progress=progress)
+    strengths = smallest_strengths(levels.screening)
+    proposals = propose(levels.screening, findings, verdict, progress=progress)
     parts: dict[str, Any] = {
         'recordings': tuple(recordings),
         'samples': samples,
@@ -191,7 +195,7 @@ def examine(
 def _no_surer_than_seen(verdict: Verdict, samples: Sequence[Sample]) -> Verdict:
     """Return `verdict`, less sure where the cells of all recordings are too large to tell, or where
     few frames show the tracer before the part that no fit sees."""
-    fitted = sum(sample.fitted for sample in samples)
+    fitted = sum(sample.fitted_frames for sample in samples)
     if fitted >= FEWEST_FITTED and max(s.grid.nx for s in samples) >= FEWEST_COLUMNS:
         return verdict
     return replace(verdict, confidence=min(verdict.confidence, SCANT_CONFIDENCE))
@@ -203,8 +207,8 @@ def _with_interval(levels: Levels, model: Fit) -> Fit:
         return model
     fitter = levels.refining
     refined = fitter.with_covariance(model)
-    again = fitter.fit(model.members, start=model.scaled, coarse_steps=0, fine_steps=1)
-    shift = again.scaled - model.scaled
+    again = fitter.fit(model.members, start=model.scaled_parameters, coarse_steps=0, fine_steps=1)
+    shift = again.scaled_parameters - model.scaled_parameters
     return replace(model, covariance=refined.covariance + np.diag(shift**2))
 
 
@@ -229,11 +233,13 @@ def _held_out_of(
     """
     chosen = np.flatnonzero(recording.times >= sample.held_out_start)
     observed = recording.concentration[chosen].astype(float)
-    part = replace(sample, times=recording.times[chosen], observed=observed, fitted=0, weights={})
+    part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
     before, after = before_and_after(part, verdict.model, numerics)
     wrong = verdict.name == UNEXPLAINED
-    width = EDGE_BLUR if wrong else measure_blur(observed, after, sample.noise)
-    floor = noise_floor(replace(sample.noise, blur=width), after, observed)
+    width = (
+        TYPICAL_POINT_SPREAD if wrong else measure_point_spread_width(observed, after, sample.noise)
+    )
+    floor = noise_floor(replace(sample.noise, point_spread_width=width), after, observed)
     return HeldOut(
         recording.times[chosen],
         observed,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.data.noise import blur
+from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.decision.held_out import HeldOut, softened, together, worsened
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))
@@ -74,7 +74,7 @@ def test_what_only_the_softness_of_the_camera_hides_is_seen():
     x = np.arange(30.0)
     shown = np.broadcast_to(np.clip((24.0 - x) / 4.0, 0.0, 1.0), TRUTH.shape)
     thinned = shown**1.5
-    observed = blur(thinned, 1.0)
+    observed = blurred(thinned, 1.0)
     errors = [
         np.linalg.norm(maps - observed) / np.linalg.norm(observed) for maps in (shown, thinned)
     ]

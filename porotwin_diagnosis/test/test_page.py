@@ -15,14 +15,14 @@ from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.examine import Diagnosis
 from porotwin_diagnosis.model.candidate import library
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_diagnosis.report.figures import error_course
 from porotwin_diagnosis.report.page import sentence, write_report
 from porotwin_diagnosis.report.wording import CHECKS, PHRASES, interval, number, phrase, value
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 from porotwin_recording.photos import Photo
 from porotwin_recording.recording import open_recording
 
@@ -37,16 +37,16 @@ def denser(tmp_path_factory):
     fitter = Fitter([Forward(sample)])
     porosity, rate = candidates['porosity'], candidates['rate']
     found = np.array([porosity.parameters[0].scaled(0.88)])
-    null = fitter.judged((), np.zeros(0))
-    best = replace(fitter.judged((porosity,), found), covariance=np.array([[0.04]]))
-    other = fitter.judged((rate,), np.array([1.0]))
-    pair = fitter.judged((porosity, rate), np.array([found[0], 0.5]))
+    null = fitter.evaluate((), np.zeros(0))
+    best = replace(fitter.evaluate((porosity,), found), covariance=np.array([[0.04]]))
+    other = fitter.evaluate((rate,), np.array([1.0]))
+    pair = fitter.evaluate((porosity, rate), np.array([found[0], 0.5]))
     singles = [best, other]
     distances = [0.0, 3.0]
     findings = Findings(null, null, singles, singles, [pair], distances, runs=4)
     late = recording.times >= sample.held_out_start
     observed = recording.concentration[late].astype(float)
-    part = replace(sample, times=recording.times[late], observed=observed, fitted=0, weights={})
+    part = replace(sample, times=recording.times[late], observed=observed, fitted_frames=0)
     before = Forward(part).maps(())
     after = Forward(part).maps(best.effects)
     errors = (part.relative_error(before), part.relative_error(after))
@@ -58,7 +58,7 @@ def denser(tmp_path_factory):
         verdict,
         (HeldOut(part.times, observed, before, after, *errors, 0.03),),
         map_gap(recording),
-        Numerics('accurate', null.held_out, null.held_out),
+        Numerics('accurate', null.held_out_misfit, null.held_out_misfit),
         {'porosity': {'parameter': 'factor', 'value': 0.0097, 'unit': '-'}},
         (),
         {},

@@ -12,9 +12,9 @@ from porotwin_diagnosis.advice.proposals import SCHEDULES, propose
 from porotwin_diagnosis.data.sample import coarsened, read_sample
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.candidate import library
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 from porotwin_recording.recording import open_recording
 from porotwin_rig.experiment import make_experiment
 from porotwin_rig.observation import MapNoise
@@ -52,8 +52,8 @@ def proposed(sample, one, other):
             parameter.scaled(value)
             for parameter, value in zip(candidates[label].parameters, values, strict=True)
         ]
-        fits.append(fitter.judged((candidates[label],), np.array(scaled)))
-    null = fitter.judged((), np.zeros(0))
+        fits.append(fitter.evaluate((candidates[label],), np.array(scaled)))
+    null = fitter.evaluate((), np.zeros(0))
     findings = Findings(null, null, fits, fits, distances=[0.0, 0.1])
     name = fits[0].members[0].effect
     return propose(fitter, findings, Verdict(name, 0.5, fits[0], (name,), (), {}))
@@ -83,7 +83,7 @@ def test_a_rest_tells_diffusion_from_dispersion(sample):
 
 def test_without_a_gap_nothing_is_proposed(sample):
     fitter = Fitter([Forward(sample)])
-    null = fitter.judged((), np.zeros(0))
+    null = fitter.evaluate((), np.zeros(0))
     assert propose(fitter, Findings(null, null, []), Verdict('none', 0.9, null, (), (), {})) == ()
 
 

@@ -8,7 +8,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.sample import coarsened, read_sample
 from porotwin_diagnosis.model.candidate import library
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.recording import open_recording
 
@@ -21,7 +21,7 @@ def sample(quiet):
 def test_a_weaker_effect_shows_where_less_noise_is(sample):
     def least(noisier):
         noise = replace(sample.noise, grain=noisier * sample.noise.grain)
-        noisy = replace(sample, noise=noise, weights={})
+        noisy = replace(sample, noise=noise)
         return smallest_strengths(Fitter([Forward(noisy)]))
 
     assert least(1.0)['porosity']['value'] < least(8.0)['porosity']['value']

@@ -10,7 +10,7 @@ from diagnosis_examples import fit_of
 from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.decision.verdict import Thresholds, Verdict, decide, refuted
 from porotwin_diagnosis.report.findings_json import read_findings, write_findings
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 
 LIMITS = Thresholds()
 NOISE = 0.4
@@ -104,7 +104,7 @@ def test_a_pair_whose_stronger_effect_has_a_double_is_sure_of_both():
     pairs = [(('retardation', 'decay'), 0.3), (('porosity', 'decay'), 0.3)]
     parts = (('retardation', 0.1), ('decay', 0.3))
     found = findings(9.0, ('leak', 2.0), pairs=pairs, pair_distances=[0.0, 0.01], parts=parts)
-    found.part_changes = [4.0, 2.0]
+    found = replace(found, part_changes=[4.0, 2.0])
     verdict = decide(found, LIMITS)
     assert verdict.name == 'retardation'
     assert verdict.inseparable == ('porosity',)
@@ -209,10 +209,8 @@ def test_of_a_pair_that_disagrees_on_which_is_stronger_nobody_is_sure():
     parts = (('dispersion', 0.05), ('registration', 0.08))
     pair = (('dispersion', 'registration'), 0.45)
     found = findings(5.0, ('dispersion', 2.5), pairs=[pair], parts=parts)
-    found.null = replace(found.null, error=0.2)
-    found.part_changes = [4.0, 2.0]
-    agreed = decide(found, LIMITS)
-    found.part_changes = [2.0, 2.4]
-    disputed = decide(found, LIMITS)
+    found = replace(found, null=replace(found.null, held_out_error=0.2))
+    agreed = decide(replace(found, part_changes=[4.0, 2.0]), LIMITS)
+    disputed = decide(replace(found, part_changes=[2.0, 2.4]), LIMITS)
     assert agreed.members == disputed.members == ('dispersion', 'registration')
     assert disputed.confidence < 0.65 < agreed.confidence

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_diagnosis.model.gap_map import observed_maps
+from porotwin_diagnosis.data.frames import observed_maps
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import Model
 

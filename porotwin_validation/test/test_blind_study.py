@@ -7,7 +7,7 @@ from subprocess import CalledProcessError
 
 import numpy as np
 import pytest
-from diagnosis_examples import BESIDE_THE_POINT
+from diagnosis_examples import SKIPPED_FOR_SPEED
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
@@ -203,7 +203,7 @@ def test_what_a_library_effect_equals_is_not_outside_the_library(tmp_path):
 @pytest.mark.timeout(1200)
 def test_a_check_goes_on_where_it_stopped(tmp_path, monkeypatch):
     def light_case(number, seed):
-        return replace(draw_case(number, seed), cell_m=0.01, withheld=BESIDE_THE_POINT)
+        return replace(draw_case(number, seed), cell_m=0.01, withheld=SKIPPED_FOR_SPEED)
 
     monkeypatch.setattr(blind_check, 'draw_case', light_case)
     first = blind_check.blind_check(tmp_path, cases=1)

@@ -12,13 +12,14 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.data.sample import WIDTH, Sample
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.decision.verdict import Verdict, thresholds
-from porotwin_diagnosis.model.fit import Fit, Fitter
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.report.wording import CHECKS, spoken
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 
 STEPS = 2
 """Iterations in which the second explanation is fitted to the first."""
@@ -67,7 +68,7 @@ def propose(
     except InputError:  # the model cannot run with the other one in all of them
         return tuple(_laboratory(names, one, other))
     tried = []
-    again = np.sqrt(2.0) * max(present, thresholds().same * np.sqrt(sample.active))
+    again = np.sqrt(2.0) * max(present, thresholds().same * np.sqrt(sample.tracer_cells))
     for number, (name, what, change) in enumerate(SCHEDULES):
         progress(f'trying an experiment: {name}', 0.96 + 0.02 * number / len(SCHEDULES))
         changed = change(sample)
@@ -102,17 +103,15 @@ def _rivals(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
 def _apart(samples: list[Sample], one: Fit, other: Fit) -> float:
     """Return the whitened distance that `other` keeps when fitted to what `one` would show."""
     shown = Fitter([Forward(_as_shown(sample, one)) for sample in samples])
-    best = shown.fit(other.members, start=other.scaled, coarse_steps=0, fine_steps=STEPS)
-    residuals = shown.residuals(best.effects, WIDTH)
+    best = shown.fit(other.members, start=other.scaled_parameters, coarse_steps=0, fine_steps=STEPS)
+    residuals = shown.residuals(best.effects, SMOOTHING_WIDTH)
     return float(np.sqrt(sum(np.sum(residual**2) for residual in residuals)))
 
 
 def _as_shown(sample: Sample, one: Fit) -> Sample:
     """Return `sample` as the camera would show it without noise if `one` were true, all fitted."""
     maps = np.clip(Forward(sample).maps(one.effects), 0.0, 1.0)
-    return replace(
-        sample, observed=sample.noise.expected(maps), fitted=len(sample.times), weights={}
-    )
+    return replace(sample, observed=sample.noise.expected(maps), fitted_frames=len(sample.times))
 
 
 def _laboratory(names: tuple[str, str], one: Fit, other: Fit) -> list[Proposal]:

@@ -6,9 +6,9 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_diagnosis.data.sample import WIDTH
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.model.candidate import LOCAL, Candidate, library, nominal_parameters
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.model.fitter import Fitter
 
 VISIBLE = 0.5
 """Whitened change per cell with tracer at which an effect begins to stand clear of the noise."""
@@ -25,13 +25,13 @@ def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
     what the rig description says of it already. Of several wells the one that shows most counts,
     of several parameters the first.
     """
-    base = fitter.residuals((), WIDTH)
-    cells = max(sum(sample.active for sample in fitter.samples), 1)
+    base = fitter.residuals((), SMOOTHING_WIDTH)
+    cells = max(sum(sample.tracer_cells for sample in fitter.samples), 1)
     found: dict[str, dict[str, float | str]] = {}
     for candidate in library(fitter.samples):
         main, scaled, absent = _trial(candidate, fitter.samples[0].rig)
         try:
-            changed = fitter.residuals((candidate.described(scaled),), WIDTH)
+            changed = fitter.residuals((candidate.described(scaled),), SMOOTHING_WIDTH)
         except InputError:  # the model cannot run with it
             continue
         power = sum(float(np.sum((a - b) ** 2)) for a, b in zip(base, changed, strict=True))

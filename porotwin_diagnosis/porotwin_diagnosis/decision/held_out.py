@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.grid import FloatArray, relative_error
-from porotwin_diagnosis.data.noise import blur
+from porotwin_diagnosis.data.noise import blurred
 
 LEAST_ROOM = 1e-4
 """Error above the noise floor below which there is no gap that could close."""
@@ -49,7 +49,7 @@ class HeldOut:
 
     def softened_errors(self) -> tuple[float, float]:
         """Return the errors before and after of predictions made as soft as the observed maps."""
-        before, after = (blur(maps, self.blur) for maps in (self.before, self.after))
+        before, after = (blurred(maps, self.blur) for maps in (self.before, self.after))
         return relative_error(before, self.observed), relative_error(after, self.observed)
 
     def drawn(self, seed: int) -> FloatArray:

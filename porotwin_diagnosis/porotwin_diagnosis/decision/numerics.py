@@ -8,13 +8,14 @@ from scipy.optimize import minimize_scalar
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.data.sample import Sample, misfit
+from porotwin_diagnosis.data.misfit import misfit
+from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import JUDGING
-from porotwin_diagnosis.search.ranking import overall, score
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.ranking import overall_misfit, score
 
 WORTH = 0.75
 """The sharper scheme must bring the misfit below this share of the configured one's."""
@@ -77,10 +78,10 @@ def judge_numerics(
 def _misfit(samples: Sequence[Sample], effects: Sequence[EffectDescription], preset: str) -> float:
     """Return the misfit of the model at `preset` with `effects`."""
     residuals = [
-        sample.whitened(Forward(sample, preset=preset).maps(effects), soft=0.0)
+        sample.whitened(Forward(sample, preset=preset).maps(effects), point_spread_width=0.0)
         for sample in samples
     ]
-    return overall(*misfit(samples, residuals))
+    return overall_misfit(*misfit(samples, residuals))
 
 
 def before_and_after(

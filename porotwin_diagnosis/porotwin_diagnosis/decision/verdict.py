@@ -14,8 +14,8 @@ from importlib.resources import files
 import numpy as np
 
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.search.ranking import normalised_misfit, score, worse
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import larger_misfit, normalised_misfit, score
 
 NONE, UNEXPLAINED, NUMERICAL = 'none', 'unexplained', 'numerical_diffusion'
 
@@ -91,7 +91,10 @@ def decide(findings: Findings, limits: Thresholds | None = None) -> Verdict:
     model = best
     if findings.pairs and _lack_of_fit(best, findings, limits) > 1.0:
         pair = findings.pairs[0]
-        if score(pair) < limits.pair_worth * score(best) and pair.held_out < best.held_out:
+        if (
+            score(pair) < limits.pair_worth * score(best)
+            and pair.held_out_misfit < best.held_out_misfit
+        ):
             model = pair
     lack_of_fit = _lack_of_fit(model, findings, limits)
     if lack_of_fit > 1.0:
@@ -166,7 +169,7 @@ def _strengths(findings: Findings) -> list[tuple[Fit, tuple[float, float]]]:
     """Return the members of the best pair with one over the error that each leaves alone of the
     held-out maps, and how much it alone changes them."""
     return [
-        (part, (1.0 / max(part.error, 1e-9), max(change, 1e-9)))
+        (part, (1.0 / max(part.held_out_error, 1e-9), max(change, 1e-9)))
         for part, change in zip(findings.parts, findings.part_changes, strict=True)
     ]
 
@@ -184,11 +187,11 @@ def _lead_of_pair(
     """Return the log-odds of the pair `model` with one of `names`, which show the same, against
     the best explanation without any of them."""
     rivals = [
-        worse(fit)
+        larger_misfit(fit)
         for fit in (*findings.pairs, *findings.singles)
         if not any(member.effect in names for member in fit.members)
     ]
-    return _behind(min(rivals, default=math.inf), worse(model), limits)
+    return _behind(min(rivals, default=math.inf), larger_misfit(model), limits)
 
 
 def _calibrated(odds: float, limits: Thresholds) -> float:
@@ -212,16 +215,16 @@ def _probabilities(findings: Findings, limits: Thresholds) -> dict[str, float]:
     but at least by `LEFT_BEHIND`.
     """
     odds: dict[str, float] = {}
-    best = worse(findings.singles[0])
+    best = larger_misfit(findings.singles[0])
     for fit, distance in zip(findings.singles, findings.distances, strict=True):
-        behind = 0.0 if distance < limits.same else _behind(worse(fit), best, limits)
+        behind = 0.0 if distance < limits.same else _behind(larger_misfit(fit), best, limits)
         odds.setdefault(fit.members[0].effect, -behind)
-    screened = {fit.label: worse(fit) for fit in reversed(findings.screened)}
+    screened = {fit.label: larger_misfit(fit) for fit in reversed(findings.screened)}
     ahead = screened.get(findings.singles[0].label, 0.0)
     for fit in findings.screened:
-        behind = max(_behind(worse(fit), ahead, limits), LEFT_BEHIND)
+        behind = max(_behind(larger_misfit(fit), ahead, limits), LEFT_BEHIND)
         odds.setdefault(fit.members[0].effect, -behind)
-    odds[NONE] = -_behind(worse(findings.null), best, limits)
+    odds[NONE] = -_behind(larger_misfit(findings.null), best, limits)
     weights = {name: math.exp(max(value, -60.0)) for name, value in odds.items()}
     total = sum(weights.values())
     shares = {name: weight / total for name, weight in weights.items()}

@@ -13,8 +13,8 @@ from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Ve
 from porotwin_diagnosis.model.candidate import LOCAL
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import Phase, Spot
-from porotwin_diagnosis.search.ranking import overall, score
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import overall_misfit, score
 
 if TYPE_CHECKING:
     from porotwin_diagnosis.examine import Diagnosis
@@ -54,7 +54,7 @@ def diagnosis_json(result: 'Diagnosis') -> dict[str, Any]:
         'misfit': {
             'before': round(score(result.findings.null), 3),
             'after': round(score(verdict.model), 3),
-            'noise': round(overall(*verdict.model.noise), 3),
+            'noise': round(overall_misfit(*verdict.model.noise_misfit), 3),
             'unit': 'deviations at fronts, of noise and of 0.12 cells',
         },
         'noise': {
@@ -227,7 +227,7 @@ def error_left(fit: Fit, errors: Mapping[str, float], findings: Findings) -> flo
     model without any effect, whose error is `errors['before']`."""
     screened = any(fit is other for other in findings.screened)
     null = findings.screened_null if screened else findings.null
-    after = errors['before'] * fit.error / max(null.error, 1e-9)
+    after = errors['before'] * fit.held_out_error / max(null.held_out_error, 1e-9)
     # coarse cells have less noise; no fit on the recording's comes below its floor
     return max(after, errors['noise_floor']) if screened else after
 
@@ -245,7 +245,7 @@ def _alone(fit: Fit, errors: dict[str, float], findings: Findings) -> dict[str, 
 
 def _parameters(fit: Fit, name: str) -> dict[str, Any]:
     """Return the parameters of member `name` with their 90 % intervals; without, where unknown."""
-    for member, scaled, deviations in fit.parts():
+    for member, scaled, deviations in fit.member_parameters:
         if member.effect != name:
             continue
         found: dict[str, Any] = {}

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.data.noise import noise_floor
-from porotwin_diagnosis.data.sample import WIDTH, Sample
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.decision.numerics import before_and_after
 from porotwin_diagnosis.decision.verdict import NONE
 
@@ -118,11 +118,13 @@ def remainder(result: 'Diagnosis') -> Figure:
     """Return what the best model leaves of the fitted and the held-out part, and beside noise."""
     part, sample = result.held_out[0], result.samples[0]
     _, early = before_and_after(_fitted_part(sample), result.verdict.model, result.numerics)
-    late = part.after[np.searchsorted(part.times, sample.times[sample.fitted :])]
+    late = part.after[np.searchsorted(part.times, sample.times[sample.fitted_frames :])]
     soft = part.blur
-    left = sample.whitened(np.concatenate([early, late]), width=WIDTH, soft=soft)
+    left = sample.whitened(
+        np.concatenate([early, late]), width=SMOOTHING_WIDTH, point_spread_width=soft
+    )
     figure, axes = _panels(result, 1, 3)
-    fitted = sample.observed[: sample.fitted] - early
+    fitted = sample.observed[: sample.fitted_frames] - early
     parts = (('fitted part', fitted), ('held-out part', part.observed - part.after))
     for axis, (title, difference) in zip(axes[0], parts, strict=False):
         image = _map(axis, result, _mean(difference), cmap=DIFFERENCE, vmin=-0.25, vmax=0.25)
@@ -184,7 +186,7 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
     observed = np.concatenate([early.observed, part.observed])
     before = np.concatenate([before, part.before])
     after = np.concatenate([after, part.after])
-    soft = replace(sample.noise, blur=part.blur)
+    soft = replace(sample.noise, point_spread_width=part.blur)
     norms = np.array([np.linalg.norm(np.nan_to_num(frame)) for frame in observed])
     clear = np.flatnonzero(norms > FAINT * norms.max())
 
@@ -203,8 +205,8 @@ def error_course(result: 'Diagnosis', number: int = 0) -> Course:
 
 
 def _fitted_part(sample: Sample) -> Sample:
-    end = sample.fitted
-    return replace(sample, times=sample.times[:end], observed=sample.observed[:end], weights={})
+    end = sample.fitted_frames
+    return replace(sample, times=sample.times[:end], observed=sample.observed[:end])
 
 
 def _panels(result: 'Diagnosis', rows: int, columns: int) -> tuple[Figure, Any]:

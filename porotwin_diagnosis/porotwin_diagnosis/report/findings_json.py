@@ -13,7 +13,7 @@ import numpy as np
 
 from porotwin_diagnosis.model.candidate import Candidate
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 
 
 def write_findings(path: Path, findings: Findings) -> None:
@@ -65,14 +65,14 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             }
             for member, described in zip(fit.members, fit.effects, strict=True)
         ],
-        'scaled': [float(scaled) for scaled in fit.scaled],
+        'scaled': [float(scaled) for scaled in fit.scaled_parameters],
         'misfit': {
-            'fitted': fit.fitted,
-            'held_out': fit.held_out,
-            'noise': list(fit.noise),
+            'fitted': fit.fitted_misfit,
+            'held_out': fit.held_out_misfit,
+            'noise': list(fit.noise_misfit),
             'fingering_amplification': list(fit.fingering_amplification),
         },
-        'error': {'fitted': fit.fitted_error, 'held_out': fit.error},
+        'error': {'fitted': fit.fitted_error, 'held_out': fit.held_out_error},
     }
 
 
@@ -83,12 +83,12 @@ def _read_fit(content: dict[str, Any]) -> Fit:
             Candidate(member['effect'], (), member['fixed'], (), member['variant'])
             for member in content['members']
         ),
-        scaled=np.array(scaled, dtype=float),
-        fitted=content['misfit']['fitted'],
-        held_out=content['misfit']['held_out'],
+        scaled_parameters=np.array(scaled, dtype=float),
+        fitted_misfit=content['misfit']['fitted'],
+        held_out_misfit=content['misfit']['held_out'],
         fitted_error=content['error']['fitted'],
-        error=content['error']['held_out'],
+        held_out_error=content['error']['held_out'],
         covariance=np.zeros((len(scaled), len(scaled))),
-        noise=tuple(content['misfit']['noise']),
+        noise_misfit=tuple(content['misfit']['noise']),
         fingering_amplification=tuple(content['misfit']['fingering_amplification']),
     )

@@ -17,7 +17,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report import figures as pictures
 from porotwin_diagnosis.report.diagnosis_json import FIXED_UNITS, error_left
 from porotwin_diagnosis.report.wording import CHECKS, interval, number, phrase, spoken, value
-from porotwin_diagnosis.search.ranking import beyond_noise, overall, score
+from porotwin_diagnosis.search.ranking import misfit_beyond_noise, overall_misfit, score
 
 if TYPE_CHECKING:
     from porotwin_diagnosis.examine import Diagnosis
@@ -177,7 +177,7 @@ def _percent(share: float) -> str:
 
 def _beyond_noise(result: 'Diagnosis', fit: Fit) -> str:
     """Say what `fit` leaves beyond the noise, as what misplaced fronts would leave."""
-    shift = max(beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
+    shift = max(misfit_beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
     return f'as much beyond the noise as fronts {number(1e3 * shift, 2)} mm off would leave'
 
 
@@ -228,7 +228,7 @@ def _pictures(result: 'Diagnosis') -> Iterator[str]:
                 f'the rig than in the best model ({spoken(result.verdict.model.label)}); blue: '
                 'less. Right: divided by what noise and a front 0.12 cells off would leave, over '
                 'the whole recording; noise alone leaves about '
-                f'{overall(*result.verdict.model.noise):.1f}.',
+                f'{overall_misfit(*result.verdict.model.noise_misfit):.1f}.',
             )
         yield _figure(
             pictures.course(result, index),
@@ -351,7 +351,7 @@ def _pairs(result: 'Diagnosis') -> str:
         return float(errors['after']) if known else error_left(fit, errors, findings)
 
     rows = [
-        [_label(fit), _percent(left(fit)), f'{max(beyond_noise(fit)):.2f}']
+        [_label(fit), _percent(left(fit)), f'{max(misfit_beyond_noise(fit)):.2f}']
         for fit in (findings.singles[0], *findings.pairs)
     ]
     note = '<p>Pairs that went as far as the final judgement, below the best single effect:</p>'
@@ -437,7 +437,7 @@ def _method(result: 'Diagnosis') -> str:
         f'{result.held_out[0].blur:.1f} cells. Misfit at fronts, in deviations of noise and of a '
         f'front 0.12 cells off: {score(findings.null):.2f} before, '
         f'{score(result.verdict.model):.2f} after; noise alone '
-        f'{overall(*result.verdict.model.noise):.2f}. Before, there is '
+        f'{overall_misfit(*result.verdict.model.noise_misfit):.2f}. Before, there is '
         f'{_beyond_noise(result, findings.null)}; after, '
         f'{_beyond_noise(result, result.verdict.model)}. {smear}</p>'
     )
