@@ -1,0 +1,38 @@
+"""Uncertainty of fitted parameters: from the residuals, and from the resolution."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from porotwin_diagnosis.decision.explanation import Explanation
+from porotwin_diagnosis.model.fit import Fit, Fitter
+from porotwin_diagnosis.search.search import Findings
+
+
+def with_intervals(
+    fitter: Fitter, findings: Findings, explanation: Explanation
+) -> tuple[Findings, Explanation]:
+    """Return both with covariances for the kept model and the effects inseparable from it.
+
+    `fitter` works on the recording's own cells.
+    """
+    singles = [
+        with_covariance(fitter, fit) if fit.members[0].effect in explanation.inseparable else fit
+        for fit in findings.singles
+    ]
+    model = with_covariance(fitter, explanation.model)
+    return replace(findings, singles=singles), replace(explanation, model=model)
+
+
+def with_covariance(fitter: Fitter, fit: Fit) -> Fit:
+    """Return `fit` with the covariance C + diag(d^2) of its scaled parameters.
+
+    C comes from the residuals, and d is the change of the parameters when they are fitted on the
+    cells of `fitter` instead of the finer ones on which they were judged.
+    """
+    if not fit.members:
+        return fit
+    refined = fitter.with_covariance(fit)
+    again = fitter.fit(fit.members, start=fit.scaled, coarse_steps=0, fine_steps=1)
+    shift = again.scaled - fit.scaled
+    return replace(fit, covariance=refined.covariance + np.diag(shift**2))
