@@ -31,7 +31,7 @@ class Strength(NamedTuple):
 class _Trial(NamedTuple):
     """A small amount of an effect: which parameter is tried, and its value without the effect."""
 
-    index: int
+    number: int
     scaled: list[float]
     absent: float
 
@@ -53,8 +53,8 @@ def smallest_strengths(fitter: Fitter) -> dict[str, Strength]:
         power = _response_power(fitter, base, candidate, trial)
         if power <= 0.0:
             continue
-        parameter = candidate.parameters[trial.index]
-        deviation = abs(parameter.value(trial.scaled[trial.index]) - trial.absent)
+        parameter = candidate.parameters[trial.number]
+        deviation = abs(parameter.value(trial.scaled[trial.number]) - trial.absent)
         least = deviation * VISIBLE_CHANGE / math.sqrt(power / cells)
         known = found.get(candidate.effect)
         if known is None or (known.parameter == parameter.name and least < known.value):
