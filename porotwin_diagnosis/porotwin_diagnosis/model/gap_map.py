@@ -95,7 +95,7 @@ def map_gap(*recordings: Recording, preset: str = 'fast') -> GapMap:
             for recording, (_, strength, _) in zip(recordings, steps, strict=True)
         ),
         _spots(together, grid),
-        _phases([moments for *_, moments in steps], [r.pumped for r in recordings]),
+        operating_phases([moments for *_, moments in steps], [r.pumped for r in recordings]),
     )
 
 
@@ -184,7 +184,7 @@ def _spots(strength: FloatArray, grid: Grid) -> tuple[Spot, ...]:
     return tuple(spots)
 
 
-def _phases(
+def operating_phases(
     moments: Sequence[list[tuple[float, float, float]]], schedules: Sequence[Schedule]
 ) -> tuple[Phase, ...]:
     """Return the gap's share of every stretch of one operating state, the strongest first."""

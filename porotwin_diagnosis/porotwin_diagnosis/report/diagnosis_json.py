@@ -182,8 +182,8 @@ def _effects(result: Diagnosis) -> list[dict[str, Any]]:
         for name, fit in best.items()
     }
     for name in verdict.members:
-        known = rows.get(name, {})
-        rows[name] = known | _member_row(name, result, errors)
+        alone = rows[name] if name in best else {}
+        rows[name] = alone | _member_row(name, result, errors)
     return sorted(
         rows.values(),
         key=lambda row: (
