@@ -1,11 +1,11 @@
-"""The known traps: what would fool a diagnosis, and that it does not fool this one."""
+"""Known traps that mislead a diagnosis, and that do not mislead this one."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosis_examples import SMALL, recorded, schedule
+from diagnosis_examples import DENSER, SMALL, recorded, schedule
 from scipy.ndimage import gaussian_filter, laplace
 
 from porotwin_core.rig import EffectDescription
@@ -30,10 +30,22 @@ SPREADING = EffectDescription(
 
 
 @pytest.fixture(scope='module')
-def spreading():
-    """Maps of a diffusing tracer with 2 % of noise, made by the finer model itself.
+def quiet(tmp_path_factory):
+    """A recording without any effect."""
+    return recorded(tmp_path_factory.mktemp('quiet') / 'recording')
 
-    The crime is deliberate: even then a one-step residual is led astray by noise alone.
+
+@pytest.fixture(scope='module')
+def denser_sand(tmp_path_factory):
+    """A recording whose porosity is 12 % lower than the nominal one."""
+    return recorded(tmp_path_factory.mktemp('denser') / 'recording', DENSER)
+
+
+@pytest.fixture(scope='module')
+def spreading():
+    """Maps of a diffusing tracer with 2 % of noise, made by the model that is fitted.
+
+    This favours the fit on purpose: even so, noise alone misleads a one-step residual.
     """
     grid, times = SMALL.grid(94, 56), np.arange(0.0, 2701.0, 90.0)
     clean = simulate(SMALL, schedule(), times, grid=grid, effects=(SPREADING,))
@@ -49,7 +61,7 @@ def fitted(fitter, label, **options):
 
 
 def one_step_diffusion(recording):
-    """Least squares of the one-step residual against dt Laplace(c), as one would do naively."""
+    """Return D [m2/s] by least squares of the one-step residual against dt Laplace(c)."""
     grid = recording.grid
     model = Model(recording.rig, grid, preset='fast')
     top = bottom = 0.0
@@ -92,7 +104,7 @@ def test_free_runs_find_a_diffusion_that_one_step_residuals_miss_in_noise(spread
         ),
     ],
 )
-def test_what_the_camera_does_does_not_pass_as_physics(tmp_path, effect, impostor):
+def test_an_effect_of_the_camera_does_not_pass_as_physics(tmp_path, effect, impostor):
     sample = read_sample(open_recording(recorded(tmp_path / 'recording', effect)))
     fitter = Fitter([Forward(sample)], soft=0.3)
     camera, physics = fitted(fitter, effect.name), fitted(fitter, impostor)
@@ -100,7 +112,7 @@ def test_what_the_camera_does_does_not_pass_as_physics(tmp_path, effect, imposto
 
 
 def test_a_front_a_tenth_of_a_cell_off_is_no_gap_but_two_percent_of_retardation_is(quiet):
-    """On the recording's own cells the scheme moves fronts by more than that: a gap by itself."""
+    """On the recording's own cells the scheme moves fronts further than that, which is a gap."""
     sample = read_sample(open_recording(quiet))
     forward = Forward(sample, refinement=2)
     tenth = 0.1 * sample.grid.dx
@@ -137,7 +149,7 @@ def test_the_blur_of_a_camera_is_not_diffusion(quiet):
 
 
 def test_a_restart_from_every_map_hides_most_of_a_gap(denser_sand):
-    """What a free run leaves, and what one step from a recorded map leaves, of wrong porosity."""
+    """A wrong porosity makes a large error in a free run, and a small one in a single step."""
     recording = open_recording(denser_sand)
     sample = read_sample(recording)
     free = Forward(sample).maps(())[-1]
@@ -156,8 +168,8 @@ def test_a_restart_from_every_map_hides_most_of_a_gap(denser_sand):
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_a_wrong_effect_beside_a_refitted_porosity_fails_in_what_it_has_not_seen(tmp_path):
-    """Decay and drifting light: the first with a porosity closes what it is fitted to."""
+def test_a_wrong_effect_beside_a_refitted_porosity_fails_in_the_held_out_part(tmp_path):
+    """The light drifts. Decay with a porosity fits the fitted part, but not the held-out one."""
     light = EffectDescription(name='illumination', parameters={'drift': -1.2e-4, 'gradient': 0.0})
     sample = read_sample(open_recording(recorded(tmp_path / 'recording', light)))
     fitter = Fitter([Forward(sample)], soft=0.3)
@@ -169,8 +181,8 @@ def test_a_wrong_effect_beside_a_refitted_porosity_fails_in_what_it_has_not_seen
     assert wrong.held_out > 1.5 * right.held_out
 
 
-def test_pixels_are_not_samples(quiet):
-    """The interval of a parameter is far wider than independent pixels would make it."""
+def test_pixels_are_no_independent_samples(quiet):
+    """The interval of a parameter is much wider than it would be for independent pixels."""
     sample = read_sample(open_recording(quiet))
     fitter = Fitter([Forward(sample)], soft=0.3)
     fit = fitter.with_covariance(fitted(fitter, 'porosity', coarse_steps=0))
@@ -189,7 +201,7 @@ def test_one_effect_has_one_size_in_all_recordings(denser_sand, quiet):
     assert fitted(torn, 'porosity').held_out > 2 * fitted(both, 'porosity').held_out
 
 
-def test_blind_spots_of_the_camera_do_not_count(denser_sand):
+def test_cells_that_the_camera_does_not_see_do_not_count(denser_sand):
     sample = read_sample(open_recording(denser_sand))
     blind = sample.observed.copy()
     blind[:, 20:26, 20:30] = np.nan
@@ -200,7 +212,7 @@ def test_blind_spots_of_the_camera_do_not_count(denser_sand):
     assert np.isfinite(b.held_out)
 
 
-def test_smoothing_hides_what_a_scheme_smears_but_not_a_displaced_front():
+def test_smoothing_hides_numerical_diffusion_but_not_a_displaced_front():
     front = 0.5 * (1 - np.tanh((np.arange(200) - 100) / 0.8))
     smeared, moved = gaussian_filter(front, 1.0), np.interp(np.arange(200) - 1.0, range(200), front)
     raw = [np.linalg.norm(front - other) for other in (smeared, moved)]
