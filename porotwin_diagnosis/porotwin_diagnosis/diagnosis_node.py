@@ -30,7 +30,7 @@ NICENESS = 10
 """Increase of the process's nice value: the diagnosis uses only time that the twin leaves."""
 
 FIRST_ESTIMATE = 0.02
-"""Fraction of the work from which the remaining time is estimated; before, it means nothing."""
+"""Least fraction of the work for an estimate of the remaining time; before, it means nothing."""
 
 THREADS = 3
 """One thread diagnoses, one listens to topics, one refuses a second goal."""

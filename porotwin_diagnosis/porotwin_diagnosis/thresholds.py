@@ -92,8 +92,8 @@ Errors of the scheme shift parameters too; without the factor the intervals held
 the true values of the independent simulator."""
 
 LEAST_EXPERIMENT_GAIN = 1.1
-"""Gain in the distance of two explanations from which another experiment is proposed. A smaller one
-is no reason to change the schedule."""
+"""Least gain in the distance of two explanations for another experiment to be proposed. A smaller
+one is no reason to change the schedule."""
 
 VISIBLE_CHANGE = 0.5
-"""Whitened change per cell with tracer, in standard deviations, from which an effect is visible."""
+"""Least whitened change per cell with tracer, in standard deviations, of a visible effect."""

@@ -1,4 +1,4 @@
-"""Evidence as a file, from which the verdict is decided again."""
+"""Evidence as a file: the verdict can be decided again from it."""
 
 from dataclasses import replace
 

@@ -13,7 +13,7 @@ CONFIDENCE_EDGES = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0)
 """Bins of confidence for the calibration error: narrower where most verdicts are."""
 
 SURE = 0.8
-"""Confidence from which a wrong name counts as sure and wrong."""
+"""Least confidence of a wrong name that counts as sure and wrong."""
 
 
 def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:

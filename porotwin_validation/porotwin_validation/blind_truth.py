@@ -27,7 +27,7 @@ SOLVER_FLOOR = 0.02
 numerics differ by 1 to 2 % on fine grids."""
 
 LEAST_GAP = 1.15
-"""Errors below this many solver floors contain no gap of which a closed share could be measured."""
+"""Errors below this many solver floors contain no measurable gap."""
 
 EQUAL_STRENGTH = 1.1
 """Effects of a pair are equally strong if their errors, or their changes, differ by less than this
@@ -162,7 +162,7 @@ def _named_effects(stated: dict[str, Any]) -> tuple[EffectDescription, ...]:
 
 
 def _strongest(case: BlindCase, runs: _Runs) -> tuple[str, ...]:
-    """Return the names that are right for `case`; of a pair those of the stronger effect."""
+    """Return the names that are right for `case`: for a pair the names of the stronger effect."""
     if len(case.effects) < 2:
         return case.right
     nothing = runs.maps(())

@@ -63,9 +63,7 @@ def test_an_effect_that_looks_the_same_as_one_left_out_is_no_wrong_name(tmp_path
         scores[name] = score_case(case, place, CaseTruth.read(place / 'truth.json'))
     assert scores['porosity'].right and scores['porosity'].imitated
     assert not scores['clock'].right
-    assert not scores['retardation'].right, (
-        'an effect that the rig refuses imitates nothing'
-    )
+    assert not scores['retardation'].right, 'an effect that the rig refuses imitates nothing'
 
 
 def test_a_small_effect_named_where_none_is_stays_wrong(tmp_path):

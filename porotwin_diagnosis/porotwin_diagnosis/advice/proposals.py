@@ -21,11 +21,11 @@ from porotwin_diagnosis.search.search import Findings
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_EXPERIMENT_GAIN
 
 IMITATION_STEPS = 2
-"""Iterations with which the second explanation is fitted to the first. The fit starts at its best
+"""Iterations of the fit of the second explanation to the first. The fit starts at its best
 parameters for the present recording, and two steps bring it close to its best imitation."""
 
 SAME_AGAIN = np.sqrt(2.0)
-"""Factor by which the same recording, made again, moves two explanations apart."""
+"""Factor between the distance of two explanations in one recording and in two equal ones."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class Proposal:
     Attributes:
         name: a short name.
         separates: labels of the two explanations.
-        description: what to do; empty for a check in the laboratory, which its effect describes.
+        description: instructions; empty for a check in the laboratory, which its effect describes.
         effect: name of the effect that a check in the laboratory measures; empty for a schedule.
         gain: distance of the explanations with this experiment, relative to their distance if the
-            same recording is made again (or to the distance at which they become distinguishable,
-            where that is larger). None for a check in the laboratory, which decides by itself.
+            same recording is made again (or to the least distinguishable distance, if that is
+            larger). None for a check in the laboratory, which decides by itself.
     """
 
     name: str
@@ -58,8 +58,8 @@ def propose(
 ) -> tuple[Proposal, ...]:
     """Return experiments that separate the two best explanations, the most informative first.
 
-    Checks in the laboratory come first. Of several recordings, the one in which the explanations
-    differ most is varied. An experiment is proposed if its gain is above `LEAST_EXPERIMENT_GAIN`;
+    Checks in the laboratory come first. The schedule of the recording with the largest
+    difference between the explanations is varied. An experiment is proposed if its gain is above `LEAST_EXPERIMENT_GAIN`;
     without a gap there is nothing to separate, and the result is empty.
     """
     best = _two_best(findings, verdict)

@@ -9,11 +9,11 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import Sample
 
 REST_FROM = 0.4
-"""Fraction of the duration after which all pumps rest: by then the plume has grown, and enough time
+"""Start of the rest, as a fraction of the duration: the plume has grown by then, and enough time
 remains for it to change by itself."""
 
 CHASE_FROM = 0.5
-"""Fraction of the duration after which water without tracer is injected."""
+"""Start of the injection of water without tracer, as a fraction of the duration."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ STARTS_AWAY = ('dispersion', 'dual_porosity')
 """Effects whose fit starts at a strength above zero; without them their first parameter is 0."""
 
 TRIAL_STEP = 1.0
-"""Steps of a scaled parameter with which the response is measured: about one cell at a front."""
+"""Change of a scaled parameter for the measured response: it moves a front by about one cell."""
 
 
 class Strength(NamedTuple):

@@ -103,7 +103,7 @@ def measure_held_out(
 ) -> HeldOut:
     """Return the held-out part of `recording` without and with the effects of `model`.
 
-    The blur is the one with which the prediction after lies nearest to the observed maps.
+    The blur is chosen so that the prediction after lies nearest to the observed maps.
     """
     chosen = np.flatnonzero(recording.times >= sample.held_out_start)
     observed = recording.concentration[chosen].astype(float)

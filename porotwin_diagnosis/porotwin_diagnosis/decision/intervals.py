@@ -27,8 +27,8 @@ def with_intervals(
 def with_covariance(fitter: Fitter, fit: Fit) -> Fit:
     """Return `fit` with the covariance C + diag(d^2) of its scaled parameters.
 
-    C comes from the residuals, and d is the change of the parameters when they are fitted on the
-    cells of `fitter` instead of the finer ones on which they were judged.
+    C comes from the residuals. The parameters were judged on finer cells; d is their change when
+    they are fitted on the cells of `fitter`.
     """
     if not fit.members:
         return fit

@@ -41,7 +41,7 @@ class Numerics:
         sharp: misfit of the accurate scheme without effects.
         with_effects: misfit of the configured scheme with the kept effects; None where it was not
             needed.
-        model_diffusion: diffusion [m2/s] with which the accurate scheme predicts the same as the
+        model_diffusion: diffusion [m2/s] that makes the accurate scheme predict the same as the
             configured one; 0 where it was not needed.
     """
 
@@ -113,7 +113,7 @@ def before_and_after(
 
 
 def _equivalent_diffusion(sample: Sample, preset: str) -> float:
-    """Return the diffusion [m2/s] with which the accurate scheme predicts the same as `preset`."""
+    """Return the diffusion [m2/s] that makes the accurate scheme predict the same as `preset`."""
     wanted = Forward(sample, preset=preset).maps(())
     sharp = Forward(sample, refinement=JUDGING)
     unit = sample.grid.dx**2 / sample.duration

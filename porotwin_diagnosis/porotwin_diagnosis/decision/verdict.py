@@ -1,4 +1,4 @@
-"""The verdict on a recording: a record, and the names that it may have beside those of effects."""
+"""The verdict on a recording: a record, and the names that are not names of effects."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ the configured scheme makes by smearing fronts."""
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a recording says about the model. Only `decide.decide` makes one.
+    """The conclusion from a recording about the model. Only `decide.decide` makes one.
 
     Attributes:
         name: `NONE`, `UNEXPLAINED`, `NUMERICAL`, or the name of the strongest effect.

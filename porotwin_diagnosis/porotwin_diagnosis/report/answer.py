@@ -56,7 +56,7 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
 
 
 def _named(result: Diagnosis, summary: Summary) -> str:
-    """Name the effects and say what they mean for the rig."""
+    """Name the effects and their meaning for the rig."""
     verdict = result.verdict
     same = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.inseparable]
     names = ' or '.join(map(_together, [verdict.members, *same]))
@@ -100,7 +100,7 @@ def _hidden_improvement(result: Diagnosis) -> str:
 
 
 def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
-    """Say which effects were tried, and what the best of them leaves."""
+    """Say which effects were tried, and the error that remains with the best of them."""
     findings, errors = result.evidence.findings, summary['error']
     tried = len({fit.members[0].effect for fit in findings.screened})
     pairs = ', and none of their best pairs,' if findings.pairs else ''
@@ -249,7 +249,7 @@ def these(result: Diagnosis) -> str:
 
 
 def meaning(name: str, summary: Summary) -> str:
-    """Return what effect `name` with its fitted parameters says about the rig."""
+    """Return the meaning of effect `name` with its fitted parameters, in words."""
     row = next(row for row in summary['effects'] if row['name'] == name)
     return phrase(name, row['parameters'])
 

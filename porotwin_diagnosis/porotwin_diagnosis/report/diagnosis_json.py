@@ -106,7 +106,7 @@ def _spot(spot: Spot) -> dict[str, float]:
 
 
 def _phase(phase: Phase, result: Diagnosis) -> dict[str, Any]:
-    """Return a time at which the gap arises; of several recordings also the recording."""
+    """Return a phase of the gap; of several recordings also the recording."""
     several = len(result.recordings) > 1
     return {
         'start_s': phase.start,

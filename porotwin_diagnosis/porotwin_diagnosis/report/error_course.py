@@ -24,7 +24,7 @@ class ErrorCourse:
         before: errors of the model as it is configured, (nt,).
         after: errors of the model with the effects that were found, (nt,).
         floor: errors that noise and blur alone would make, (nt,).
-        held_out_start: time at which the held-out part begins [s].
+        held_out_start: start of the held-out part [s].
     """
 
     times: FloatArray

@@ -44,7 +44,7 @@ BEFORE, AFTER, OBSERVED = '#c8402f', '#1f6fb4', '0.15'
 """Line colours of the model before and after, and of the observation."""
 
 FRONT = 0.5
-"""Concentration, relative to the stock, at which a front is drawn."""
+"""Concentration of the line that is drawn as a front, relative to the stock."""
 
 
 def photograph(content: bytes) -> Figure:
