@@ -58,9 +58,9 @@ def propose(
 ) -> tuple[Proposal, ...]:
     """Return experiments that separate the two best explanations, the most informative first.
 
-    Checks in the laboratory come first. The schedule of the recording with the largest
-    difference between the explanations is varied. An experiment is proposed if its gain is above `LEAST_EXPERIMENT_GAIN`;
-    without a gap there is nothing to separate, and the result is empty.
+    Checks in the laboratory come first. The schedule of the recording with the largest difference
+    between the explanations is varied. An experiment is proposed if its gain is above
+    `LEAST_EXPERIMENT_GAIN`. Without a gap there is nothing to separate, and the result is empty.
     """
     best = _two_best(findings, verdict)
     if best is None:

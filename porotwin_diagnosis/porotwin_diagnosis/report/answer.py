@@ -4,7 +4,6 @@ import html
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
 from porotwin_diagnosis.decision.held_out import blurred_errors
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
@@ -24,8 +23,8 @@ Summary = Mapping[str, Any]
 def answer(result: Diagnosis, summary: Summary) -> str:
     """Return the verdict as a sentence, and below it a table of four rows, as HTML."""
     rows = (
-        ('Cause', _cause(result, summary)),
-        ('Where', _where(result)),
+        ('Cause', _cause(result)),
+        ('Where', _where(result, summary)),
         ('How much', _how_much(result, summary)),
         ('How sure', _how_sure(result)),
     )
@@ -105,7 +104,8 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     tried = len({fit.members[0].effect for fit in findings.screened})
     pairs = ', and none of their best pairs,' if findings.pairs else ''
     best, after = label(result.verdict.model), percent(errors['after'])
-    remaining = misplaced_fronts(result, result.verdict.model)
+    shift = misplaced_fronts(result, result.verdict.model)
+    remaining = f'as if fronts were {shift} off'
     if errors['after'] < errors['before']:
         with_best = f'With the best one, {best}, the error is still {after}, {remaining}'
     else:
@@ -117,28 +117,27 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
 
 
 def misplaced_fronts(result: Diagnosis, fit: Fit) -> str:
-    """Say how far fronts would have to be off to leave the misfit of `fit` beyond the noise."""
+    """Return by how many mm fronts would be off to make the misfit of `fit` beyond the noise."""
     shift = max(beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
-    return f'as if fronts were {number(1e3 * shift, 2)} mm off'
+    return f'{number(1e3 * shift, 2)} mm'
 
 
-def _cause(result: Diagnosis, summary: Summary) -> str:
+def _cause(result: Diagnosis) -> str:
+    """Name the effects, and say whether each is one of the rig, the camera or the model."""
     verdict = result.verdict
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
         return 'Not in the library of effects.'
-    lines = [
-        f'<b>{spoken(name)}</b> ({origin(name)}): {meaning(name, summary)}'
-        for name in verdict.members
-    ]
-    if verdict.inseparable and not verdict.alternatives:
-        lines += [
-            f'or <b>{spoken(name)}</b> ({origin(name)}): {meaning(name, summary)}'
-            for name in verdict.inseparable
-        ]
+    lines = [_with_origin(name) for name in verdict.members]
+    if not verdict.alternatives:
+        lines += [f'or {_with_origin(name)}' for name in verdict.inseparable]
     lines += [f'or {_together(names)} together' for names in verdict.alternatives]
     return '<br>'.join(lines)
+
+
+def _with_origin(name: str) -> str:
+    return f'<b>{spoken(name)}</b>, an effect of the {origin(name)}'
 
 
 def origin(name: str) -> str:
@@ -148,36 +147,37 @@ def origin(name: str) -> str:
     return 'camera' if name in CAMERA else 'rig'
 
 
-def _where(result: Diagnosis) -> str:
-    """Say where the named effects act, one line each."""
+def _where(result: Diagnosis, summary: Summary) -> str:
+    """Say where the named effects act, and those that look the same."""
     verdict = result.verdict
     if verdict.name == NONE:
         return 'Nowhere.'
     if verdict.name == UNEXPLAINED:
         return _hot_spots(result)
-    found = {effect.name: effect for effect in verdict.model.effects}
-    lines = [_place_of(name, found.get(name), result) for name in verdict.members]
-    if len(lines) == 1:
-        return lines[0]
-    parts = zip(verdict.members, lines, strict=True)
-    return '<br>'.join(f'{spoken(name)}: {line}' for name, line in parts)
+    same = () if verdict.alternatives else verdict.inseparable
+    names = (*verdict.members, *same)
+    places = [_place_of(name, result, summary) for name in names]
+    if len(set(places)) == 1:
+        return places[0]
+    lines = zip(names, places, strict=True)
+    return '<br>'.join(f'{spoken(name)}: {place}' for name, place in lines)
 
 
-def _place_of(name: str, effect: EffectDescription | None, result: Diagnosis) -> str:
+def _place_of(name: str, result: Diagnosis, summary: Summary) -> str:
     if name in CAMERA:
         return (
             'Nowhere in the rig: this is an effect of the camera. The map of where the gap arises '
             'shows only which fronts it changes.'
         )
-    if effect is None:
+    if name == NUMERICAL:
         return 'In the model, at every front.'
-    values = effect.parameters
+    values = {key: entry['value'] for key, entry in _row(name, summary)['parameters'].items()}
     if name in LOCAL:
-        return f'At x = {float(values["x"]):.3f} m, z = {float(values["z"]):.3f} m.'
+        return f'At x = {values["x"]:.3f} m, z = {values["z"]:.3f} m.'
     if 'well' in values:
-        well = result.recordings[0].rig.wells[str(values['well'])]
+        well = result.recordings[0].rig.wells[values['well']]
         return (
-            f'At the well {html.escape(str(values["well"]))}, x = {well.x_m:.3f} m, '
+            f'At the well {html.escape(values["well"])}, x = {well.x_m:.3f} m, '
             f'z = {well.z_m:.3f} m.'
         )
     return 'In the whole rig.'
@@ -202,8 +202,12 @@ def _how_much(result: Diagnosis, summary: Summary) -> str:
     named = verdict.members
     if len(named) == 1:
         named = (*named, *verdict.inseparable)
-    rows = (row for row in summary['effects'] if row['name'] in named)
-    lines = [line for row in rows for line in _parameters(row)]
+    rows = [row for row in summary['effects'] if row['name'] in named]
+    lines = [
+        f'{spoken(row["name"])}, {line}' if len(rows) > 1 else line
+        for row in rows
+        for line in _parameters(row)
+    ]
     before, after, floor = (percent(errors[key]) for key in ('before', 'after', 'noise_floor'))
     improved = f'; {after} with the correction' if verdict.kept else ''
     lines.append(f'Error in the held-out part: {before}{improved}; {floor} from noise and blur.')
@@ -217,12 +221,15 @@ def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
             continue
         middle, span = interval(name, parameter)
         known = f' (90 % interval {span})' if span else ''
-        yield f'{spoken(row["name"])}, {spoken(name)}: <b>{middle}</b>{known}'
+        yield f'{spoken(name)}: <b>{middle}</b>{known}'
 
 
 def _how_sure(result: Diagnosis) -> str:
     verdict, evidence = result.verdict, result.evidence
-    lines = [f'<b>{100 * verdict.confidence:.0f} %</b>']
+    lines = [
+        f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
+        'rules that were set on simulated rigs.'
+    ]
     if verdict.name == UNEXPLAINED and evidence.explanation.suffices:
         best = ' and '.join(map(spoken, evidence.explanation.members)) or spoken(NUMERICAL)
         lines.append(
@@ -250,8 +257,13 @@ def these(result: Diagnosis) -> str:
 
 def meaning(name: str, summary: Summary) -> str:
     """Return the meaning of effect `name` with its fitted parameters, in words."""
-    row = next(row for row in summary['effects'] if row['name'] == name)
-    return phrase(name, row['parameters'])
+    return phrase(name, _row(name, summary)['parameters'])
+
+
+def _row(name: str, summary: Summary) -> Mapping[str, Any]:
+    """Return the row of effect `name` in diagnosis.json."""
+    row: Mapping[str, Any] = next(row for row in summary['effects'] if row['name'] == name)
+    return row
 
 
 def label(fit: Fit) -> str:

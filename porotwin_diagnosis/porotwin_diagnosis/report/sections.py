@@ -179,6 +179,6 @@ def method(result: Diagnosis) -> str:
         f'{result.held_out[0].blur:.1f} cells.</p><p>Misfit at fronts, in standard deviations of '
         f'the noise and of a front 0.12 cells off: {score(findings.null):.2f} before, '
         f'{score(model):.2f} after; noise alone gives {overall(*model.noise):.2f}. Beyond the '
-        f'noise it is {misplaced_fronts(result, findings.null)} before, and '
-        f'{misplaced_fronts(result, model)} after.{smearing}</p>'
+        f'noise this is as if fronts were {misplaced_fronts(result, findings.null)} off before, '
+        f'and {misplaced_fronts(result, model)} after.{smearing}</p>'
     )
