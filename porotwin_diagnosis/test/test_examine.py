@@ -1,63 +1,57 @@
-"""The diagnosis from a folder to a report, on recordings of an independent simulator."""
+"""The diagnosis as a whole, on recordings of an independent simulator."""
 
-import json
+import shutil
 
-import netCDF4
 import numpy as np
 import pytest
-from diagnosis_examples import SKIPPED_FOR_SPEED
+from diagnosis_examples import SKIPPED_FOR_SPEED, SMALL, schedule
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import load_rig
-from porotwin_diagnosis.examine import diagnose
+from porotwin_core.rig import write_rig
+from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+from porotwin_recording.recording import open_recording
+from porotwin_rig.experiment import make_experiment
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_wrong_porosity_is_named_and_the_rig_mended(denser_sand, tmp_path):
-    stages = []
-    diagnose(
-        denser_sand,
-        tmp_path / 'out',
-        apply=True,
-        progress=lambda stage, share: stages.append((stage, share)),
-    )
-    said = json.loads((tmp_path / 'out' / 'diagnosis.json').read_text())
-    assert said['verdict'] == 'porosity'
-    assert said['error']['gap_closed'] > 0.8
-    assert said['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88, abs=0.01)
-    assert said['where']['centre'] is None
-    page = (tmp_path / 'out' / 'report.html').read_text()
-    assert page.count('data:image/png;base64,') == 3
-    assert 'http' not in page.replace('http-equiv', '')
-    with netCDF4.Dataset(tmp_path / 'out' / 'fields.nc') as fields:
-        observed = fields['observed'][:]
-        after = np.linalg.norm(fields['predicted_after'][:] - observed)
-        before = np.linalg.norm(fields['predicted_before'][:] - observed)
-        assert fields['gap'].shape == observed.shape[1:]
-    assert after < 0.6 * before
-    assert after / np.linalg.norm(observed) == pytest.approx(said['error']['after'], rel=0.01)
-    mended = load_rig(tmp_path / 'out' / 'rig.yaml')
-    assert [effect.name for effect in mended.effects] == ['porosity']
-    assert stages[-1] == ('done', 1.0)
-    shares = [share for _, share in stages]
-    assert shares == sorted(shares)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet, tmp_path):
-    result = diagnose(quiet, tmp_path / 'out', preset='upwind', excluded=SKIPPED_FOR_SPEED)
+def test_diffusive_scheme_is_called_numerical_and_not_dispersion(quiet):
+    recording = open_recording(quiet)
+    result = examine([recording], preset='upwind', excluded=SKIPPED_FOR_SPEED)
     assert result.verdict.name == 'numerical_diffusion'
-    assert result.numerics.model_diffusion > 1e-8
-    assert result.summary['error']['gap_closed'] > 0.8
+    assert result.evidence.numerics.model_diffusion > 1e-8
+    assert diagnosis_json(result)['error']['gap_closed'] > 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_second_recording_separates_effects_that_one_cannot(injecting, chasing):
+    one, two = open_recording(injecting), open_recording(chasing)
+    alone = examine([one], excluded=SKIPPED_FOR_SPEED).verdict
+    assert {alone.name, *alone.inseparable} >= {'porosity', 'rate'}
+
+    both = examine([one, two], excluded=SKIPPED_FOR_SPEED)
+    assert both.verdict.name == 'porosity'
+    assert 'rate' not in both.verdict.inseparable
+    stated = diagnosis_json(both)
+    factor = stated['effects'][0]['parameters']['factor']
+    assert factor['low'] <= factor['value'] <= factor['high']
+    assert factor['value'] == pytest.approx(0.88, abs=0.01)
+
+    sources = [str(recording.source) for recording in (one, two)]
+    assert [part['recording'] for part in stated['by_recording']] == sources
+    for stated_part, part in zip(stated['by_recording'], both.held_out, strict=True):
+        assert stated_part['after'] < 0.5 * stated_part['before']
+        low, high = stated_part['gap_closed_low'], stated_part['gap_closed_high']
+        assert low <= stated_part['gap_closed'] <= high
+        error = np.linalg.norm(part.after - part.observed) / np.linalg.norm(part.observed)
+        assert error == pytest.approx(stated_part['after'], rel=0.01)
+    assert {phase['recording'] for phase in stated['when']} == set(sources)
+    assert stated['error']['gap_closed'] > 0.9
 
 
 def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
-    from diagnosis_examples import SMALL, schedule
-
-    from porotwin_rig.experiment import make_experiment
-
     make_experiment(
         tmp_path / 'short',
         SMALL,
@@ -68,21 +62,24 @@ def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
         grid=SMALL.grid(47, 28),
     )
     with pytest.raises(InputError, match='too few'):
-        diagnose(tmp_path / 'short', tmp_path / 'out')
+        examine([open_recording(tmp_path / 'short')])
 
 
-def test_a_preset_that_does_not_exist_is_refused_before_the_search(quiet, tmp_path):
+def test_a_preset_that_does_not_exist_is_refused_before_the_search(quiet):
     stages = []
     with pytest.raises(InputError, match="preset 'fats': unknown"):
-        diagnose(quiet, tmp_path, preset='fats', progress=lambda stage, _: stages.append(stage))
+        examine(
+            [open_recording(quiet)], preset='fats', progress=lambda stage, _: stages.append(stage)
+        )
     assert stages == []
 
 
-def test_a_report_that_cannot_be_written_is_refused_before_the_search(quiet, tmp_path):
-    taken = tmp_path / 'taken'
-    taken.write_text('a file')
-    stages = []
-    for output, complaint in ((taken, 'exists; name another'), (quiet, 'is the recording; name')):
-        with pytest.raises(InputError, match=complaint):
-            diagnose(quiet, output, progress=lambda stage, _: stages.append(stage))
-    assert stages == []
+def test_rigs_that_are_described_differently_are_not_judged_together(injecting, tmp_path):
+    other = tmp_path / 'tuesday'
+    shutil.copytree(injecting, other)
+    text = (other / 'rig.yaml').read_text()
+    changed = SMALL.model_copy(update={'porosity': 0.9 * SMALL.porosity})
+    write_rig(changed, other / 'rig.yaml')
+    assert (other / 'rig.yaml').read_text() != text
+    with pytest.raises(InputError, match=r'tuesday: its rig is not described as .* --rig'):
+        examine([open_recording(injecting), open_recording(other)])

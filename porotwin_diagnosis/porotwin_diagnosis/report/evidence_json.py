@@ -1,23 +1,27 @@
-"""The findings of a search as JSON: what was tried, and all that a verdict is decided from.
+"""findings.json: all evidence of a verdict, so that it can be decided again.
 
-With these files a verdict can be decided again under other thresholds without simulating again,
-which is how confidence is calibrated (`calibration`).
+With these files a verdict can be made under other thresholds without a simulation.
 """
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from porotwin_diagnosis.decision.evidence import Evidence
+from porotwin_diagnosis.decision.explanation import explain
+from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.model.candidate import Candidate
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 
 
-def write_findings(path: Path, findings: Findings) -> None:
-    """Write `findings`; parameters that a fit found are in the units of the diagnosis contract."""
+def write_evidence(path: Path, evidence: Evidence) -> None:
+    """Write `evidence`; fitted parameters are in the units of the diagnosis contract."""
+    findings = evidence.findings
     content = {
         'runs': findings.runs,
         'null': _fit_json(findings.null),
@@ -29,14 +33,33 @@ def write_findings(path: Path, findings: Findings) -> None:
         'part_changes': findings.part_changes,
         'distances': findings.distances,
         'pair_distances': findings.pair_distances,
+        'numerics': asdict(evidence.numerics),
+        'held_out_errors': list(evidence.held_out_errors),
+        'columns': evidence.columns,
+        'fitted_frames': evidence.fitted_frames,
     }
     path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
 
 
-def read_findings(path: Path) -> Findings:
-    """Return findings that were written: enough to decide, not to go on fitting."""
-    content = json.loads(path.read_text(encoding='utf-8'))
+def read_evidence(path: Path) -> Evidence:
+    """Return the evidence in the file `path`: enough to decide again, not to fit again.
 
+    The explanation is made anew from the fits.
+    """
+    content = json.loads(path.read_text(encoding='utf-8'))
+    findings = _read_findings(content)
+    before, after = content['held_out_errors']
+    return Evidence(
+        findings,
+        explain(findings),
+        Numerics(**content['numerics']),
+        (before, after),
+        columns=content['columns'],
+        fitted_frames=content['fitted_frames'],
+    )
+
+
+def _read_findings(content: dict[str, Any]) -> Findings:
     def fits(name: str) -> list[Fit]:
         return [_read_fit(fit) for fit in content[name]]
 
