@@ -88,7 +88,7 @@ def test_a_graph_that_has_shown_nothing_is_refused_with_a_reason(graph):
     handle, _ = graph.goal()
     outcome = graph.wait(handle.get_result_async()).result.outcome
     assert outcome.code != Outcome.OK
-    assert 'shown nothing' in outcome.message
+    assert 'no map has arrived' in outcome.message
 
 
 def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):
