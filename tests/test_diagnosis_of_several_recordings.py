@@ -6,34 +6,25 @@ import shutil
 import netCDF4
 import numpy as np
 import pytest
-from diagnosis_examples import SKIPPED_FOR_SPEED, SMALL, recorded, schedule_of
+from diagnosis_examples import CHASE, DENSER, SKIPPED_FOR_SPEED, SMALL, commanded, recorded
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import EffectDescription, write_rig
+from porotwin_core.rig import write_rig
 from porotwin_diagnosis.examine import diagnose
-
-DENSER = EffectDescription(name='porosity', parameters={'factor': 0.88})
 
 
 @pytest.fixture(scope='module')
 def injection(tmp_path_factory):
     """A recording of tracer from one well: denser sand looks like a larger rate of that well."""
     folder = tmp_path_factory.mktemp('injection') / 'injection'
-    commanded = schedule_of((0, 'injector', 450, 1.0))
-    return recorded(folder, DENSER, commanded=commanded, duration=2160)
+    return recorded(folder, DENSER, rates=commanded((0, 'injector', 450, 1.0)), duration=2160)
 
 
 @pytest.fixture(scope='module')
 def chase(tmp_path_factory):
     """A recording of the same sand, with another well that drives the tracer on."""
     folder = tmp_path_factory.mktemp('chase') / 'chase'
-    commanded = schedule_of(
-        (0, 'injector', 400, 1.0),
-        (900, 'injector', 0, 1.0),
-        (900, 'control2', 400, 0.0),
-        (900, 'producer', -300, 0.0),
-    )
-    return recorded(folder, DENSER, commanded=commanded, duration=2160, seed=4)
+    return recorded(folder, DENSER, rates=CHASE, duration=2160, seed=4)
 
 
 @pytest.mark.slow

@@ -92,7 +92,7 @@ def graph(tmp_path_factory):
 
 
 def test_a_graph_that_has_shown_nothing_is_refused_with_a_reason(graph):
-    assert 'shown nothing' in graph.refusal()
+    assert 'no map has arrived' in graph.refusal()
 
 
 def test_the_run_so_far_is_judged_and_too_few_states_are_refused(graph):

@@ -1,23 +1,13 @@
 """The map of the gap: hot spots and phases of known effects."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from diagnosis_examples import SMALL, recorded, schedule_of
+from diagnosis_examples import CHASE, DENSER, SMALL, commanded, recorded, with_frames
 
 from porotwin_core.rig import EffectDescription
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.model.gap_map import StepEnergy, map_gap, operating_phases
-from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
-
-DENSER = EffectDescription(name='porosity', parameters={'factor': 0.88})
-
-
-def with_frames(recording, times, maps):
-    series = ConcentrationMaps(times, recording.grid, lambda start, stop: maps[start:stop])
-    return replace(recording, maps=series)
 
 
 def test_a_gap_arises_at_the_leak_and_not_downstream_of_it(tmp_path):
@@ -85,28 +75,18 @@ def test_no_gap_arises_in_unseen_cells(quiet):
 
 def test_no_gap_arises_while_all_pumps_rest(tmp_path):
     """A wrong porosity acts with the flow; two maps at rest differ by noise only."""
-    commanded = schedule_of((0, 'injector', 600, 1.0), (1200, 'injector', 0, 0.0))
+    rates = commanded((0, 'injector', 600, 1.0), (1200, 'injector', 0, 0.0))
     porosity = EffectDescription(name='porosity', parameters={'factor': 0.85})
-    phases = map_gap(
-        open_recording(recorded(tmp_path / 'recording', porosity, commanded=commanded))
-    ).phases
+    phases = map_gap(open_recording(recorded(tmp_path / 'recording', porosity, rates=rates))).phases
     resting = [phase for phase in phases if phase.state == 'resting']
     assert sum(phase.share for phase in resting) < 0.05
 
 
 def test_the_gap_of_several_recordings_is_mapped_together_and_separately(tmp_path):
-    injection = schedule_of((0, 'injector', 450, 1.0))
-    chase = schedule_of(
-        (0, 'injector', 400, 1.0),
-        (900, 'injector', 0, 1.0),
-        (900, 'control2', 400, 0.0),
-        (900, 'producer', -300, 0.0),
-    )
+    injection = commanded((0, 'injector', 450, 1.0))
     folders = [
-        recorded(tmp_path / 'injection', DENSER, commanded=injection, duration=2160),
-        recorded(
-            tmp_path / 'chase', DENSER, commanded=chase, duration=2160, grid=SMALL.grid(84, 50)
-        ),
+        recorded(tmp_path / 'injection', DENSER, rates=injection, duration=2160),
+        recorded(tmp_path / 'chase', DENSER, rates=CHASE, duration=2160, grid=SMALL.grid(84, 50)),
     ]
     recordings = [open_recording(folder) for folder in folders]
     together = map_gap(*recordings)

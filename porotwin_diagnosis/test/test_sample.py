@@ -4,20 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_examples import recorded
+from diagnosis_examples import recorded, with_frames
 from scipy.ndimage import gaussian_filter
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
-from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import open_recording
-
-
-def with_frames(recording, times, maps):
-    series = ConcentrationMaps(times, recording.grid, lambda start, stop: maps[start:stop])
-    return replace(recording, maps=series)
 
 
 def test_a_short_recording_is_refused(tmp_path):

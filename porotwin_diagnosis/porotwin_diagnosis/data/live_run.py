@@ -52,6 +52,10 @@ class LiveRun:
         self._ended = False
         self._evaluation_started = False
 
+    def __len__(self) -> int:
+        """Number of maps in memory."""
+        return len(self._times)
+
     @property
     def times(self) -> tuple[float, ...]:
         """Stamps of the maps in memory [s]."""
