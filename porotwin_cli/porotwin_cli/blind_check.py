@@ -1,4 +1,4 @@
-"""./porotwin blind-check: the diagnosis on recordings whose truth is sealed."""
+"""./porotwin blind-check: the diagnosis on recordings whose truth it does not know."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,10 +14,10 @@ def command(
     seed: Annotated[int, typer.Option(help='Of the effects and the rigs.')] = 1,
     as_json: Json = False,
 ) -> None:
-    """Make recordings with hidden effects on the virtual rig, diagnose, open the seal, score.
+    """Make recordings with hidden effects on the virtual rig, diagnose, score.
 
-    The hashes of all truths are written before the first diagnosis; the diagnosing process is
-    given a recording's folder and nothing else.
+    The hashes of all truths are written before the first diagnosis. The diagnosing process knows
+    the folder of a recording and nothing else.
 
     Example: ./porotwin blind-check --cases 100 --output blind
     """

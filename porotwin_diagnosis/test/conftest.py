@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from diagnosis_examples import CHASE, DENSER, denser_sand, quiet, recorded, schedule_of
+from diagnosis_examples import CHASE, DENSER, commanded, denser_sand, quiet, recorded
 from diagnosis_results import diagnosis_of_denser_sand
 
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -15,7 +15,7 @@ __all__ = ['denser_sand', 'quiet']
 def injecting(tmp_path_factory) -> Path:
     """Tracer from one well alone: a lower porosity looks like a pump that delivers more."""
     folder = tmp_path_factory.mktemp('injecting') / 'injecting'
-    return recorded(folder, DENSER, commanded=schedule_of((0, 'injector', 450, 1.0)), duration=2160)
+    return recorded(folder, DENSER, commanded=commanded((0, 'injector', 450, 1.0)), duration=2160)
 
 
 @pytest.fixture(scope='session')

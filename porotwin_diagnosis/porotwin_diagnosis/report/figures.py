@@ -102,7 +102,7 @@ def gap(result: Diagnosis) -> Figure:
     strength = PER_CENT_A_MINUTE * result.gap.strength
     top = max(float(strength.max()), LEAST_COLOUR_TOP if result.verdict.name == NONE else 1e-3)
     image = _map(axes[0, 0], result, strength, cmap='inferno', vmin=0, vmax=top)
-    axes[0, 0].set_title('error of one short step', fontsize=10)
+    axes[0, 0].set_title('where it arises: error of one short step', fontsize=10)
     figure.colorbar(image, ax=axes[0, 0], label='gap strength [% of stock per min]', shrink=0.8)
     wrong = _rms(part.observed - part.before)
     image = _map(axes[0, 1], result, wrong, cmap='inferno', vmin=0, vmax=0.5)
