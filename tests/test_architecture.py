@@ -1,6 +1,8 @@
 """The rules of the architecture, checked on the source: who may import whom."""
 
 import ast
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,15 @@ MAY_IMPORT = {
 }  # fmt: skip
 """Imports point one way; the virtual rig and the solver, above all, share no numerics."""
 
+DIAGNOSIS_ORDER = (
+    'thresholds', 'progress', 'data', 'model', 'search', 'decision', 'advice', 'diagnosis',
+    'report', 'examine', 'diagnosis_node',
+)  # fmt: skip
+"""Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
+
+KNOWN_CIRCLES = {('porotwin_imaging.calibration_pictures', 'porotwin_imaging.calibrate')}
+"""Imports (module, imported module) that still close a circle; each is to be removed."""
+
 
 def imported(module: Path) -> set[str]:
     """Return the top-level names that a module imports, wherever in it."""
@@ -55,6 +66,33 @@ def imported(module: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module is not None and node.level == 0:
             names.add(node.module.split('.')[0])
     return names
+
+
+def name_of(module: Path) -> str:
+    """Return the dotted name of a module; of an __init__.py the name of its package."""
+    parts = module.relative_to(ROOT).with_suffix('').parts[1:]
+    return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
+
+
+@cache
+def imports_within(package: str) -> dict[str, set[str]]:
+    """Return the modules of `package` that each of its modules imports, wherever in it.
+
+    Imports under TYPE_CHECKING and within functions count too.
+    """
+    modules = {name_of(path): path for path in (ROOT / package / package).rglob('*.py')}
+    graph: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        found: set[str] = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module is not None and node.level == 0:
+                # `from package import module` imports the module, not only a name
+                submodules = {f'{node.module}.{alias.name}' for alias in node.names}
+                found |= submodules & modules.keys() or {node.module}
+        graph[name] = (found & modules.keys()) - {name}
+    return graph
 
 
 def short(module: Path) -> str:
@@ -76,6 +114,32 @@ def test_imports_point_one_way(module: Path) -> None:
     ours = {name for name in imported(module) if name.startswith('porotwin_')}
     allowed = MAY_IMPORT[package] | {package, 'porotwin_msgs'}
     assert ours <= allowed, f'{short(module)} imports {ours - allowed}'
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_no_modules_import_each_other_in_a_circle(package: str) -> None:
+    graph = {
+        module: {other for other in others if (module, other) not in KNOWN_CIRCLES}
+        for module, others in imports_within(package).items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f'circle of imports: {" -> ".join(error.args[1])}')
+
+
+def test_imports_of_the_diagnosis_follow_the_order_of_its_parts() -> None:
+    def part(module: str) -> str:
+        return module.partition('.')[2].partition('.')[0]
+
+    for module, others in imports_within('porotwin_diagnosis').items():
+        if not part(module):
+            assert not others, 'porotwin_diagnosis/__init__.py imports nothing'
+            continue
+        assert part(module) in DIAGNOSIS_ORDER, f'say in this test where {part(module)} stands'
+        before = DIAGNOSIS_ORDER[: DIAGNOSIS_ORDER.index(part(module)) + 1]
+        late = sorted(other for other in others if part(other) not in before)
+        assert not late, f'{module} imports {late}, which come after it'
 
 
 @pytest.mark.parametrize('package', PACKAGES)

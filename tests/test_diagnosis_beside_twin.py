@@ -1,4 +1,4 @@
-"""The diagnosis beside the live twin: asked about the run so far, it names what was withheld."""
+"""The diagnosis beside the live twin: it names the withheld effect from the run so far."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from porotwin_cli.live_diagnosis import diagnose_run_so_far
 from porotwin_cli.rehearsal import calibration_run
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig, write_rig
+from porotwin_diagnosis.progress import no_progress
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -22,11 +23,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PHOTO_WIDTH = 640
 WITHHELD = 'rate:well=injector,factor=0.7'
 STATES = 14
-"""Photographs before the diagnosis is asked: twenty minutes of the experiment."""
+"""Photographs before the diagnosis is requested: twenty minutes of the experiment."""
 
 
 def rig_nodes(folder: Path) -> list[NodeDescription]:
-    """Return the twin with its diagnosis, and a virtual rig whose injector delivers too little."""
+    """Return the nodes of the twin with a diagnosis, and a virtual rig whose pump delivers 70 %."""
     rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     camera = camera_before(rig, PHOTO_WIDTH).description()
     rig = rig.model_copy(update={'camera': camera})
@@ -57,33 +58,33 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
     return [*twin_nodes(settings), operator_node(settings, asset=False), asset]
 
 
-def asked(graph: RunningGraph, client: ActionClient, stages: list[str]) -> Diagnose.Result:
-    """Return the diagnosis of the run so far; `stages` tells what it was at."""
+def diagnosed(graph: RunningGraph, client: ActionClient, stages: list[str]) -> Diagnose.Result:
+    """Return the diagnosis of the run so far; its stages are appended to `stages`."""
     sent = client.send_goal_async(
         Diagnose.Goal(), lambda message: stages.append(message.feedback.stage)
     )
-    graph.listener.wait_for('an answer to the goal', sent.done, timeout=30.0)
+    graph.ear.wait_for('an answer to the goal', sent.done, timeout=30.0)
     finished = sent.result().get_result_async()
-    graph.listener.wait_for('a diagnosis', finished.done, timeout=300.0)
+    graph.ear.wait_for('a diagnosis', finished.done, timeout=300.0)
     return finished.result().result
 
 
 @pytest.mark.timeout(600)
-def test_the_run_so_far_names_what_was_withheld_while_the_twin_goes_on(
+def test_the_withheld_effect_is_named_while_the_twin_goes_on(
     tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with running_graph(rig_nodes(tmp_path), tmp_path, domain) as graph:
-        client = ActionClient(graph.listener.node, Diagnose, 'diagnosis/diagnose')
+        client = ActionClient(graph.ear.node, Diagnose, 'diagnosis/diagnose')
         graph.wait_for_messages('hub/cycle', 3, timeout=120.0)
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-        # as the command line asks
+        # the command line calls this function
         with pytest.raises(InputError, match=r'^the run so far: \d maps are too few'):
-            diagnose_run_so_far(tmp_path / 'early', lambda _stage, _share: None)
+            diagnose_run_so_far(tmp_path / 'early', no_progress)
 
         graph.wait_for_messages('hub/cycle', STATES, timeout=180.0)
         stages: list[str] = []
-        cycles = len(graph.messages['hub/cycle'])
-        result = asked(graph, client, stages)
+        cycles = len(graph.heard['hub/cycle'])
+        result = diagnosed(graph, client, stages)
         assert result.outcome.code == Outcome.OK, result.outcome.message
         assert result.verdict == 'rate'
         assert result.error_after < 0.6 * result.error_before
@@ -91,6 +92,6 @@ def test_the_run_so_far_names_what_was_withheld_while_the_twin_goes_on(
         assert Path(result.report).parent.parent == tmp_path / 'diagnoses'
         assert open_recording(Path(result.report).parent / 'run').times[0] == 0.0
         assert len(set(stages)) > 5
-        meanwhile = graph.messages['hub/cycle'][cycles:]
+        meanwhile = graph.heard['hub/cycle'][cycles:]
         assert len(meanwhile) > 1
         assert not any(list(report.remarks) for report in meanwhile)

@@ -1,4 +1,4 @@
-"""The diagnosis as an action, beside the live twin: of a recording, or of the run so far."""
+"""The diagnosis as an action beside the live twin: of a recording, or of the run so far."""
 
 import os
 import shutil
@@ -19,37 +19,45 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.wells import WellRates as Rates
-from porotwin_diagnosis.data.run_so_far import RunSoFar
-from porotwin_diagnosis.examine import Diagnosis, diagnose
+from porotwin_diagnosis.data.live_run import LiveRun
+from porotwin_diagnosis.examine import examine
+from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_recording.recording import open_recording
 
 NICENESS = 10
-"""Given way to the loop: the diagnosis takes what the twin leaves of the machine."""
+"""Increase of the process's nice value: the diagnosis uses only time that the twin leaves."""
+
+FIRST_ESTIMATE = 0.02
+"""Least fraction of the work for an estimate of the remaining time; before, it means nothing."""
+
+THREADS = 3
+"""One thread diagnoses, one listens to topics, one refuses a second goal."""
 
 
-class CalledOffError(Exception):
-    """The goal was called off while the diagnosis ran."""
+class CanceledError(Exception):
+    """The goal was canceled while the diagnosis ran."""
 
 
 class DiagnosisNode(Node):
-    """Keeps what the running graph has seen since its experiment began, and diagnoses on demand."""
+    """Keeps the states and rates since the experiment began, and diagnoses on request."""
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters, listen, offer the action.
+        """Read the parameters, subscribe, and offer the action.
 
         Raises:
             InputError: a parameter or the rig description is wrong.
         """
         super().__init__('diagnosis', **kwargs)
-        self._rig = declare_rig(self)
-        self._grid = declare_grid(self, self._rig)
-        self._preset = declare(self, 'preset', 'accurate', 'scheme whose gap is asked for')
+        rig = declare_rig(self)
+        grid = declare_grid(self, rig)
+        self._preset = declare(self, 'preset', 'accurate', 'preset whose gap is diagnosed')
         self._workers = declare(self, 'workers', 1, 'simulations at a time')
         self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')
         self._lock = threading.Lock()
         self._busy = threading.Lock()
-        self._run = RunSoFar(self._rig, self._grid)
+        self._run = LiveRun(rig, grid)
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
@@ -68,26 +76,30 @@ class DiagnosisNode(Node):
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             stamp = conversions.time_from_msg(message.header.stamp)
             with self._lock:
-                self._run.saw(stamp, concentration, grid)
+                self._run.add_map(stamp, concentration, grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
 
     def _on_setpoint(self, message: Setpoint) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
-        self._keep_rates(f'setpoint {message.sequence}', message, partial(self._run.told, stamp))
+        self._keep_rates(
+            f'setpoint {message.sequence}', message, partial(self._run.add_commanded_rates, stamp)
+        )
 
     def _on_measured(self, message: WellRates) -> None:
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
-        self._keep_rates('measured rates', message, partial(self._run.pumped, start, end))
+        self._keep_rates(
+            'measured rates', message, partial(self._run.add_measured_rates, start, end)
+        )
 
     def _keep_rates(
-        self, what: str, message: Setpoint | WellRates, keep: Callable[[Rates], None]
+        self, source: str, message: Setpoint | WellRates, keep: Callable[[Rates], None]
     ) -> None:
         try:
             rates = conversions.rates_from_msg(message.wells)
         except InputError as error:
-            self.get_logger().error(f'{what} ignored: {error}')
+            self.get_logger().error(f'{source} ignored: {error}')
             return
         with self._lock:
             keep(rates)
@@ -95,61 +107,50 @@ class DiagnosisNode(Node):
     def _on_clean(self, message: CleanState) -> None:
         with self._lock:
             if message.cause == CleanState.START:
-                self._run.started()
+                self._run.note_evaluation_start()
             elif message.cause == CleanState.FINISHED:
-                self._run.finished()
+                self._run.note_experiment_end()
 
     def _execute(self, goal: ServerGoalHandle) -> Any:
-        """Answer a goal; one that comes while another is worked on is told so at once."""
-        result = Diagnose.Result()
+        """Answer a goal. A goal that comes during a diagnosis is refused at once."""
         if not self._busy.acquire(blocking=False):
             goal.abort()
-            busy = InputError('diagnosis: one is running; wait for its result or call it off')
-            result.outcome = conversions.refusal(busy)
-            return result
+            return _refusal(
+                InputError('diagnosis: one is running; wait for its result or cancel it')
+            )
         try:
-            output = self._folder(goal.request.output)
-            found = self._diagnose(goal, output)
-        except CalledOffError:
+            result = self._diagnose(goal, self._folder(goal.request.output))
+        except CanceledError:
             goal.canceled()
-            result.outcome = conversions.refusal(InputError('diagnosis called off'))
-            self.get_logger().info('diagnosis called off')
-            return result
-        except Exception as error:
-            # whatever happens to one diagnosis, the node goes on listening
+            self.get_logger().info('diagnosis canceled')
+            return _refusal(InputError('diagnosis canceled'))
+        except Exception as error:  # a failed diagnosis must not end the node
             self.get_logger().error(f'diagnosis failed: {error}')
             goal.abort()
-            result.outcome = conversions.refusal(error)
-            return result
+            return _refusal(error)
         finally:
             self._busy.release()
-        result.outcome = conversions.ok()
-        result.verdict = found.verdict.name
-        result.confidence = found.verdict.confidence
-        result.error_before = found.summary['error']['before']
-        result.error_after = found.summary['error']['after']
-        result.report = str(output / 'report.html')
         self.get_logger().info(
-            f'{found.verdict.name}, confidence {found.verdict.confidence:.2f}: {result.report}'
+            f'{result.verdict}, confidence {result.confidence:.2f}: {result.report}'
         )
         goal.succeed()
         return result
 
-    def _diagnose(self, goal: ServerGoalHandle, output: Path) -> Diagnosis:
-        """Diagnose the recording asked for, or the run so far, which is kept beside its report.
+    def _diagnose(self, goal: ServerGoalHandle, output: Path) -> Diagnose.Result:
+        """Diagnose the requested recording, or the run so far, which is kept beside its report.
 
         Raises:
-            InputError: it cannot be judged, or there is something where the run would be kept.
+            InputError: the recording cannot be judged, or the folder of the run exists already.
         """
         if goal.request.recording:
-            return self._judge(goal, Path(goal.request.recording), output)
+            return self._diagnose_recording(goal, Path(goal.request.recording), output)
         recording = output / 'run'
         if recording.exists():
             raise InputError(f'{recording}: exists already; name another folder for the report')
         try:
             with self._lock:
                 self._run.write(recording)
-            return self._judge(goal, recording, output)
+            return self._diagnose_recording(goal, recording, output)
         except BaseException as error:
             shutil.rmtree(recording, ignore_errors=True)
             if isinstance(error, InputError):
@@ -157,19 +158,27 @@ class DiagnosisNode(Node):
                 raise InputError(text) from None
             raise
 
-    def _judge(self, goal: ServerGoalHandle, recording: Path, output: Path) -> Diagnosis:
-        return diagnose(
-            recording,
-            output,
-            preset=self._preset,
-            workers=self._workers,
-            progress=_Feedback(goal),
+    def _diagnose_recording(
+        self, goal: ServerGoalHandle, recording: Path, output: Path
+    ) -> Diagnose.Result:
+        progress = _Feedback(goal)
+        opened = open_recording(recording)
+        folder = checked_folder(output, [recording])
+        found = examine([opened], preset=self._preset, workers=self._workers, progress=progress)
+        summary = write_diagnosis(found, folder, progress=progress)
+        return Diagnose.Result(
+            outcome=conversions.ok(),
+            verdict=found.verdict.name,
+            confidence=found.verdict.confidence,
+            error_before=summary['error']['before'],
+            error_after=summary['error']['after'],
+            report=str(output / REPORT),
         )
 
-    def _folder(self, asked: str) -> Path:
-        """Return where a diagnosis goes: as asked, or a new folder of its own."""
-        if asked:
-            return Path(asked)
+    def _folder(self, requested: str) -> Path:
+        """Return the folder of a diagnosis: the requested one, or a new one."""
+        if requested:
+            return Path(requested)
         if not self._output:
             return Path(tempfile.mkdtemp(prefix='diagnosis_'))
         number = 1
@@ -178,27 +187,33 @@ class DiagnosisNode(Node):
         return folder
 
 
+def _refusal(error: Exception) -> Diagnose.Result:
+    return Diagnose.Result(outcome=conversions.refusal(error))
+
+
 class _Feedback:
-    """Reports stage, share and an estimate of the time left; stops a goal that was called off."""
+    """Publishes stage, fraction and an estimate of the remaining time; stops a canceled goal."""
 
     def __init__(self, goal: ServerGoalHandle) -> None:
         self._goal = goal
         self._begin = time.monotonic()
 
-    def __call__(self, stage: str, share: float) -> None:
-        if self._goal.is_cancel_requested and share < 1.0:  # what is done is not called off
-            raise CalledOffError
+    def __call__(self, stage: str, fraction: float) -> None:
+        if self._goal.is_cancel_requested and fraction < 1.0:  # a finished diagnosis is delivered
+            raise CanceledError
         elapsed = time.monotonic() - self._begin
-        remaining = elapsed * (1.0 - share) / share if share > 0.02 else float('nan')
+        remaining = float('nan')
+        if fraction > FIRST_ESTIMATE:
+            remaining = elapsed * (1.0 - fraction) / fraction
         self._goal.publish_feedback(
-            Diagnose.Feedback(stage=stage, fraction=float(share), remaining=float(remaining))
+            Diagnose.Feedback(stage=stage, fraction=float(fraction), remaining=float(remaining))
         )
 
 
 def main() -> None:
-    """Run the node, at a low priority."""
-    os.nice(NICENESS)  # before any thread is started: each inherits it
-    run(DiagnosisNode, threads=3)  # one diagnoses, one listens, one refuses a second goal
+    """Run the node at a low priority."""
+    os.nice(NICENESS)  # before any thread starts, because each inherits the value
+    run(DiagnosisNode, threads=THREADS)
 
 
 if __name__ == '__main__':

@@ -1,18 +1,25 @@
-"""How a diagnosis says how far it is."""
+"""How a diagnosis reports its progress."""
 
 from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
-"""Told the stage and the share that is done."""
+"""Called with the name of the stage and the fraction of the work that is done, 0 to 1."""
 
 
 def forward_only(progress: Progress) -> Progress:
-    """Return `progress` with shares that never go back where a stage is gone through again."""
+    """Return `progress` with fractions that never decrease.
+
+    Some stages run more than once; the second run keeps the fraction that was reached.
+    """
     reached = 0.0
 
-    def told(stage: str, share: float) -> None:
+    def report(stage: str, fraction: float) -> None:
         nonlocal reached
-        reached = max(reached, share)
+        reached = max(reached, fraction)
         progress(stage, reached)
 
-    return told
+    return report
+
+
+def no_progress(_stage: str, _fraction: float) -> None:
+    """Ignore the progress."""

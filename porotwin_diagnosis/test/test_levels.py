@@ -1,43 +1,96 @@
-"""What a fit learns on the way from coarse to fine cells."""
+"""The levels of a search, their corrections and their point spread."""
 
+import numpy as np
 import pytest
+from diagnosis_examples import TYPICAL_SEED, candidate, sample_of
 
 from porotwin_core.grid import relative_error
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.data.sample import read_sample
-from porotwin_diagnosis.search.levels import Levels
-from porotwin_diagnosis.search.ranking import score
-from porotwin_recording.recording import open_recording
+from porotwin_diagnosis.search.levels import make_levels
+from porotwin_diagnosis.search.ranking import normalised_misfit, score
+from porotwin_diagnosis.thresholds import NEARLY_CLOSED_MISFIT
 from porotwin_rig.observation import MapNoise
 
 
 def levels_of(recording):
-    sample = read_sample(open_recording(recording))
-    return Levels([sample], progress=lambda _stage, _share: None, workers=1)
+    return make_levels([sample_of(recording)], progress=lambda _stage, _share: None, workers=1)
 
 
-def test_the_blur_of_edges_is_measured_with_the_model_that_fits(quiet):
+def corrections(levels):
+    return [levels.judging.forwards[0].correction, levels.screening.forwards[0].correction]
+
+
+def test_the_point_spread_is_measured_with_a_model_that_fits(quiet):
     levels = levels_of(quiet)
     null = levels.null()
-    levels.measure_blur(null)
-    assert levels.judging.soft == pytest.approx(MapNoise.drawn(3).blur_cells, abs=0.2)
-    assert levels.null().fitted <= null.fitted + 1e-6
+    measured = levels.with_point_spread_of(null)
+    true = MapNoise.drawn(TYPICAL_SEED).blur_cells
+    assert measured.judging.point_spread_width == pytest.approx(true, abs=0.2)
+    assert measured.null().fitted_misfit <= null.fitted_misfit + 1e-6
 
 
-def test_one_run_on_finer_cells_tells_what_the_judging_cells_do_wrong(quiet):
+def test_a_simulation_on_the_finest_cells_corrects_the_judging_cells(quiet):
     levels = levels_of(quiet)
     before = levels.null()
-    levels.attune(before)
+    attuned = levels.attuned(before)
+    assert attuned.judging.forwards[0].correction is not None
+    assert score(attuned.null()) < score(before)
+
+
+def test_levels_do_not_change_when_others_are_made_from_them(quiet):
+    levels = levels_of(quiet)
+    before, width = levels.null(), levels.judging.point_spread_width
+    attuned = levels.attuned(before)
+    levels.with_corrected_coarse_cells(())
+    assert corrections(levels) == [None, None]
+    assert corrections(attuned)[1] is None
+    assert levels.judging.point_spread_width == width
     after = levels.null()
-    assert score(after) < score(before)
-    assert levels.judging.forwards[0].offset is not None
+    assert (after.fitted_misfit, after.held_out_misfit) == (
+        before.fitted_misfit,
+        before.held_out_misfit,
+    )
 
 
-def test_what_an_effect_changes_is_measured_where_fronts_are_sharp(denser_sand):
-    """A bent response changes nothing but soft fronts, and the scheme's own are soft."""
+def test_corrected_coarse_cells_predict_like_the_judging_cells(quiet):
+    levels = levels_of(quiet)
+    corrected = levels.with_corrected_coarse_cells(())
+    fine = corrected.judging.forwards[0].maps(())
+    np.testing.assert_allclose(corrected.refining.forwards[0].maps(()), fine, atol=1e-6)
+
+
+def test_levels_are_not_attuned_to_a_fit_with_a_large_gap(denser_sand):
+    levels = levels_of(denser_sand)
+    null = levels.null()
+    assert normalised_misfit(null) > NEARLY_CLOSED_MISFIT
+    assert levels.attuned(null) is levels
+
+
+def test_no_fits_are_judged_again_without_a_change(quiet):
+    levels = levels_of(quiet)
+    assert levels.judged_again([], levels.null(), 0.5) == (levels, [])
+
+
+def test_the_change_by_an_effect_is_measured_on_sharp_fronts(denser_sand):
+    """A bent response changes fronts only as far as they are smeared, also by the scheme."""
     levels = levels_of(denser_sand)
     bent = EffectDescription(name='saturation', parameters={'exponent': 0.7})
     coarse = levels.refining.forwards[0]
-    begin = coarse.sample.fitted
+    begin = coarse.sample.fitted_frames
     smeared = relative_error(coarse.maps((bent,))[begin:], coarse.maps(())[begin:])
-    assert 0.0 < levels.change((bent,)) < 0.8 * smeared
+    assert 0.0 < levels.relative_change((bent,)) < 0.8 * smeared
+
+
+def test_a_leak_at_a_pumping_well_is_recognised(quiet):
+    levels = levels_of(quiet)
+    well = levels.samples[0].rig.wells['injector']
+    leak = candidate(levels.samples, 'leak')
+
+    def fit_at(x, z):
+        scaled = [leak.parameters[0].scaled(x), leak.parameters[1].scaled(z), 1.0]
+        return levels.screening.evaluate((leak,), np.array(scaled))
+
+    assert levels.has_leak_at_well(fit_at(well.x_m + 0.02, well.z_m))
+    away = fit_at(0.45, 0.2)
+    assert not levels.has_leak_at_well(away)
+    assert levels.ranked([fit_at(well.x_m + 0.02, well.z_m), away]) == [away]

@@ -1,11 +1,11 @@
-"""The probabilities of effects in diagnosis.json agree with the confidence in the verdict."""
+"""The stated probabilities of effects agree with the confidence of the verdict."""
 
 import numpy as np
 import pytest
 
+from porotwin_diagnosis.decision.probabilities import stated_probabilities
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.report.diagnosis_json import _probabilities
 
 MODEL = Fit((), np.zeros(0), 1.0, 1.0, 0.1, 0.1, np.zeros((0, 0)))
 RAW = {'porosity': 0.45, 'rate': 0.45, 'depth': 0.08, 'leak': 0.02, 'none': 0.0}
@@ -14,11 +14,11 @@ NAMES = ['porosity', 'rate', 'depth', 'leak', 'clock']
 
 def shares(name, confidence, *, members=(), inseparable=()):
     verdict = Verdict(name, confidence, MODEL, members, inseparable, RAW)
-    return _probabilities(verdict, NAMES)
+    return stated_probabilities(verdict, NAMES)
 
 
 @pytest.mark.parametrize('name', ['none', 'unexplained'])
-def test_where_no_effect_is_the_verdict_all_together_have_what_the_confidence_leaves(name):
+def test_without_a_named_effect_all_effects_share_the_rest_of_the_confidence(name):
     found = shares(name, 0.95)
     assert sum(found.values()) <= 0.05 + 1e-9
     assert max(found, key=found.get) in ('porosity', 'rate')
@@ -31,13 +31,13 @@ def test_the_verdict_has_its_confidence():
     assert found['clock'] == 0.0
 
 
-def test_what_shows_the_same_shares_the_confidence():
+def test_effects_that_look_the_same_share_the_confidence():
     found = shares('porosity', 0.9, members=('porosity',), inseparable=('rate',))
     assert found['porosity'] == found['rate'] == pytest.approx(0.45)
     assert found['depth'] > found['leak'] > 0.0
 
 
-def test_a_partner_is_as_sure_as_the_pair():
+def test_the_second_member_has_the_confidence_of_the_pair():
     found = shares('porosity', 0.8, members=('porosity', 'clock'))
     assert found['clock'] == pytest.approx(0.8)
     assert found['rate'] < 0.2

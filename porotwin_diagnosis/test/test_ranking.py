@@ -1,44 +1,73 @@
-"""Which fits are more plausible, and which go on."""
+"""The order of fits, and the selection of the fits that go on."""
 
 from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.search.ranking import beyond_noise, near, normalised_misfit, ranked
+from porotwin_diagnosis.search.ranking import (
+    close_to_best,
+    first_of_each_effect,
+    larger_misfit,
+    misfit_beyond_noise,
+    normalised_misfit,
+    overall_misfit,
+    ranked,
+    score,
+)
 
 
-def test_fits_are_ranked_by_the_part_where_more_is_left():
+def test_the_score_is_the_root_mean_square_of_both_parts():
+    fit = fit_of('porosity', misfit=1.0, held_out=7.0)
+    assert score(fit) == overall_misfit(1.0, 7.0) == 5.0
+    assert larger_misfit(fit) == 7.0
+
+
+def test_fits_are_ranked_by_the_part_with_the_larger_misfit():
     even, adapted = fit_of('porosity', misfit=0.6), fit_of('decay', misfit=0.2, held_out=0.7)
     assert ranked([adapted, even]) == [even, adapted]
 
 
-def test_what_was_fitted_twice_is_listed_once_with_the_better_fit():
-    worse, better, turned = (
-        fit_of(*names.split(), misfit=left)
-        for names, left in (('porosity decay', 2.0), ('porosity decay', 1.0), ('decay porosity', 2))
+def test_of_two_fits_of_the_same_effects_the_better_one_is_ranked():
+    worse, better, reversed_order = (
+        fit_of(*names.split(), misfit=misfit)
+        for names, misfit in (
+            ('porosity decay', 2.0),
+            ('porosity decay', 1.0),
+            ('decay porosity', 2),
+        )
     )
     other = fit_of('porosity', misfit=3.0)
-    assert ranked([worse, other, better, turned]) == [better, other]
+    assert ranked([worse, other, better, reversed_order]) == [better, other]
 
 
-def test_a_second_effect_must_earn_its_place():
+def test_a_second_effect_must_lower_the_misfit_enough():
     alone, pair = fit_of('porosity', misfit=1.0), fit_of('porosity', 'decay', misfit=0.95)
     assert ranked([pair, alone]) == [alone, pair]
     closer = fit_of('porosity', 'decay', misfit=0.9)
     assert ranked([alone, closer]) == [closer, alone]
 
 
-def test_only_fits_near_the_best_go_on_but_the_second_in_any_case():
-    fits = [fit_of('decay', misfit=left) for left in (1.0, 1.4, 1.45, 1.6)]
-    assert near(fits) == fits[:3]
-    assert near([fits[0], fits[3]]) == [fits[0], fits[3]]
-    assert near([]) == []
+def test_fits_close_to_the_best_go_on_and_the_second_in_any_case():
+    fits = [fit_of('decay', misfit=misfit) for misfit in (1.0, 1.4, 1.45, 1.6)]
+    assert close_to_best(fits) == fits[:3]
+    assert close_to_best([fits[0], fits[3]]) == [fits[0], fits[3]]
+    assert close_to_best([]) == []
 
 
-def test_what_is_left_beyond_the_noise_is_less_of_a_model_that_may_leave_more():
+def test_a_fit_tied_with_the_last_selected_one_goes_on():
+    fits = [fit_of('decay', misfit=misfit) for misfit in (1.0, 2.0, 2.05, 2.1)]
+    assert close_to_best(fits) == fits[:3]
+
+
+def test_the_normalised_misfit_is_smaller_if_the_true_effect_may_leave_more():
     plain, viscous = (
         fit_of(name, misfit=2.0, noise=(1.0, 1.0)) for name in ('porosity', 'viscosity')
     )
-    assert beyond_noise(plain) == beyond_noise(viscous)
-    assert normalised_misfit(viscous) < normalised_misfit(plain) == max(beyond_noise(plain))
+    assert misfit_beyond_noise(plain) == misfit_beyond_noise(viscous)
+    assert normalised_misfit(viscous) < normalised_misfit(plain) == max(misfit_beyond_noise(plain))
     assert normalised_misfit(fit_of('porosity', misfit=1.0, noise=(1.0, 1.0))) == 0.0
     rough = fit_of('viscosity', misfit=2.0, noise=(1.0, 1.0), fingering_amplification=(2.0, 2.0))
     assert normalised_misfit(rough) == normalised_misfit(viscous) / 2.0
+
+
+def test_the_first_fit_of_every_effect_is_kept():
+    fits = [fit_of(name, misfit=1.0) for name in ('decay', 'clock', 'decay')]
+    assert first_of_each_effect(fits) == fits[:2]

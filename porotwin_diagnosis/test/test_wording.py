@@ -1,6 +1,8 @@
 """Parameters of effects in the units of a report, and effects in words."""
 
+from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.report.wording import interval, phrase, value
+from porotwin_solver.effects import EFFECTS
 
 
 def test_parameters_are_stated_in_units_of_the_laboratory():
@@ -27,3 +29,13 @@ def test_names_of_wells_are_escaped():
     said = phrase('rate', {'well': {'value': '<b>'}, 'factor': {'value': 0.9}})
     assert '&lt;b&gt;' in said
     assert '<b>' not in said
+
+
+def test_every_effect_of_the_library_has_words_and_a_check(denser):
+    for candidate in library(denser.samples):
+        parameters = {
+            name: {'value': amount}
+            for name, amount in candidate.described(candidate.first).parameters.items()
+        }
+        assert phrase(candidate.effect, parameters)
+        assert EFFECTS[candidate.effect].laboratory_check

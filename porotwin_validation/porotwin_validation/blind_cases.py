@@ -1,4 +1,4 @@
-"""Sealed cases: an experiment on the virtual rig whose effect nobody tells the diagnosis."""
+"""Blinded cases: experiments on the virtual rig whose effects the diagnosis does not know."""
 
 from dataclasses import dataclass
 
@@ -38,27 +38,45 @@ SMALL = Rig(
         'control3': Well(x_m=0.760, z_m=0.460),
     },
 )
-"""The paper's small rig, as its owner believes it to be."""
+"""The paper's small rig with its nominal properties."""
 
 KINDS = (
     *('none', 'single', 'outside', 'single', 'pair', 'single', 'left out', 'single', 'none'),
     *('single', 'outside', 'single', 'pair', 'single', 'single', 'left out', 'pair', 'single'),
     *('none', 'outside'),
 )
-"""Kinds of cases as they take turns."""
+"""Kinds of cases in their order: of 20, nine with one effect of the library, three each with none,
+with a pair and with an effect from outside, and two with an effect that is left out of it."""
 
 LEFT_OUT = tuple(name for name in LIBRARY if not EFFECTS[name].has_equals)
-"""Effects that may be taken out of the library: none of the others is the same."""
+"""Effects that may be left out of the library: no other effect equals one of them."""
 
 LARGE_EVERY = 11
-"""Of so many cases one is on the large rig."""
+"""One of this many cases is on the large rig; such a case takes much longer."""
+
+SMALL_CELL_M, LARGE_CELL_M = 0.005, 0.01
+"""Widths of the cells of the maps [m], for the small and the large rig."""
+
+SMALL_INTERVAL_S, LARGE_INTERVAL_S = 60.0, 300.0
+"""Intervals between photographs [s], for the small and the large rig."""
 
 
 @dataclass(frozen=True)
 class BlindCase:
-    """What is sealed: the effects, and the answers that count as right.
+    """An experiment and its hidden truth.
 
-    `photo_interval` and `duration` are in seconds, `cell_m` is the size of a map's cells.
+    Attributes:
+        name: name of the case and of its folder.
+        kind: one of `KINDS`.
+        effects: the true effects.
+        right: names of the verdicts that are right.
+        rig: the nominal rig description, which the diagnosis knows.
+        schedule: commanded rates.
+        duration: duration of the experiment [s].
+        photo_interval: interval between photographs [s].
+        cell_m: width of a cell of the maps [m].
+        seed: seed of the noise.
+        withheld: effects that the diagnosis must not consider.
     """
 
     name: str
@@ -75,8 +93,10 @@ class BlindCase:
 
 
 def draw_case(number: int, seed: int) -> BlindCase:
-    """Return case `number` of the check with `seed`: kinds and effects take turns, the rest is
-    drawn."""
+    """Return case `number` of the check with `seed`.
+
+    Kinds and effects follow in a fixed order; parameters, rates and noise are drawn at random.
+    """
     generator = np.random.default_rng([seed, number])
     large = number % LARGE_EVERY == LARGE_EVERY - 1
     rig = large_rig() if large else SMALL
@@ -85,7 +105,7 @@ def draw_case(number: int, seed: int) -> BlindCase:
     context = DrawContext(rig, wells, duration, injected)
     turn = number % len(KINDS)
     kind = KINDS[turn]
-    # the turn of this case among those of its kind; another seed begins elsewhere
+    # the number of this case among all of its kind; another seed starts at another effect
     index = number // len(KINDS) * KINDS.count(kind) + KINDS[:turn].count(kind) + 5 * seed
     names = _names(kind, index, generator)
     effects = tuple(drawn(name, generator, context) for name in names)
@@ -97,15 +117,15 @@ def draw_case(number: int, seed: int) -> BlindCase:
         rig=rig,
         schedule=schedule,
         duration=duration,
-        photo_interval=300.0 if large else 60.0,
-        cell_m=0.01 if large else 0.005,
+        photo_interval=LARGE_INTERVAL_S if large else SMALL_INTERVAL_S,
+        cell_m=LARGE_CELL_M if large else SMALL_CELL_M,
         seed=int(generator.integers(2**31)),
         withheld=names if kind == 'left out' else (),
     )
 
 
 def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
-    """Return the effects of case `index` of its kind."""
+    """Return the names of the effects of case `index` of its `kind`."""
     if kind == 'none':
         return ()
     if kind == 'pair':
@@ -117,6 +137,7 @@ def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
 
 
 def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:
+    """Return the names of the verdicts that are right for a case with `effects`."""
     if kind == 'none':
         return ('none',)
     if kind == 'left out':
@@ -127,7 +148,7 @@ def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]
 
 
 def large_rig() -> Rig:
-    """Return a rig of the size of the large FluidFlower rig: layers of five sands, wavy."""
+    """Return a rig as large as the large FluidFlower rig, with wavy layers of five sands."""
     nz, nx = 150, 280
     width, height = 2.8, 1.5
     x = (np.arange(nx) + 0.5) * width / nx
@@ -157,7 +178,7 @@ def large_rig() -> Rig:
 
 
 def _large_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
-    """Return what the pumps of the large rig are told: slugs of tracer, chased by water or not."""
+    """Return schedule, duration [s] and wells: slugs of tracer, some of them chased by water."""
     duration = float(1800 * generator.integers(8, 13))
     rate = float(generator.uniform(1800, 2500))
     rows: list[ScheduleRow] = []
@@ -175,32 +196,34 @@ def _large_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, .
 
 
 def _small_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
-    """Return what the pumps are told: injection, pauses or a chase, one or two control wells."""
+    """Return schedule, duration [s] and wells: tracer with pauses, a chase or a rest, two control
+    wells whose rates change three times."""
     duration = float(60 * generator.integers(45, 75))
     injected = float(generator.uniform(350, 520))
     style = generator.choice(['paper', 'pulses', 'chase', 'rest'])
     controls = list(generator.choice(['control1', 'control2', 'control3'], 2, replace=False))
     rows: list[ScheduleRow] = []
 
-    def tell(time: float, well: str, rate_ml_h: float, concentration: float = 0.0) -> None:
+    def command(time: float, well: str, rate_ml_h: float, concentration: float = 0.0) -> None:
         rows.append(ScheduleRow(time, well, WellRate(from_ml_h(rate_ml_h), concentration)))
 
-    tell(0.0, 'injector', injected, 1.0)
+    command(0.0, 'injector', injected, 1.0)
     parts = np.sort(generator.uniform(0.2, 0.9, 3)) * duration
     for time in (0.0, *(float(part) for part in parts)):
         shares = generator.uniform(0, 250, 2)
         for well, rate in zip(controls, shares, strict=True):
-            tell(time, str(well), float(rate))
-        tell(time, 'producer', -float(shares.sum()) - injected * float(generator.uniform(0.3, 1)))
+            command(time, str(well), float(rate))
+        produced = float(shares.sum()) + injected * float(generator.uniform(0.3, 1))
+        command(time, 'producer', -produced)
     if style == 'pulses':
         for index in range(2):
-            tell(duration * (0.25 + 0.35 * index), 'injector', 0.0, 1.0)
-            tell(duration * (0.35 + 0.35 * index), 'injector', injected, 1.0)
+            command(duration * (0.25 + 0.35 * index), 'injector', 0.0, 1.0)
+            command(duration * (0.35 + 0.35 * index), 'injector', injected, 1.0)
     elif style == 'chase':
-        tell(duration * float(generator.uniform(0.4, 0.6)), 'injector', injected, 0.0)
+        command(duration * float(generator.uniform(0.4, 0.6)), 'injector', injected, 0.0)
     elif style == 'rest':
         stop = duration * float(generator.uniform(0.5, 0.65))
         rows = [row for row in rows if row.time < stop]
         for well in ('injector', 'producer', *controls):
-            tell(stop, str(well), 0.0, 0.0)
+            command(stop, str(well), 0.0, 0.0)
     return Schedule(tuple(rows)), duration, ('injector', *map(str, controls))

@@ -1,4 +1,8 @@
-"""What only the virtual rig knows of a case: its maps without noise, and each effect by itself."""
+"""The truth of a blinded case, as only the virtual rig knows it: its maps without noise.
+
+A diagnosis is compared with these maps, and the virtual rig shows how strong each effect of a pair
+is by itself, and whether a wrong name looks the same as the truth.
+"""
 
 import json
 from collections.abc import Sequence
@@ -19,23 +23,30 @@ from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names
 
 SOLVER_FLOOR = 0.02
-"""Relative L2 error that a good solver keeps against maps without noise."""
+"""Relative L2 error that a good solver makes against maps without noise: solvers that share no
+numerics differ by 1 to 2 % on fine grids."""
 
-CLEAR_GAP = 1.15
-"""Errors below this many solver floors hold no gap whose closing could be measured."""
+LEAST_GAP = 1.15
+"""Errors below this many solver floors contain no measurable gap."""
 
-AS_STRONG = 1.1
-"""Effects of a pair whose errors left, or gaps made, alone lie within this factor are equal."""
+EQUAL_STRENGTH = 1.1
+"""Effects of a pair are equally strong if their errors, or their changes, differ by less than this
+factor."""
 
 
 @dataclass(frozen=True)
-class Truth:
-    """`before`, `after`: relative L2 error of the predictions against the maps without noise, over
-    the held-out part; `strongest`: the effects that close most when added alone, or make the
-    largest gap alone, which need not be the same: two effects can hide each other.
+class CaseTruth:
+    """A diagnosis compared with the virtual rig's maps without noise, over the held-out part.
 
-    `imitation`: the same error of the virtual rig with the effects that were said in place of the
-    true ones; None where nothing was said that would have to imitate the truth to be right."""
+    Attributes:
+        before: relative L2 error of the prediction without effects.
+        after: relative L2 error of the prediction with the named effects.
+        strongest: the names that are right: of a pair the effects that close most when added alone,
+            or make the largest gap alone (both can differ, because two effects can hide each
+            other).
+        imitation: relative L2 error of the virtual rig with the named effects in place of the true
+            ones; None if the name is right by itself, or nothing was named.
+    """
 
     before: float
     after: float
@@ -44,41 +55,51 @@ class Truth:
 
     @property
     def gap_closed(self) -> float | None:
-        """Share of the gap above what any solver leaves that is closed; None without a gap."""
-        if self.before < CLEAR_GAP * SOLVER_FLOOR:
+        """Share of the gap above the solver floor that closes; None without a gap."""
+        if not self._has_gap:
             return None
         return (self.before - self.after) / (self.before - SOLVER_FLOOR)
 
     @property
     def imitated(self) -> bool:
-        """Whether what was said comes as near to the truth as a good solver comes to either, so
-        that no model could tell them apart by this recording, and a gap was there."""
-        gap = self.before >= CLEAR_GAP * SOLVER_FLOOR
-        return gap and self.imitation is not None and self.imitation <= SOLVER_FLOOR
+        """Whether the named effects look the same as the truth: within the solver floor.
+
+        No model could separate both by this recording. Only a recording with a gap counts.
+        """
+        return self._has_gap and self.imitation is not None and self.imitation <= SOLVER_FLOOR
+
+    @property
+    def _has_gap(self) -> bool:
+        return self.before >= LEAST_GAP * SOLVER_FLOOR
 
     def write(self, path: Path) -> None:
-        """Write the figures as JSON, whole or not at all."""
-        half = path.with_suffix('.half')
-        half.write_text(json.dumps(asdict(self), indent=1) + '\n', encoding='utf-8')
-        half.replace(path)
+        """Write the figures as JSON, either completely or not at all."""
+        unfinished = path.with_suffix('.unfinished')
+        unfinished.write_text(json.dumps(asdict(self), indent=1) + '\n', encoding='utf-8')
+        unfinished.replace(path)
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Return what was written."""
+        """Return the figures in the file `path`."""
         content = json.loads(path.read_text(encoding='utf-8'))
         return cls(**{**content, 'strongest': tuple(content['strongest'])})
 
 
-def truth_of(case: BlindCase, result: Path, clean: Path) -> Truth:
-    """Return how the predictions in `result` compare with what the virtual rig truly did, which
-    `clean` holds: the maps of the recording without noise."""
+def truth_of(case: BlindCase, result: Path, clean: Path) -> CaseTruth:
+    """Return the comparison of the diagnosis in the folder `result` with the truth of `case`.
+
+    `clean` is the file with the maps of the recording without noise.
+
+    Raises:
+        InputError: the diagnosis predicts times that were not recorded.
+    """
     with netCDF4.Dataset(result / 'fields.nc') as fields:
         held_out = np.asarray(fields['time'][:], dtype=float)
         before, after = (
             np.asarray(fields[f'predicted_{name}'][:], dtype=float) for name in ('before', 'after')
         )
     runs = _Runs(case, open_maps(clean, case.rig), held_out)
-    return Truth(
+    return CaseTruth(
         before=runs.error(before),
         after=runs.error(after),
         strongest=_strongest(case, runs),
@@ -87,11 +108,10 @@ def truth_of(case: BlindCase, result: Path, clean: Path) -> Truth:
 
 
 class _Runs:
-    """Runs of the virtual rig with other effects than the true ones of `case`, beside its true
-    one, `clean`, over the `held_out` times [s].
+    """Runs of the virtual rig of a case with other effects than its own, over the held-out times.
 
-    Every run stops at all times of the recording, as the true one did, so that its numerics are
-    the same.
+    Every run stops at all times of the recording, like the true run, so that its numerical errors
+    are the same.
     """
 
     def __init__(self, case: BlindCase, clean: ConcentrationMaps, held_out: FloatArray) -> None:
@@ -103,7 +123,7 @@ class _Runs:
         self._clean = clean[:][self._held_out].astype(float)
 
     def maps(self, effects: Sequence[EffectDescription]) -> FloatArray:
-        """Return what a camera without noise would show with `effects`, (nt, nz, nx)."""
+        """Return the maps (nt, nz, nx) that a camera without noise shows with `effects`."""
         rig = VirtualRig(self._case.rig, effects=effects)
         grid = self._case.rig.default_grid(self._case.cell_m)
         run = signals(rig, self._case.schedule, times=self._times, grid=grid)
@@ -115,42 +135,43 @@ class _Runs:
 
 
 def _imitation(case: BlindCase, result: Path, runs: _Runs) -> float | None:
-    """Return how far the virtual rig with what was said is from the truth.
+    """Return the error of the virtual rig with the named effects in place of the true ones.
 
-    None where the name said is right by itself, where no gap was to be named, and where the rig
-    cannot do what was said.
+    None if the name is right by itself, if there is no gap to name, or if the virtual rig cannot
+    run with the named effects.
     """
-    said = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
-    if case.kind == 'none' or said['verdict'] in case.right or not said['combination']:
+    stated = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
+    if case.kind == 'none' or stated['verdict'] in case.right or not stated['combination']:
         return None
     try:
-        return runs.error(runs.maps(_said_effects(said)))
+        return runs.error(runs.maps(_named_effects(stated)))
     except InputError:
         return None
 
 
-def _said_effects(said: dict[str, Any]) -> tuple[EffectDescription, ...]:
-    """Return the effects that a diagnosis kept, with the parameters it gives them."""
-    rows = {row['name']: row['parameters'] for row in said['effects']}
+def _named_effects(stated: dict[str, Any]) -> tuple[EffectDescription, ...]:
+    """Return the effects that a diagnosis kept, with its parameters."""
+    rows = {row['name']: row['parameters'] for row in stated['effects']}
     return tuple(
         EffectDescription(
             name=name,
             parameters={key: parameter['value'] for key, parameter in rows[name].items()},
         )
-        for name in said['combination']
+        for name in stated['combination']
     )
 
 
 def _strongest(case: BlindCase, runs: _Runs) -> tuple[str, ...]:
+    """Return the names that are right for `case`: for a pair the names of the stronger effect."""
     if len(case.effects) < 2:
         return case.right
     nothing = runs.maps(())
     alone = [runs.maps((effect,)) for effect in case.effects]
-    left = [runs.error(maps) for maps in alone]
-    made = [relative_error(maps, nothing) for maps in alone]
+    errors = [runs.error(maps) for maps in alone]
+    gaps = [relative_error(maps, nothing) for maps in alone]
     return tuple(
         name
-        for effect, error, gap in zip(case.effects, left, made, strict=True)
-        if error <= AS_STRONG * min(left) or gap >= max(made) / AS_STRONG
+        for effect, error, gap in zip(case.effects, errors, gaps, strict=True)
+        if error <= EQUAL_STRENGTH * min(errors) or gap >= max(gaps) / EQUAL_STRENGTH
         for name in equal_names(effect)
     )

@@ -1,4 +1,4 @@
-"""The diagnosis beside its rival, sparse regression, on the same recordings of the virtual rig."""
+"""The diagnosis beside a baseline, sparse regression, on the same recordings of the virtual rig."""
 
 import tempfile
 import time
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from porotwin_diagnosis.examine import examine
 from porotwin_recording.recording import open_recording
-from porotwin_validation.blind_cases import draw_case
+from porotwin_validation.blind_cases import BlindCase, draw_case
 from porotwin_validation.blind_study import make_recording
 from porotwin_validation.sparse_regression import sparse_regression
 
@@ -16,30 +16,27 @@ CASES = (0, 1, 3, 5, 7, 9)
 
 
 def run(cases: Sequence[int] = CASES, *, seed: int = 1) -> list[dict[str, object]]:
-    """Return one row per case: the truth, what each of the two says, and how long it takes."""
-    rows: list[dict[str, object]] = []
+    """Return one row per case: the truth, both answers, and the time that each takes [s]."""
     with tempfile.TemporaryDirectory(prefix='porotwin_bench_') as folder:
-        for number in cases:
-            case = draw_case(number, seed)
-            place = Path(folder) / case.name
-            make_recording(case, place)
-            recording = open_recording(place)
-            begin = time.perf_counter()
-            verdict = examine([recording], excluded=case.withheld).verdict
-            middle = time.perf_counter()
-            rival = sparse_regression(recording)
-            end = time.perf_counter()
-            rows.append(
-                {
-                    'case': case.name,
-                    'truth': ' or '.join(case.right),
-                    'diagnosis': verdict.name,
-                    'confidence': round(verdict.confidence, 2),
-                    'right': verdict.name in case.right,
-                    'seconds': round(middle - begin, 1),
-                    'pysindy': rival,
-                    'pysindy right': rival in case.right,
-                    'pysindy seconds': round(end - middle, 1),
-                }
-            )
-    return rows
+        return [_compare(draw_case(number, seed), Path(folder)) for number in cases]
+
+
+def _compare(case: BlindCase, folder: Path) -> dict[str, object]:
+    make_recording(case, folder / case.name)
+    recording = open_recording(folder / case.name)
+    begin = time.perf_counter()
+    verdict = examine([recording], excluded=case.withheld).verdict
+    middle = time.perf_counter()
+    baseline = sparse_regression(recording)
+    end = time.perf_counter()
+    return {
+        'case': case.name,
+        'truth': ' or '.join(case.right),
+        'diagnosis': verdict.name,
+        'confidence': round(verdict.confidence, 2),
+        'right': verdict.name in case.right,
+        'seconds': round(middle - begin, 1),
+        'pysindy': baseline,
+        'pysindy right': baseline in case.right,
+        'pysindy seconds': round(end - middle, 1),
+    }

@@ -1,35 +1,35 @@
-"""Stated confidence against what came true."""
+"""The fit of a map from stated confidences to observed frequencies."""
 
 import json
 
 import numpy as np
 import pytest
 
-from porotwin_validation.confidence_fit import recalibrate_from, recalibrated
+from porotwin_validation.confidence_fit import fit_confidence_map, fit_to_scores
 
 
-def test_honest_confidences_stay_and_boastful_ones_are_lowered():
+def test_true_confidences_stay_and_too_high_ones_are_lowered():
     generator = np.random.default_rng(8)
     stated = generator.uniform(0.55, 0.98, 2000)
-    honest = generator.random(2000) < stated
-    scale, shift = recalibrated(stated, honest)
+    as_stated = generator.random(2000) < stated
+    scale, shift = fit_confidence_map(stated, as_stated)
     assert scale == pytest.approx(1.0, abs=0.15)
     assert shift == pytest.approx(0.0, abs=0.15)
-    boastful = generator.random(2000) < 0.5 + 0.5 * (stated - 0.5)
-    assert recalibrated(stated, boastful)[0] < 0.8
+    less_often = generator.random(2000) < 0.5 + 0.5 * (stated - 0.5)
+    assert fit_confidence_map(stated, less_often).scale < 0.8
 
 
 def test_a_few_lucky_cases_prove_little():
-    scale, shift = recalibrated([0.9] * 4, [True] * 4)
+    scale, shift = fit_confidence_map([0.9] * 4, [True] * 4)
     assert scale < 1.2
     assert shift < 0.3
 
 
-def test_the_map_is_refitted_from_a_blind_check(tmp_path):
-    scores = {'cases': [{'confidence': 0.95, 'right': n % 2 == 0} for n in range(40)]}
-    (tmp_path / 'scores.json').write_text(json.dumps(scores))
-    content = {'made_from': '', 'thresholds': {'scale': 1.0, 'shift': 0.0}}
-    (tmp_path / 'calibration.json').write_text(json.dumps(content))
-    scale, shift = recalibrate_from([tmp_path / 'scores.json'], tmp_path / 'calibration.json')
+def test_the_map_is_fitted_to_the_scores_of_blind_checks(tmp_path):
+    paths = [tmp_path / 'first.json', tmp_path / 'second.json']
+    for path in paths:
+        cases = [{'confidence': 0.95, 'right': n % 2 == 0} for n in range(20)]
+        path.write_text(json.dumps({'cases': cases}))
+    scale, shift = fit_to_scores(paths)
     odds = np.log(0.95 / 0.05)
     assert 1 / (1 + np.exp(-(scale * odds + shift))) == pytest.approx(0.5, abs=0.1)

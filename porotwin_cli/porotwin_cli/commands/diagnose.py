@@ -38,7 +38,8 @@ def command(
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
     """
     from porotwin_core.rig import load_rig
-    from porotwin_diagnosis.examine import diagnose
+    from porotwin_diagnosis.examine import examine
+    from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
 
@@ -52,24 +53,20 @@ def command(
         _live(output, as_json=as_json)
         return
     own = load_rig(rig) if rig is not None else None
-    for recording in recordings:
-        open_recording(recording, rig=own)  # refuse wrong input before a progress bar is drawn
+    opened = [open_recording(recording, rig=own) for recording in recordings]
+    folder = checked_folder(output, recordings)
     with progress() as bar:
         task = bar.add_task('diagnosis', total=100)
-        result = diagnose(
-            recordings,
-            output,
-            rig=own,
-            preset=preset,
-            apply=apply,
-            progress=lambda stage, share: bar.update(
-                task, completed=round(100 * share), description=stage
-            ),
-        )
+
+        def show(stage: str, fraction: float) -> None:
+            bar.update(task, completed=round(100 * fraction), description=stage)
+
+        result = examine(opened, preset=preset, progress=show)
+        summary = write_diagnosis(result, folder, apply=apply, progress=show)
     if as_json:
-        print_json({'output': output, **result.summary})
+        print_json({'output': output, **summary})
         return
-    print(f'{result.summary["verdict"]}, with confidence {result.summary["confidence"]:.2f}')
+    print(f'{summary["verdict"]}, with confidence {summary["confidence"]:.2f}')
     say(f'report: {output / "report.html"}')
     camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
     if apply and not (result.verdict.members and result.verdict.model.effects):

@@ -1,1 +1,1 @@
-"""What to measure next, and what the recording could have shown."""
+"""Advice: which experiment to make next, and which effects would have been visible."""

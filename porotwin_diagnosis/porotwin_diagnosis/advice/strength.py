@@ -1,68 +1,90 @@
-"""The smallest strength of each effect that a recording could have shown."""
+"""The smallest strength of each effect that would have been visible in a recording."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
-from porotwin_diagnosis.data.sample import WIDTH
-from porotwin_diagnosis.model.fit import Fitter
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
+from porotwin_diagnosis.model.fitter import Fitter
 from porotwin_diagnosis.model.library import library, nominal_parameters
+from porotwin_diagnosis.thresholds import VISIBLE_CHANGE
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.candidate import Candidate
 
-VISIBLE = 0.5
-"""Whitened change per cell with tracer at which an effect begins to stand clear of the noise."""
+TRIAL_STEP = 1.0
+"""Change of a scaled parameter for the measured response: it moves a front by about one cell."""
 
 
-def smallest_strengths(fitter: Fitter) -> dict[str, dict[str, float | str]]:
-    """Return by effect the parameter that counts, its unit, and the least deviation that shows.
+class Strength(NamedTuple):
+    """The least deviation of a parameter that would have been visible, in its `unit`."""
 
-    From the response of the whole picture to a small amount of the effect, alone, in the middle of
-    the rig where it needs a place; deviations are from no effect (from 1 for a factor), or from
-    what the rig description says of it already. Of several wells the one that shows most counts,
-    of several parameters the first.
+    parameter: str
+    value: float
+    unit: str
+
+
+class _Trial(NamedTuple):
+    """A small amount of an effect: which parameter is tried, and its value without the effect."""
+
+    number: int
+    scaled: list[float]
+    absent: float
+
+
+def smallest_strengths(fitter: Fitter) -> dict[str, Strength]:
+    """Return the smallest visible strength of each effect, by its name.
+
+    A small amount of the effect changes the whitened residuals by r per cell with tracer (root mean
+    square). Its strength times `VISIBLE_CHANGE` / r would just be visible. Deviations are from no
+    effect (from 1 for a factor), or from the rig description if it contains the effect. Of several
+    parameters the first is tried; an effect that needs a place is put in the middle of the rig; of
+    several wells the most visible one counts. Effects that change nothing are left out.
     """
-    base = fitter.residuals((), WIDTH)
-    cells = max(sum(sample.active for sample in fitter.samples), 1)
-    found: dict[str, dict[str, float | str]] = {}
+    base = fitter.residuals((), SMOOTHING_WIDTH)
+    cells = max(sum(sample.tracer_cells for sample in fitter.samples), 1)
+    found: dict[str, Strength] = {}
     for candidate in library(fitter.samples):
-        main, scaled, absent = _trial(candidate, fitter.samples[0].rig)
-        try:
-            changed = fitter.residuals((candidate.described(scaled),), WIDTH)
-        except InputError:  # the model cannot run with it
-            continue
-        power = sum(float(np.sum((a - b) ** 2)) for a, b in zip(base, changed, strict=True))
+        trial = _trial(candidate, fitter.samples[0].rig)
+        power = _response_power(fitter, base, candidate, trial)
         if power <= 0.0:
             continue
-        parameter = candidate.parameters[main]
-        deviation = abs(parameter.value(scaled[main]) - absent)
-        least = deviation * VISIBLE / math.sqrt(power / cells)
+        parameter = candidate.parameters[trial.number]
+        deviation = abs(parameter.value(trial.scaled[trial.number]) - trial.absent)
+        least = deviation * VISIBLE_CHANGE / math.sqrt(power / cells)
         known = found.get(candidate.effect)
-        if known is None or (
-            known['parameter'] == parameter.name and least < float(known['value'])
-        ):
-            found[candidate.effect] = {
-                'parameter': parameter.name,
-                'value': float(f'{least:.3g}'),
-                'unit': parameter.unit,
-            }
+        if known is None or (known.parameter == parameter.name and least < known.value):
+            found[candidate.effect] = Strength(
+                parameter.name, float(f'{least:.3g}'), parameter.unit
+            )
     return found
 
 
-def _trial(candidate: Candidate, rig: Rig) -> tuple[int, list[float], float]:
-    """Return the index of the parameter that is tried, scaled parameters with a small amount of
-    the effect, and the value of that parameter without the effect."""
+def _response_power(
+    fitter: Fitter, base: list[FloatArray], candidate: Candidate, trial: _Trial
+) -> float:
+    """Return the sum of squares of the change in residuals; 0 if the model cannot run."""
+    try:
+        changed = fitter.residuals((candidate.described(trial.scaled),), SMOOTHING_WIDTH)
+    except InputError:
+        return 0.0
+    return sum(float(np.sum((a - b) ** 2)) for a, b in zip(base, changed, strict=True))
+
+
+def _trial(candidate: Candidate, rig: Rig) -> _Trial:
+    """Return a small amount of the effect `candidate`."""
     scaled = list(candidate.first)
     if EFFECTS[candidate.effect].has_place:
-        scaled[-1] = 1.0
-        return len(scaled) - 1, scaled, candidate.parameters[-1].neutral
+        scaled[-1] = TRIAL_STEP
+        return _Trial(len(scaled) - 1, scaled, candidate.parameters[-1].neutral)
     parameter = candidate.parameters[0]
     if nominal_parameters(rig, candidate.effect) is not None:
-        known = parameter.value(scaled[0])
-        scaled[0] += 1.0
-        return 0, scaled, known
+        nominal = parameter.value(scaled[0])
+        scaled[0] += TRIAL_STEP
+        return _Trial(0, scaled, nominal)
     if not parameter.is_never_absent:
-        scaled[0] = 1.0
-    return 0, scaled, parameter.absent
+        scaled[0] = TRIAL_STEP
+    return _Trial(0, scaled, parameter.absent)

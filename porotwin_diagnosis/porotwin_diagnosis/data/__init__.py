@@ -1,1 +1,1 @@
-"""What a recording says, with its noise, ready for comparison."""
+"""Recordings prepared for a comparison with the model: selected frames, noise, residuals."""

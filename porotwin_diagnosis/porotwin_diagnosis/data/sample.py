@@ -1,13 +1,19 @@
-"""What a recording says, made ready for comparison: chosen frames, smoothed, weighed by its noise.
+"""The frames of a recording that fits compare with the model, and the whitened residual.
 
-A residual is compared after smoothing over `WIDTH` cells. This leaves what a displaced front shows
-and suppresses grain, edge blur and the little that a scheme smears, all of which change sign across
-a front. It is divided by its standard deviation: that of the smoothed noise, of the clipped and
-quantised background, and a share of a cell by which no front is known.
+The residual between an observed map o and a predicted concentration c is smoothed and divided by
+its standard deviation:
+
+    r = S(o - E[o | c]) / sigma,
+    sigma^2 = (damping s)^2 + (FRONT_TOLERANCE |grad S(o)|)^2 + BACKGROUND_TOLERANCE^2.
+
+S is a Gaussian of `SMOOTHING_WIDTH` cells. It keeps a displaced front and suppresses grain, point
+spread and numerical smearing, which change sign across a front. E[o | c] is the mean of a noisy map
+of c (`Noise.expected`). s is the standard deviation of the noise; smoothing damps it by
+w / hypot(w, SMOOTHING_WIDTH) for noise of the width w. The gradient term is the uncertainty of the
+position of a front.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,44 +24,71 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
-from porotwin_diagnosis.data.noise import Noise, blur, measure_noise
+from porotwin_diagnosis.data.noise import Noise, blurred
+from porotwin_diagnosis.data.noise_estimation import measure_noise
+from porotwin_diagnosis.data.observed_maps import (
+    FILLED_SHARE,
+    evenly_spread,
+    filled_map,
+    tracer_share,
+)
 from porotwin_recording.recording import Recording
 
-WIDTH = 1.5
-"""Width [cells] over which residuals are smoothed before they are compared."""
+SMOOTHING_WIDTH = 1.5
+"""Width [cells] of the smoothing of a residual: wider than grain and point spread, narrower than
+the front displacements of interest."""
 
-COARSE_WIDTH = 4.0
-"""The same for the first steps of a fit, whose fronts may still lie cells apart."""
+COARSE_SMOOTHING_WIDTH = 4.0
+"""Width [cells] of the smoothing in the first steps of a fit, where fronts may lie cells apart."""
 
 STRIDE = 2
-"""Of the smoothed residual, every so many cells are kept each way."""
+"""Every second cell of a smoothed residual is kept each way; the others repeat their neighbours."""
 
 HELD_OUT_SHARE = 0.3
-"""The last part of the recording, which no fit sees (diagnosis contract)."""
+"""Share of the recording, at its end, that no fit uses; fixed by the diagnosis contract."""
 
 FRONT_TOLERANCE = 0.12
-"""By how much of a cell a front may lie elsewhere without meaning anything."""
+"""Standard deviation [cells] of the position of a front that any numerical scheme leaves."""
 
 BACKGROUND_TOLERANCE = 0.004
-"""What quantisation and clipping leave unsure of a smoothed tracer-free map."""
+"""Standard deviation [-] of a smoothed map without tracer: one step of an 8-bit photograph."""
 
-ACTIVE, FULL = 0.03, 0.9
-"""Smoothed map above which a cell holds tracer; above which it holds nothing but stock."""
+TRACER_PRESENT = 0.03
+"""Smoothed concentration [-] above which a cell holds tracer, well above the background noise."""
 
-TRACER, FILLED_SHARE = 0.3, 0.02
-"""A first map with more than this share of cells above this concentration holds tracer."""
+FULL_STOCK = 0.9
+"""Smoothed concentration [-] above which a cell holds stock only and cannot show a gap."""
 
 FITTED_FRAMES, HELD_OUT_FRAMES = 20, 12
+"""Largest number of frames for fits and for the held-out part; they bound time and memory."""
+
 FEWEST_FRAMES = 8
+"""Fewest frames of a recording that can be diagnosed."""
+
+VISIBLE_TRACER = 0.1
+"""Concentration [-] that one cell of a frame must exceed for the frame to show tracer."""
+
+NOISE_FRAMES = 40
+"""About so many frames are used to estimate the noise. All frames share the grain, so that more of
+them would add little."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One recording as the fits see it.
+    """The frames of one recording that are compared with the model.
 
-    `times` [s] and `observed` (nt, nz, nx) hold the chosen frames, those to be fitted first;
-    `fitted` counts them. `held_out_start` [s] is where the held-out part begins. `initial`
-    (nz, nx) is the first map, where that holds tracer which no pump has brought.
+    Attributes:
+        rig: nominal description of the rig.
+        schedule: rates of the wells over time.
+        grid: grid of the maps.
+        times: times of the frames [s], (nt,); the fitted frames first, then the held-out ones.
+        observed: observed concentration [-], (nt, nz, nx); NaN where nothing is seen.
+        fitted_frames: number of frames that fits use.
+        noise: noise of the maps.
+        start: time of the first map of the recording [s].
+        held_out_start: beginning of the held-out part [s].
+        end: time of the last map of the recording [s].
+        initial: first map (nz, nx) if it holds tracer that no pump has injected; else None.
     """
 
     rig: Rig
@@ -63,116 +96,134 @@ class Sample:
     grid: Grid
     times: NDArray[np.float64]
     observed: FloatArray
-    fitted: int
+    fitted_frames: int
     noise: Noise
     start: float
     held_out_start: float
     end: float
     initial: FloatArray | None = None
-    weights: dict[float, FloatArray] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def model_start(self) -> float:
-        """When the model begins [s]: with the experiment, or with the first map if that is where it
-        begins."""
+        """Start time of the model [s]: the time of `initial` if there is one, else zero."""
         return 0.0 if self.initial is None else self.start
 
     def initial_on(self, grid: Grid) -> FloatArray | None:
-        """Return the map from which the model begins on `grid`; None for water."""
+        """Return `initial` on `grid`, (nz, nx) [-]; None if the rig starts without tracer."""
         return None if self.initial is None else conservative_resample(self.initial, grid.shape)
-
-    @cached_property
-    def known(self) -> FloatArray:
-        """1 where the image says something, else 0; (nt, nz, nx)."""
-        return np.isfinite(self.observed).astype(float)
 
     @property
     def duration(self) -> float:
-        """Length of the recording [s]."""
+        """Duration of the recording [s]."""
         return self.end - self.start
 
     @cached_property
-    def filled(self) -> FloatArray:
-        """The observed maps with zeros where the image says nothing."""
-        return np.where(self.known > 0, self.observed, 0.0)
+    def seen_mask(self) -> FloatArray:
+        """1 where a cell is seen, else 0; (nt, nz, nx)."""
+        return np.isfinite(self.observed).astype(float)
+
+    @cached_property
+    def observed_or_zero(self) -> FloatArray:
+        """The observed maps [-] with zero in unseen cells, (nt, nz, nx)."""
+        return np.where(self.seen_mask > 0, self.observed, 0.0)
+
+    @cached_property
+    def smoothed_observed(self) -> FloatArray:
+        """The smoothed observed maps [-] at the compared cells, (nt, nz', nx')."""
+        return self._smoothed(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
+
+    @cached_property
+    def upper_limit(self) -> FloatArray:
+        """The smoothed observed maps plus two standard deviations of noise [-], (nt, nz', nx')."""
+        deviation = self._noise_deviation(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
+        return self.smoothed_observed + 2.0 * deviation
+
+    @cached_property
+    def tracer_cells(self) -> int:
+        """Number of compared cells with tracer, over all frames."""
+        return int(np.count_nonzero(self.smoothed_observed > TRACER_PRESENT))
+
+    @cached_property
+    def front_mask(self) -> NDArray[np.bool_]:
+        """True at compared cells with tracer but not full stock, where a gap shows."""
+        seen = self.weight(SMOOTHING_WIDTH) > 0
+        smoothed = self.smoothed_observed
+        return (smoothed > TRACER_PRESENT) & (smoothed < FULL_STOCK) & seen
+
+    @cached_property
+    def expected_noise_squares(self) -> FloatArray:
+        """Expected squares of whitened residuals that come from noise alone, (nt, nz', nx')."""
+        deviation = self._noise_deviation(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
+        return (deviation * self.weight(SMOOTHING_WIDTH)) ** 2
 
     def weight(self, width: float) -> FloatArray:
-        """Return one over the standard deviation of a smoothed residual, (nt, nz', nx')."""
-        if width not in self.weights:
-            self.weights[width] = self._weight(width)
-        return self.weights[width]
+        """Return 1 / sigma of residuals smoothed over `width` [cells], (nt, nz', nx').
 
-    def _weight(self, width: float) -> FloatArray:
-        c = self._smoothed(width)
-        slope = np.hypot(np.gradient(c, axis=1), np.gradient(c, axis=2))
-        square = self._noise(width) ** 2 + (FRONT_TOLERANCE * slope) ** 2
+        It is zero where less than half of the surroundings is seen.
+        """
+        if width not in self._weights:
+            self._weights[width] = self._computed_weight(width)
+        return self._weights[width]
+
+    @cached_property
+    def _weights(self) -> dict[float, FloatArray]:
+        """Weights that were computed already, by smoothing width."""
+        return {}
+
+    def _computed_weight(self, width: float) -> FloatArray:
+        smoothed = self._smoothed(width)
+        slope = np.hypot(np.gradient(smoothed, axis=1), np.gradient(smoothed, axis=2))
+        square = self._noise_deviation(width) ** 2 + (FRONT_TOLERANCE * slope) ** 2
         square += BACKGROUND_TOLERANCE**2
-        half_known = np.stack([gaussian_filter(frame, width) for frame in self.known]) > 0.5
-        return (half_known / np.sqrt(square))[:, ::STRIDE, ::STRIDE]
+        half_seen = np.stack([gaussian_filter(frame, width) for frame in self.seen_mask]) > 0.5
+        return (half_seen / np.sqrt(square))[:, ::STRIDE, ::STRIDE]
 
     def _smoothed(self, width: float) -> FloatArray:
-        return np.stack([gaussian_filter(frame, width) for frame in self.filled])
+        return np.stack([gaussian_filter(frame, width) for frame in self.observed_or_zero])
 
-    def _noise(self, width: float) -> FloatArray:
-        """Return the deviation of the noise that smoothing leaves, (nt, nz, nx)."""
+    def _noise_deviation(self, width: float) -> FloatArray:
+        """Return the standard deviation of noise smoothed over `width` [cells], (nt, nz, nx)."""
         grain = self.noise.correlation
         damping = grain / np.hypot(grain, width)
         return self.noise.clipped_deviation(self._smoothed(width)) * damping
 
-    @cached_property
-    def compared(self) -> FloatArray:
-        """The smoothed observed map where residuals are compared, (nt, nz', nx')."""
-        return self._smoothed(WIDTH)[:, ::STRIDE, ::STRIDE]
-
-    @cached_property
-    def active(self) -> int:
-        """How many compared cells hold tracer."""
-        return int(np.count_nonzero(self.compared > ACTIVE))
-
-    @cached_property
-    def front(self) -> NDArray[np.bool_]:
-        """Compared cells that hold some tracer but not all stock, where a gap shows."""
-        seen = self.weight(WIDTH) > 0
-        return (self.compared > ACTIVE) & (self.compared < FULL) & seen
-
-    @cached_property
-    def at_most(self) -> FloatArray:
-        """What the compared cells may hold for all that noise tells, (nt, nz', nx')."""
-        return self.compared + 2.0 * self._noise(WIDTH)[:, ::STRIDE, ::STRIDE]
-
-    @cached_property
-    def expected_squares(self) -> FloatArray:
-        """The squares of whitened residuals that noise alone leads one to expect, (nt, nz', nx')"""
-        return (self._noise(WIDTH)[:, ::STRIDE, ::STRIDE] * self.weight(WIDTH)) ** 2
-
     def whitened(
-        self, predicted: FloatArray, *, width: float = WIDTH, soft: float = 0.0
+        self,
+        predicted: FloatArray,
+        *,
+        width: float = SMOOTHING_WIDTH,
+        point_spread_width: float = 0.0,
     ) -> FloatArray:
-        """Return the weighed residual observed - predicted, (nt, nz', nx').
+        """Return the whitened residual r [-], (nt, nz', nx'); see the module for the formula.
 
-        `predicted` (nt, nz, nx) is what the camera would show without noise; `soft` the blur
-        [cells] that it lacks beside the recorded maps. It may hold the first frames only.
+        Args:
+            predicted: noise-free maps (nt, nz, nx) [-] of all frames or of the first ones.
+            width: width [cells] of the smoothing S.
+            point_spread_width: width [cells] of the point spread that `predicted` lacks.
         """
-        expected = self.noise.expected(blur(np.clip(predicted, 0.0, 1.0), soft))
+        expected = self.noise.expected(blurred(np.clip(predicted, 0.0, 1.0), point_spread_width))
         count = len(expected)
-        residual = (self.filled[:count] - expected) * self.known[:count]
+        residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
         return smooth * self.weight(width)[:count]
 
     def relative_error(self, predicted: FloatArray, *, held_out: bool = True) -> float:
-        """Return the relative L2 error of `predicted` over the held-out (or fitted) frames."""
-        part = slice(self.fitted, None) if held_out else slice(None, self.fitted)
-        known = self.known[part] > 0
-        observed = self.observed[part][known]
+        """Return the relative L2 error [-] of `predicted` (nt, nz, nx) over the seen cells.
+
+        It covers the held-out frames, or the fitted ones with `held_out=False`.
+        """
+        part = slice(self.fitted_frames, None) if held_out else slice(None, self.fitted_frames)
+        seen = self.seen_mask[part] > 0
+        observed = self.observed[part][seen]
         norm = max(float(np.linalg.norm(observed)), 1e-12)
-        return float(np.linalg.norm(predicted[part][known] - observed)) / norm
+        return float(np.linalg.norm(predicted[part][seen] - observed)) / norm
 
 
 def read_sample(recording: Recording) -> Sample:
-    """Return the frames of `recording` that a diagnosis compares.
+    """Return the frames of `recording` that a diagnosis compares with the model.
 
     Raises:
-        InputError: too few frames, or no tracer in them, to judge anything.
+        InputError: too few frames, or no tracer in the fitted or in the held-out part.
     """
     times, maps = recording.times, recording.concentration
     held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
@@ -183,119 +234,59 @@ def read_sample(recording: Recording) -> Sample:
             f'{recording.source}: {len(times)} maps are too few to judge a model; '
             f'record at least {FEWEST_FRAMES}'
         )
-    seen = np.array([bool(np.any(frame > 0.1)) for frame in maps])
-    with_tracer = before[seen[before]]
-    if not with_tracer.size or not seen[after].any():
+    with_tracer = np.array([bool(np.any(frame > VISIBLE_TRACER)) for frame in maps])
+    fitted = before[with_tracer[before]]
+    if not fitted.size or not with_tracer[after].any():
         raise InputError(
             f'{recording.source}: shows no tracer in its first 70 % or its last 30 %; '
             'record while tracer is in the rig'
         )
-    chosen = np.concatenate([_spread(with_tracer, FITTED_FRAMES), _spread(after, HELD_OUT_FRAMES)])
+    chosen = np.concatenate(
+        [evenly_spread(fitted, FITTED_FRAMES), evenly_spread(after, HELD_OUT_FRAMES)]
+    )
     return Sample(
         rig=recording.rig,
         schedule=recording.pumped,
         grid=recording.grid,
         times=times[chosen],
         observed=maps[chosen].astype(float),
-        fitted=min(len(with_tracer), FITTED_FRAMES),
-        noise=measure_noise(maps[:: max(1, len(times) // 40)]),
+        fitted_frames=min(len(fitted), FITTED_FRAMES),
+        noise=measure_noise(maps[:: max(1, len(times) // NOISE_FRAMES)]),
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
-        initial=_initial(recording),
+        initial=_initial_tracer(recording),
     )
 
 
-def _initial(recording: Recording) -> FloatArray | None:
-    """Return the first map if it holds tracer before anything was pumped, which is then where the
-    model begins; None for a rig that begins with water, or whose pumps ran before the first map.
+def _initial_tracer(recording: Recording) -> FloatArray | None:
+    """Return the first map (nz, nx) if it holds tracer before any pump has run; else None.
 
-    Also where tracer is injected from that moment on: a late clock shows the same, and competes.
+    It is None as well where tracer is injected from that moment on: a late clock looks the same
+    and must be able to compete.
     """
     start, first = recording.times[0], recording.concentration[0]
     rows = recording.pumped.rows
     pumped = any(row.rate.rate and row.time < start for row in rows)
     injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
-    if pumped or injects or share_with_tracer(first) < FILLED_SHARE:
+    if pumped or injects or tracer_share(first) < FILLED_SHARE:
         return None
     return filled_map(first, recording.grid)
 
 
-def share_with_tracer(concentration: FloatArray) -> float:
-    """Return the share of cells (nz, nx) that hold tracer, to be compared with `FILLED_SHARE`."""
-    return float(np.mean(concentration > TRACER))
-
-
-def filled_map(frame: FloatArray, grid: Grid) -> FloatArray:
-    """Return `frame` (nz, nx) on `grid`, 0 to 1, holes filled from what is seen around them."""
-    known = np.isfinite(frame)
-    if not known.all():
-        weight = gaussian_filter(known.astype(float), 3.0)
-        guess = gaussian_filter(np.where(known, frame, 0.0), 3.0) / np.maximum(weight, 1e-6)
-        frame = np.where(known, frame, guess)
-    return np.clip(conservative_resample(frame.astype(float), grid.shape), 0.0, 1.0)
+LEAST_COARSE_CORRELATION = 0.5
+"""Least width [coarse cells] of averaged noise: it fluctuates from cell to cell at most."""
 
 
 def coarsened(sample: Sample, factor: int) -> Sample:
-    """Return `sample` averaged over cells `factor` times larger each way: cheap, for screening."""
+    """Return `sample` averaged over cells that are `factor` times larger each way.
+
+    The standard deviations of the noise stay as they are, which is on the safe side.
+    """
     grid = sample.rig.grid(
         max(1, round(sample.grid.nx / factor)), max(1, round(sample.grid.nz / factor))
     )
     observed = np.stack([conservative_resample(frame, grid.shape) for frame in sample.observed])
-    noise = sample.noise
-    return replace(
-        sample,
-        grid=grid,
-        observed=observed,
-        noise=replace(noise, correlation=max(0.5, noise.correlation / factor)),
-        weights={},
-    )
-
-
-def _spread(indices: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """Return at most `count` of `indices`, evenly spread, the last one among them."""
-    if len(indices) <= count:
-        return indices
-    return indices[np.round(np.linspace(0, len(indices) - 1, count)).astype(int)]
-
-
-def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
-    """Return the root mean square of whitened residuals at fronts: fitted, held out.
-
-    What counts are cells that hold some tracer but not all stock, as predicted, or as observed
-    beyond noise: of a pale plume's interior the noise would choose the low ones alone. The observed
-    ones divide, so that neither an empty nor a full rig dilutes a gap.
-    """
-    squares = [
-        residual**2 * _counted(sample, residual)
-        for sample, residual in zip(samples, residuals, strict=True)
-    ]
-    return _root_mean(samples, squares)
-
-
-def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
-    """Return the misfit that the noise alone leads one to expect of a model that leaves
-    `residuals`, in the cells that count: fitted, held out."""
-    squares = [
-        sample.expected_squares * _counted(sample, residual)
-        for sample, residual in zip(samples, residuals, strict=True)
-    ]
-    return _root_mean(samples, squares)
-
-
-def _counted(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
-    weight = sample.weight(WIDTH)
-    predicted = sample.compared - residual / np.where(weight > 0, weight, np.inf)
-    most = np.maximum(sample.compared, predicted)
-    least = np.minimum(sample.at_most, predicted)
-    return (most > ACTIVE) & (least < FULL)
-
-
-def _root_mean(samples: Sequence[Sample], squares: Sequence[FloatArray]) -> tuple[float, float]:
-    sums, counts = np.zeros(2), np.zeros(2)
-    for sample, square in zip(samples, squares, strict=True):
-        for index, part in enumerate((slice(None, sample.fitted), slice(sample.fitted, None))):
-            sums[index] += float(square[part].sum())
-            counts[index] += np.count_nonzero(sample.front[part])
-    fitted, held_out = np.sqrt(sums / np.maximum(counts, 1))
-    return float(fitted), float(held_out)
+    correlation = max(LEAST_COARSE_CORRELATION, sample.noise.correlation / factor)
+    noise = replace(sample.noise, correlation=correlation)
+    return replace(sample, grid=grid, observed=observed, noise=noise)

@@ -1,1 +1,1 @@
-"""From fits to a verdict and its confidence."""
+"""From the fits to a verdict: evidence first, then one decision with named rules."""

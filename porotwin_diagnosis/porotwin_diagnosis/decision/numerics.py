@@ -1,105 +1,120 @@
-"""The model's own smearing as a gap: the same run with a sharp scheme on finer cells shows it."""
+"""Numerical diffusion as a cause of the gap: the configured scheme beside a sharper one.
+
+A scheme that smears fronts looks like dispersion. The accurate scheme on finer cells shows how much
+of the gap it makes, and a fitted diffusion says how large it is.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.data.sample import Sample, misfit
-from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
+from porotwin_diagnosis.data.misfit import misfit
+from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.decision.verdict import NUMERICAL
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.levels import JUDGING
-from porotwin_diagnosis.search.ranking import overall, score
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.ranking import overall_misfit, score
+from porotwin_diagnosis.thresholds import LEAST_NUMERICAL_MISFIT, SHARPER_SCHEME_GAIN
 
-WORTH = 0.75
-"""The sharper scheme must bring the misfit below this share of the configured one's."""
+ACCURATE = 'accurate'
+"""The preset that the diagnosis itself uses; its numerical diffusion is not looked for."""
 
-LEAST_MISFIT = 1.5
-"""Misfit of the configured scheme below which its smearing does not matter."""
+EXPONENTS = (-1.5, 3.0)
+"""Range of log10(D T / dx^2) that is searched for the equivalent diffusion D, with the duration T
+of the recording and the width dx of a cell: fronts smeared over 0.2 to 30 cells."""
+
+EXPONENT_TOLERANCE, MOST_RUNS = 0.05, 14
+"""Accuracy of that logarithm (12 % of D) and the number of simulations that it may take."""
 
 
 @dataclass(frozen=True)
 class Numerics:
-    """What the configured scheme costs: misfit with it and with the sharp one, both without effect.
+    """Misfits of the configured and of the accurate scheme.
 
-    `model_diffusion` [m2/s] is the diffusion that makes the sharp scheme like the configured one,
-    zero where it was not needed; `found` whether the verdict names it, `leads` whether the sharp
-    scheme alone closes more than the verdict's effects alone.
+    Attributes:
+        preset: preset of the solver whose gap is diagnosed.
+        configured: misfit of the configured scheme without effects.
+        sharp: misfit of the accurate scheme without effects.
+        with_effects: misfit of the configured scheme with the kept effects; None where it was not
+            needed.
+        model_diffusion: diffusion [m2/s] that makes the accurate scheme predict the same as the
+            configured one; 0 where it was not needed.
     """
 
     preset: str
     configured: float
     sharp: float
+    with_effects: float | None = None
     model_diffusion: float = 0.0
-    found: bool = False
-    leads: bool = False
 
-    def amended(self, verdict: Verdict) -> Verdict:
-        """Return `verdict` with the model's smearing in it, where that is what closes the gap."""
-        if not self.found or verdict.name == UNEXPLAINED:
-            return verdict
-        if verdict.name == NONE:
-            return replace(verdict, name=NUMERICAL, members=(NUMERICAL,))
-        if not self.leads:
-            return replace(verdict, members=(*verdict.members, NUMERICAL))
-        alike = [(name, *verdict.members[1:]) for name in verdict.inseparable]
-        return replace(
-            verdict,
-            name=NUMERICAL,
-            members=(NUMERICAL, *verdict.members),
-            inseparable=(),
-            alternatives=tuple((NUMERICAL, *names) for names in verdict.alternatives or alike),
+    @property
+    def smears(self) -> bool:
+        """Whether numerical diffusion makes a considerable part of the gap."""
+        return (
+            self.preset != ACCURATE
+            and self.configured >= LEAST_NUMERICAL_MISFIT
+            and self.sharp <= SHARPER_SCHEME_GAIN * self.configured
         )
 
+    @property
+    def leads(self) -> bool:
+        """Whether the accurate scheme alone closes more of the gap than the effects alone."""
+        return self.with_effects is not None and self.sharp < self.with_effects
 
-def judge_numerics(
-    samples: Sequence[Sample], findings: Findings, verdict: Verdict, *, preset: str
-) -> Numerics:
-    """Return how much of the gap of the model at `preset` is its own smearing, beside the effects
-    that `verdict` names."""
-    sharp = score(findings.null)
-    if preset == 'accurate':
+
+def measure_numerics(samples: Sequence[Sample], null: Fit, model: Fit, *, preset: str) -> Numerics:
+    """Return how much of the gap at `preset` is numerical diffusion.
+
+    `null` is the model without effects as it was judged with the accurate scheme, `model` the one
+    that was kept. Only as many simulations are made as the answer needs.
+    """
+    sharp = score(null)
+    if preset == ACCURATE:
         return Numerics(preset, sharp, sharp)
-    configured = _misfit(samples, (), preset)
-    if configured < LEAST_MISFIT or sharp > WORTH * configured:
-        return Numerics(preset, configured, sharp)
-    diffusion = _equivalent_diffusion(samples[0], preset)
-    effects = verdict.model.effects
-    leads = bool(verdict.members) and sharp < _misfit(samples, effects, preset)
-    return Numerics(preset, configured, sharp, diffusion, found=True, leads=leads)
+    numerics = Numerics(preset, _misfit(samples, (), preset), sharp)
+    if not numerics.smears:
+        return numerics
+    return Numerics(
+        preset,
+        numerics.configured,
+        sharp,
+        with_effects=_misfit(samples, model.effects, preset) if model.members else None,
+        model_diffusion=_equivalent_diffusion(samples[0], preset),
+    )
 
 
 def _misfit(samples: Sequence[Sample], effects: Sequence[EffectDescription], preset: str) -> float:
-    """Return the misfit of the model at `preset` with `effects`."""
+    """Return the misfit of the scheme `preset` with `effects`."""
     residuals = [
-        sample.whitened(Forward(sample, preset=preset).maps(effects), soft=0.0)
+        sample.whitened(Forward(sample, preset=preset).maps(effects), point_spread_width=0.0)
         for sample in samples
     ]
-    return overall(*misfit(samples, residuals))
+    return overall_misfit(*misfit(samples, residuals))
 
 
 def before_and_after(
     sample: Sample, model: Fit, numerics: Numerics
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the maps (nt, nz, nx) of `sample` by the configured model and by the mended one.
+    """Return the predicted maps of `sample` before and after the gap is closed, (nt, nz, nx) each.
 
-    The mended one is sharp; where nothing was mended, both are the configured one.
+    Before: the configured scheme without effects. After: the accurate scheme with the effects of
+    `model`; or the same as before, where neither effects nor numerical diffusion were found.
     """
-    sharp = Forward(sample, preset='accurate')
-    after = np.clip(sharp.maps(model.effects), 0.0, 1.0)
-    if numerics.preset == 'accurate':
-        return sharp.maps(()), after
+    accurate = Forward(sample, preset=ACCURATE)
+    after = np.clip(accurate.maps(model.effects), 0.0, 1.0)
+    if numerics.preset == ACCURATE:
+        return accurate.maps(()), after
     before = Forward(sample, preset=numerics.preset).maps(())
-    return before, after if model.members or numerics.found else before
+    return before, after if model.members or numerics.smears else before
 
 
 def _equivalent_diffusion(sample: Sample, preset: str) -> float:
-    """Return the diffusion [m2/s] with which the sharp scheme predicts what `preset` does."""
+    """Return the diffusion [m2/s] that makes the accurate scheme predict the same as `preset`."""
     wanted = Forward(sample, preset=preset).maps(())
     sharp = Forward(sample, refinement=JUDGING)
     unit = sample.grid.dx**2 / sample.duration
@@ -111,6 +126,9 @@ def _equivalent_diffusion(sample: Sample, preset: str) -> float:
         return float(np.mean((sharp.maps((effect,)) - wanted) ** 2))
 
     found = minimize_scalar(
-        difference, bounds=(-1.5, 3.0), method='bounded', options={'xatol': 0.05, 'maxiter': 14}
+        difference,
+        bounds=EXPONENTS,
+        method='bounded',
+        options={'xatol': EXPONENT_TOLERANCE, 'maxiter': MOST_RUNS},
     )
     return float(unit * 10.0**found.x)

@@ -1,1 +1,1 @@
-"""Effects as parameters of simulations, and their fits to a recording."""
+"""Predictions of the model with any effects, fits of effects, and the map of the gap."""

@@ -1,98 +1,142 @@
-"""Predictions of a recording with any effects, simulating no more often than needed."""
+"""The forward model: simulated maps of a recording with any effects, as the camera shows them."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from threading import Lock
 
 import numpy as np
 
 from porotwin_core.grid import FloatArray, conservative_resample
-from porotwin_core.rig import EffectDescription, rig_from_maps
-from porotwin_diagnosis.data.sample import Sample
-from porotwin_solver.effects import EFFECTS, apply_effects
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
+from porotwin_diagnosis.model.effect_traits import needs_simulation
+from porotwin_solver.effects import apply_effects
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import nominal_physics
 from porotwin_solver.simulation import simulated_maps
 
-REMEMBERED = 40
-"""Simulations kept; effects of the camera and repeated questions then cost nothing."""
+REMEMBERED_SIMULATIONS = 40
+"""Simulations in memory per forward model. One takes about 3 MB on the small rig."""
 
-ROUGHNESS = 0.05
-"""By how much, as a standard deviation of its logarithm, the permeability of a recorded cell may
-differ from what is believed without anybody knowing: what 1 % of the porosity makes of it by
-Kozeny and Carman (Bear, Dynamics of Fluids in Porous Media, sec. 5.10)."""
+Effects = Sequence[EffectDescription]
+"""Effects in the order of their application."""
 
 
-class Forward:
-    """Free-running predictions of one recording at its chosen frames, as the camera shows them."""
+class SimulationMemory:
+    """The latest simulations of one forward model, and the number of all that were made.
 
-    def __init__(
-        self, sample: Sample, *, preset: str = 'fast', refinement: int | None = None
-    ) -> None:
-        """Predict `sample` with the solver's `preset`, on cells `refinement` times finer, as the
-        preset has it where that is not given."""
-        self.sample = sample
-        self.preset = preset
-        self.refinement = refinement
-        self.runs = 0
-        self.offset: FloatArray | None = None
-        self._known: OrderedDict[str, FloatArray] = OrderedDict()
+    It is shared by all corrected versions of the forward model, and safe to use from threads.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._maps: OrderedDict[str, FloatArray] = OrderedDict()
         self._lock = Lock()
 
-    def maps(
-        self, effects: Sequence[EffectDescription], *, fitted_only: bool = False
-    ) -> FloatArray:
-        """Return the maps (nt, nz, nx) that the camera would show with `effects`, without noise.
+    def request(self, key: str, frames: int) -> FloatArray | None:
+        """Return the first `frames` maps (frames, nz, nx) [-] of the simulation `key`.
 
-        With `fitted_only` those of the fitted frames, for less.
+        If they are not in memory, return None and count the simulation that the caller then makes.
         """
-        physics = tuple(effect for effect in effects if EFFECTS[effect.name].needs_simulation)
-        image = [effect for effect in effects if not EFFECTS[effect.name].needs_simulation]
+        with self._lock:
+            if key in self._maps and len(self._maps[key]) >= frames:
+                self._maps.move_to_end(key)
+                return self._maps[key][:frames]
+            self.count += 1
+            return None
+
+    def keep(self, key: str, maps: FloatArray) -> None:
+        """Keep the `maps` (nt, nz, nx) [-] of the simulation `key`; drop the oldest if need be."""
+        with self._lock:
+            self._maps[key] = maps
+            while len(self._maps) > REMEMBERED_SIMULATIONS:
+                self._maps.popitem(last=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """Free-running predictions of one recording at its selected frames.
+
+    Attributes:
+        sample: the recording.
+        preset: preset of the solver.
+        refinement: solver cells per cell of the sample, each way; None for the preset's own.
+        correction: multifidelity correction (nt, nz, nx) [-] that is added to simulated maps.
+        memory: simulations made before. It belongs to the sample, the preset and the refinement.
+    """
+
+    sample: Sample
+    preset: str = field(default='fast', kw_only=True)
+    refinement: int | None = field(default=None, kw_only=True)
+    correction: FloatArray | None = field(default=None, kw_only=True)
+    memory: SimulationMemory = field(default_factory=SimulationMemory, kw_only=True, repr=False)
+
+    @property
+    def simulations(self) -> int:
+        """Number of simulations made so far, also by corrected versions of this model."""
+        return self.memory.count
+
+    def maps(self, effects: Effects, *, fitted_only: bool = False) -> FloatArray:
+        """Return the noise-free maps that the camera would show with `effects`.
+
+        Returns:
+            Maps (nt, nz, nx) [-] of all frames, or of the fitted frames with `fitted_only`.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+        physics = _simulated_part(effects)
+        image = [effect for effect in effects if not needs_simulation(effect.name)]
         maps = self._simulated(physics, fitted_only=fitted_only)
-        if self.offset is not None:
-            maps = np.clip(maps + self.offset[: len(maps)], 0.0, 1.0)
-        if not image:
-            return maps
+        if self.correction is not None:
+            maps = np.clip(maps + self.correction[: len(maps)], 0.0, 1.0)
+        return np.stack(list(self._as_shown(maps, image))) if image else maps
+
+    def _as_shown(self, maps: FloatArray, image: Effects) -> Iterator[FloatArray]:
+        """Yield `maps` as a camera with the effects `image` would show them."""
         sample = self.sample
         _, operator = apply_effects(
             nominal_physics(sample.rig, sample.grid), ObservationOperator(), image
         )
-        return np.stack(
-            [
-                operator.apply(frame, sample.grid, float(time))
-                for frame, time in zip(maps, sample.times, strict=False)
-            ]
-        )
+        for frame, time in zip(maps, sample.times, strict=False):
+            yield operator.apply(frame, sample.grid, float(time))
 
-    def lean_on(
-        self,
-        finer: 'Forward',
-        effects: Sequence[EffectDescription] = (),
-        *,
-        extrapolation: float = 1.0,
-    ) -> None:
-        """From now on add what `finer` cells change in the maps with `effects`, `extrapolation`
-        times.
+    def uncorrected(self) -> 'Forward':
+        """Return this model without a multifidelity correction."""
+        return replace(self, correction=None)
 
-        What a coarse grid does wrong is nearly the same wherever fronts lie nearly the same.
+    def corrected_by(
+        self, finer: 'Forward', effects: Effects = (), *, extrapolation: float = 1.0
+    ) -> 'Forward':
+        """Return this model with the additive multifidelity correction of `finer` cells.
+
+        Let f be the uncorrected maps of this model and F the maps of the finer model. Both are
+        compared at the given `effects` e. The corrected maps at any other effects x are
+
+            f(x) + extrapolation (F(e) - f(e)).
+
+        The errors of coarse cells are nearly the same where fronts lie at nearly the same places
+        (Peherstorfer, Willcox & Gunzburger, SIAM Review 60 (2018) 550, section 3.2). An
+        `extrapolation` above 1 is a Richardson extrapolation to cells of size zero.
+
+        Raises:
+            InputError: the model cannot run with these effects.
         """
+        physics = _simulated_part(effects)
         shape = self.sample.grid.shape
-        physics = [effect for effect in effects if EFFECTS[effect.name].needs_simulation]
-        sharp = [conservative_resample(frame, shape) for frame in finer.maps(physics)]
-        self.offset = None
-        self.offset = extrapolation * (np.stack(sharp) - self.maps(physics))
+        fine = np.stack([conservative_resample(frame, shape) for frame in finer.maps(physics)])
+        difference = fine - self.uncorrected().maps(physics)
+        return replace(self, correction=extrapolation * difference)
 
     def _simulated(
         self, physics: tuple[EffectDescription, ...], *, fitted_only: bool
     ) -> FloatArray:
         key, sample = repr(physics), self.sample
-        wanted = sample.fitted if fitted_only else len(sample.times)
-        with self._lock:
-            if key in self._known and len(self._known[key]) >= wanted:
-                self._known.move_to_end(key)
-                return self._known[key][:wanted]
-            self.runs += 1
+        wanted = sample.fitted_frames if fitted_only else len(sample.times)
+        known = self.memory.request(key, wanted)
+        if known is not None:
+            return known
         frames = simulated_maps(
             sample.rig,
             sample.schedule,
@@ -105,21 +149,42 @@ class Forward:
             refinement=self.refinement,
         )
         maps = np.stack([frame.astype(np.float32) for frame in frames])
-        with self._lock:
-            self._known[key] = maps
-            while len(self._known) > REMEMBERED:
-                self._known.popitem(last=False)
+        self.memory.keep(key, maps)
         return maps
 
 
-def on_rough_sand(sample: Sample, seed: int) -> Sample:
-    """Return `sample` on sand whose permeability varies from cell to cell as nobody can know."""
-    rig, grid = sample.rig, sample.grid.refined(2)
-    texture = np.random.default_rng(seed).normal(0.0, ROUGHNESS, sample.grid.shape)
-    rough = rig.field('permeability_m2', grid) * np.exp(np.kron(texture, np.ones((2, 2))))
-    quantities = {
-        'depth_m': rig.nominal_map('depth_m'),
-        'porosity': rig.nominal_map('porosity'),
-        'permeability_m2': rough,
-    }
-    return replace(sample, rig=rig_from_maps(rig.model_dump(), quantities))
+def _simulated_part(effects: Effects) -> tuple[EffectDescription, ...]:
+    return tuple(effect for effect in effects if needs_simulation(effect.name))
+
+
+def whitened_residuals(
+    forwards: Sequence[Forward],
+    effects: Effects,
+    *,
+    point_spread_width: float,
+    width: float = SMOOTHING_WIDTH,
+    fitted_only: bool = False,
+) -> list[FloatArray]:
+    """Return the whitened residuals of all `forwards` with `effects`.
+
+    Args:
+        forwards: one forward model per recording.
+        effects: effects of the rig and of the camera.
+        point_spread_width: width [cells] of the point spread that simulated maps lack.
+        width: width [cells] of the smoothing.
+        fitted_only: whether to return the fitted frames only.
+
+    Returns:
+        One array (nt, nz', nx') [-] per recording; see `Sample.whitened`.
+
+    Raises:
+        InputError: the model cannot run with these effects.
+    """
+    return [
+        forward.sample.whitened(
+            forward.maps(effects, fitted_only=fitted_only),
+            width=width,
+            point_spread_width=point_spread_width,
+        )
+        for forward in forwards
+    ]

@@ -1,42 +1,56 @@
-"""Where and when the gap arises: what one short step of the model does wrong, by place and time.
+"""The map of the gap: where and when the model departs from a recording.
 
-Started afresh from every observed map, the model has no time to carry a gap elsewhere. The
-residual of the step is integrated against broad test functions (a Gaussian of a few cells: the weak
-form), so that grain, blur and the step's own smearing of fronts cancel. It shows places and times;
-sizes are never concluded from it, for noise in the starting map makes them wrong.
+The model is started from every observed map and makes one short step. In so short a time a gap
+cannot be carried elsewhere. The residual of the step is integrated against broad test functions,
+Gaussians of a few cells (a weak form), so that grain, point spread and numerical smearing cancel:
+
+    g = G(observed - predicted) / dt,   strength^2 = mean over the steps of (g^2 - noise of g^2).
+
+The map shows places and times only. Sizes must not be concluded from it, because the noise of the
+starting map biases them.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.wells import Schedule, WellRates
-from porotwin_diagnosis.data.noise import measure_noise
-from porotwin_diagnosis.data.sample import filled_map
+from porotwin_diagnosis.data.noise_estimation import measure_noise
+from porotwin_diagnosis.data.observed_maps import observed_maps
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import Model
 
-TEST_WIDTH = 2.0
-"""Width [cells of the coarse grid] of the test functions."""
-
 COARSENING = 2
-STEPS = 30
-"""Pairs of frames looked at."""
+"""Cells of the recording per cell of the gap map, each way: test functions are wider than both."""
 
-LEAST_SEEN = 0.5
-"""Share of a frame's cells that must be seen."""
+FEWEST_CELLS = 4
+"""Fewest cells of the gap map each way."""
 
-SPOTS, SPOT_RADIUS, LEAST_SHARE = 4, 0.06, 0.05
+TEST_FUNCTION_WIDTH = 2.0
+"""Width [cells of the gap map] of the test functions."""
+
+MOST_STEPS = 30
+"""Largest number of steps; it bounds the time."""
+
+MOST_HOT_SPOTS = 4
+"""Largest number of hot spots; more would distract from the strongest."""
+
+HOT_SPOT_RADIUS = 0.06
+"""Radius of a hot spot as a share of the rig's longer side: two to three widths of the test
+functions on a grid of 187 columns."""
+
+LEAST_SPOT_SHARE = 0.05
+"""Share of the gap below which a hot spot is not reported; it would distract from stronger ones."""
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A place where the gap arises: `share` of the whole lies within `radius` [m]."""
+    """A hot spot at (`x`, `z`) [m] with a `radius` [m], and its `share` [-] of the gap."""
 
     x: float
     z: float
@@ -46,10 +60,14 @@ class Spot:
 
 @dataclass(frozen=True)
 class Phase:
-    """A time [s] in which the pumps did one thing, and its share of the gap.
+    """An interval of one operating state of the wells, and its share of the gap.
 
-    `state`: `injecting` tracer, `chasing` it with water, or `resting`. `recording` is the number of
-    the recording that it is a part of.
+    Attributes:
+        start: beginning [s].
+        end: end [s].
+        share: share of the gap [-].
+        state: `injecting` tracer, `chasing` it with water, or `resting`.
+        recording: index of the recording.
     """
 
     start: float
@@ -63,8 +81,12 @@ class Phase:
 class GapMap:
     """Where and when the gap of one or several recordings arises.
 
-    `strength` (nz, nx) [1/s] on the first recording's grid, of several the root mean square; `each`
-    that of every recording on its own grid. Hot spots and phases, the strongest first.
+    Attributes:
+        strength: strength of the gap (nz, nx) [1/s] on the grid of the first recording, as a root
+            mean square over the recordings.
+        each: strength (nz, nx) [1/s] of every recording on its own grid.
+        spots: hot spots, the strongest first.
+        phases: operating states, the one with the largest share first.
     """
 
     strength: FloatArray
@@ -73,59 +95,74 @@ class GapMap:
     phases: tuple[Phase, ...]
 
     def without_places(self) -> 'GapMap':
-        """Return the map alone: where there is no gap, no place or time holds a share of it."""
+        """Return the map without hot spots and phases, for recordings that show no gap."""
         return replace(self, spots=(), phases=())
 
 
+class StepEnergy(NamedTuple):
+    """One step of the model from `start` to `end` [s], and the energy of its residual [m^2/s]."""
+
+    start: float
+    end: float
+    energy: float
+
+
 def map_gap(*recordings: Recording, preset: str = 'fast') -> GapMap:
-    """Return where and when the model of the rig at `preset` departs from `recordings`, which are
-    of one rig.
+    """Return where and when the model of the rig departs from `recordings` of one rig.
+
+    Args:
+        recordings: at least one recording with maps and rates.
+        preset: preset of the solver.
 
     Raises:
-        InputError: a recording holds no maps, or fewer than two of which enough is seen.
+        InputError: a recording holds no maps, or fewer than two with enough seen cells.
     """
-    steps = [_one_steps(recording, preset) for recording in recordings]
-    grid = steps[0][0]
-    squares = [conservative_resample(strength, grid.shape) ** 2 for _, strength, _ in steps]
-    together = np.sqrt(np.mean(squares, axis=0))
+    parts = [_one_step_residuals(recording, preset) for recording in recordings]
+    grid = parts[0][0]
+    squares = [conservative_resample(strength, grid.shape) ** 2 for _, strength, _ in parts]
+    strength = np.sqrt(np.mean(squares, axis=0))
     return GapMap(
-        _on_grid(together, recordings[0].grid),
-        tuple(
-            _on_grid(strength, recording.grid)
-            for recording, (_, strength, _) in zip(recordings, steps, strict=True)
+        strength=_on_grid(strength, recordings[0].grid),
+        each=tuple(
+            _on_grid(own, recording.grid)
+            for recording, (_, own, _) in zip(recordings, parts, strict=True)
         ),
-        _spots(together, grid),
-        _phases([moments for *_, moments in steps], [r.pumped for r in recordings]),
+        spots=_hot_spots(strength, grid),
+        phases=operating_phases([steps for *_, steps in parts], [r.pumped for r in recordings]),
     )
 
 
-def _one_steps(
+def _one_step_residuals(
     recording: Recording, preset: str
-) -> tuple[Grid, FloatArray, list[tuple[float, float, float]]]:
-    """Return a coarse grid, the gap strength on it, and (start, end, energy) of every step."""
+) -> tuple[Grid, FloatArray, list[StepEnergy]]:
+    """Return a coarse grid, the strength of the gap (nz, nx) [1/s] on it, and all steps."""
     grid = recording.grid
-    coarse = recording.rig.grid(max(4, grid.nx // COARSENING), max(4, grid.nz // COARSENING))
+    coarse = recording.rig.grid(
+        max(FEWEST_CELLS, grid.nx // COARSENING), max(FEWEST_CELLS, grid.nz // COARSENING)
+    )
     model = Model(recording.rig, coarse, preset=preset)
-    times, maps, seen = observed_maps(recording, coarse, STEPS + 1)
+    times, maps, seen = observed_maps(recording, coarse, MOST_STEPS + 1)
     noise = measure_noise(np.stack(maps))
     energy = np.zeros(coarse.shape)
-    moments: list[tuple[float, float, float]] = []
+    steps: list[StepEnergy] = []
     cell = coarse.dx * coarse.dz
-    steps = zip(pairwise(maps), pairwise(seen), pairwise(times), strict=True)
-    for (before, after), (known, still_known), (start, end) in steps:
+    pairs = zip(pairwise(maps), pairwise(seen), pairwise(times), strict=True)
+    for (before, after), (seen_before, seen_after), (start, end) in pairs:
         predicted = before
         for low, high, rates in recording.pumped.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
-        residual = (after - predicted) * known * still_known
-        weak = gaussian_filter(residual, TEST_WIDTH) / (end - start)
-        # new in both frames, and damped by a Gaussian as white noise is
-        unsure = 2.0 * noise.frame_deviation(predicted) ** 2 / (4.0 * np.pi * TEST_WIDTH**2)
-        left = weak**2 - unsure / (end - start) ** 2
-        energy += left
-        moments.append((start, end, max(0.0, float(np.sum(left) * cell * (end - start)))))
-    strength = np.sqrt(np.maximum(energy, 0.0) / max(len(moments), 1))
-    floor = float(np.median(strength))
-    return coarse, np.maximum(strength - floor, 0.0), moments
+        residual = (after - predicted) * seen_before * seen_after
+        weak = gaussian_filter(residual, TEST_FUNCTION_WIDTH) / (end - start)
+        # white noise of two frames, damped by a Gaussian of width w by the factor 1 / (4 pi w^2)
+        damping = 4.0 * np.pi * TEST_FUNCTION_WIDTH**2
+        noise_square = 2.0 * noise.frame_deviation(predicted) ** 2 / damping
+        excess = weak**2 - noise_square / (end - start) ** 2
+        energy += excess
+        total = max(0.0, float(np.sum(excess) * cell * (end - start)))
+        steps.append(StepEnergy(start, end, total))
+    strength = np.sqrt(np.maximum(energy, 0.0) / max(len(steps), 1))
+    background = float(np.median(strength))
+    return coarse, np.maximum(strength - background, 0.0), steps
 
 
 def _on_grid(strength: FloatArray, grid: Grid) -> FloatArray:
@@ -133,77 +170,51 @@ def _on_grid(strength: FloatArray, grid: Grid) -> FloatArray:
     return fine if fine.shape == grid.shape else conservative_resample(strength, grid.shape)
 
 
-def observed_maps(
-    recording: Recording, grid: Grid, count: int
-) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
-    """Return at most `count` times and observed maps, evenly spread, without NaN, on `grid`, and
-    the share of each cell that is seen.
-
-    Frames of which little is seen are left out: filled, they would look like another state.
-    """
-    seen = [
-        index
-        for index, frame in enumerate(recording.concentration)
-        if np.isfinite(frame).mean() > LEAST_SEEN
-    ]
-    if len(seen) < 2:
-        raise InputError(f'{recording.source}: most maps are empty; two are needed with half seen')
-    seen = _apart(seen, recording.times)
-    frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])
-    observed = [recording.concentration[frame] for frame in frames]
-    maps = [filled_map(frame, grid) for frame in observed]
-    known = [conservative_resample(np.isfinite(f).astype(float), grid.shape) for f in observed]
-    return recording.times[frames], maps, known
-
-
-def _apart(frames: list[int], times: FloatArray) -> list[int]:
-    """Return `frames` without those that follow another too soon to show more than noise."""
-    least = 0.5 * float(np.median(np.diff(times[frames])))
-    kept = frames[:1]
-    for frame in frames[1:]:
-        if times[frame] - times[kept[-1]] >= least:
-            kept.append(frame)
-    return kept
-
-
-def _spots(strength: FloatArray, grid: Grid) -> tuple[Spot, ...]:
-    left = strength**2
-    total = float(left.sum())
-    radius = SPOT_RADIUS * max(grid.width, grid.height)
+def _hot_spots(strength: FloatArray, grid: Grid) -> tuple[Spot, ...]:
+    """Return the strongest spots of `strength` (nz, nx), each found with the others removed."""
+    energy = strength**2
+    total = float(energy.sum())
+    radius = HOT_SPOT_RADIUS * max(grid.width, grid.height)
     spots: list[Spot] = []
-    while total > 0 and len(spots) < SPOTS:
-        near = gaussian_filter(left, 0.5 * radius / grid.dx)
-        row, column = np.unravel_index(int(np.argmax(near)), near.shape)
+    while total > 0 and len(spots) < MOST_HOT_SPOTS:
+        smooth = gaussian_filter(energy, 0.5 * radius / grid.dx)
+        row, column = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
         x, z = float(grid.x[column]), float(grid.z[row])
         inside = np.hypot(grid.x[None, :] - x, grid.z[:, None] - z) <= radius
-        share = float(left[inside].sum()) / total
-        if share < LEAST_SHARE:
+        share = float(energy[inside].sum()) / total
+        if share < LEAST_SPOT_SHARE:
             break
         spots.append(Spot(x, z, radius, share))
-        left = np.where(inside, 0.0, left)
+        energy = np.where(inside, 0.0, energy)
     return tuple(spots)
 
 
-def _phases(
-    moments: Sequence[list[tuple[float, float, float]]], schedules: Sequence[Schedule]
+def operating_phases(
+    steps: Sequence[Sequence[StepEnergy]], schedules: Sequence[Schedule]
 ) -> tuple[Phase, ...]:
-    """Return the gap's share of every stretch of one operating state, the strongest first."""
-    total = sum(energy for own in moments for _, _, energy in own) or 1.0
+    """Return the intervals of one operating state and their shares of the gap, largest first.
+
+    Args:
+        steps: steps of every recording in the order of their times.
+        schedules: rates of the wells of every recording.
+    """
+    total = sum(energy for own in steps for _, _, energy in own) or 1.0
     phases = []
-    for number, (own, schedule) in enumerate(zip(moments, schedules, strict=True)):
-        stretches = schedule.intervals(own[0][0], own[-1][1])
-        for state, group in groupby(stretches, key=lambda stretch: _state(stretch[2])):
+    for number, (own, schedule) in enumerate(zip(steps, schedules, strict=True)):
+        intervals = schedule.intervals(own[0].start, own[-1].end)
+        for state, group in groupby(intervals, key=lambda interval: _state(interval[2])):
             together = list(group)
             low, high = together[0][0], together[-1][1]
             share = sum(
-                energy * max(0.0, min(high, until) - max(low, since)) / (until - since)
-                for since, until, energy in own
+                energy * max(0.0, min(high, end) - max(low, start)) / (end - start)
+                for start, end, energy in own
             )
             phases.append(Phase(low, high, share / total, state, number))
     return tuple(sorted(phases, key=lambda phase: -phase.share))
 
 
 def _state(rates: WellRates) -> str:
+    """Return the operating state of the wells at these rates."""
     if any(rate.rate > 0 and rate.concentration > 0 for rate in rates.values()):
         return 'injecting'
     return 'chasing' if any(rate.rate for rate in rates.values()) else 'resting'

@@ -1,1 +1,1 @@
-"""The verdict as a page, pictures and files."""
+"""A diagnosis as a page, as pictures, and as files for programs."""

@@ -1,1 +1,1 @@
-"""Which effects, alone or in pairs, explain a recording."""
+"""The search for effects, alone or in pairs, that explain a recording."""

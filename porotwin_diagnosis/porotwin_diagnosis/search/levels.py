@@ -1,7 +1,20 @@
-"""Recordings on cells of four sizes, and what a fit learns on the way from coarse to fine ones."""
+"""Recordings on cells of four sizes, and the multifidelity corrections between them.
+
+| level | cells | use |
+| --- | --- | --- |
+| screening | twice as large as the recording's | every effect is fitted here first |
+| refining | the recording's | the best fits go on |
+| judging | half as large | the final judgement, where the scheme smears least |
+| finest | a third as large | one simulation per judged fit corrects the judging level |
+
+`Levels` is immutable: a correction or another point spread makes another `Levels`, which shares the
+simulations made so far.
+"""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -9,203 +22,303 @@ from scipy.optimize import minimize_scalar
 from porotwin_core.grid import relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import Sample, coarsened
-from porotwin_diagnosis.model.fit import Fit, Fitter
-from porotwin_diagnosis.model.forward import Forward, on_rough_sand
+from porotwin_diagnosis.model.effect_traits import is_slow_on_fine_grids
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.fitter import Fitter
+from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import pumping_wells
+from porotwin_diagnosis.model.rough_sand import RoughSands, on_rough_sand
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.ranking import (
-    NEARLY_CLOSED,
-    near,
+    close_to_best,
+    feasible,
     normalised_misfit,
-    possible,
     ranked,
     score,
 )
-from porotwin_solver.effects import EFFECTS
+from porotwin_diagnosis.thresholds import (
+    JUDGED_FITS,
+    NEARLY_CLOSED_MISFIT,
+    SMALL_GAP_MISFIT,
+    WELL_DISTANCE,
+)
 
 SCREENING, SCREENING_COLUMNS = 2, 40
-"""Cells of the recording per screening cell, each way, as long as so many columns are left."""
+"""Cells of the recording per screening cell, each way, and the fewest columns of screening cells.
+On fewer columns a plume is only a few cells wide."""
 
 JUDGING, FINEST = 2, 3
-"""Cells per cell of the recording in the final judgement, each way, and in the one run of every
-judged model that tells what its cells do wrong."""
+"""Judging and finest cells per cell of the recording, each way."""
 
-MOST_CELLS = 250_000
-"""Cells above which no effect is simulated that is slow on fine grids: it would take minutes."""
+MOST_FINE_CELLS = 250_000
+"""Cells above which a simulation with a slow effect takes minutes; it is then left out."""
 
 EXTRAPOLATION = 1.6
-"""How many times the change from judging to finest cells is taken off (Richardson): with errors
-that fall with the cells' size to the power of 1 to 1.4, as seen, it would be 2.3 to 3.3 in full."""
+"""Factor on the difference between the finest and the judging cells. If errors are proportional to
+the cell size to the power 1 to 1.4, as observed, the full Richardson extrapolation from 1/2 to 1/3
+would take 2.3 to 3.0. A smaller factor is safe, since the exponent of a recording is not known."""
 
-REFINED, JUDGED = 7, 4
-"""How many fits go on at most, to refinement and to judgement."""
+TYPICAL_POINT_SPREAD = 0.55
+"""Point spread width [cells] that is assumed before it is measured."""
 
-AT_A_WELL = 5.0
-"""Cells about a well within which a leak cannot be told from a wrong rate of that well."""
+POINT_SPREAD_RANGE = (0.3, 0.9)
+"""Least and largest point spread width [cells] that is attributed to the camera."""
 
-EDGE_BLUR = 0.55
-"""Blur [cells] by which recorded maps are softer than averages over cells, until measured."""
-
-BLURS = (0.3, 0.9)
-"""Least and largest blur [cells] that is put down to the camera."""
+POINT_SPREAD_TOLERANCE = 0.02
+"""Tolerance [cells] of the point spread width, a thirtieth of its range."""
 
 ROUGH_SANDS = 2
-"""Sands with which it is measured what a model magnifies."""
+"""Number of rough sands for the fingering amplification."""
 
-SMALL_EXCESS = 0.8
-"""Excess of the model as it is below which the model without any effect counts as the best."""
+REFINING_ITERATIONS = 3
+"""Iterations of a fit on the cells of the recording, which starts close to its optimum."""
+
+REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.06, 0.08, 0.05
+"""Share of the progress that a stage takes."""
 
 
+class Judgement(NamedTuple):
+    """Judged fits, the most plausible first, and the corrected levels of their judgement."""
+
+    levels: 'Levels'
+    fits: list[Fit]
+
+
+@dataclass(frozen=True, eq=False)
 class Levels:
-    """Fits recordings of one rig on cells of growing fineness.
+    """Fitters of the same recordings on cells of different size.
 
-    `screening` has cells twice as large as the recording, `refining` its own, `judging` such half
-    as large, where the scheme smears least; one run on the `finest` tells what those do wrong.
+    Attributes:
+        samples: the recordings.
+        screening: fitter on coarse cells.
+        refining: fitter on the cells of the recordings.
+        judging: fitter on fine cells.
+        finest: forward models on the finest cells, one per recording.
+        progress: called with the stage and the share that is done.
+        pool: runs simulations at the same time; None for one at a time.
     """
 
-    def __init__(self, samples: Sequence[Sample], *, progress: Progress, workers: int) -> None:
-        """Fit `samples` with `workers` simulations at a time."""
-        self.samples = list(samples)
-        self.progress = progress
-        self.pool = ThreadPoolExecutor(workers) if workers > 1 else None
-        coarse = [coarsened(sample, _screening_factor(sample)) for sample in samples]
-        self.screening = self._fitter(coarse, 1, 0.5 * EDGE_BLUR)
-        self.refining = self._fitter(samples, 1, EDGE_BLUR)
-        rough = [
-            [Forward(on_rough_sand(sample, seed), refinement=JUDGING) for sample in samples]
-            for seed in range(ROUGH_SANDS)
-        ]
-        self.judging = self._fitter(samples, JUDGING, EDGE_BLUR, rough)
-        self.finest = [Forward(sample, refinement=FINEST) for sample in samples]
-
-    def _fitter(
-        self,
-        samples: Sequence[Sample],
-        refinement: int,
-        soft: float,
-        rough: Sequence[Sequence[Forward]] = (),
-    ) -> Fitter:
-        forwards = [Forward(sample, refinement=refinement) for sample in samples]
-        return Fitter(forwards, soft=soft, rough=rough, pool=self.pool)
+    samples: tuple[Sample, ...]
+    screening: Fitter
+    refining: Fitter
+    judging: Fitter
+    finest: tuple[Forward, ...]
+    progress: Progress
+    pool: ThreadPoolExecutor | None = None
 
     @property
-    def runs(self) -> int:
-        """How many simulations were made."""
+    def simulations(self) -> int:
+        """Number of simulations made so far, without those on rough sand."""
         fitters = (self.screening, self.refining, self.judging)
         forwards = [forward for fitter in fitters for forward in fitter.forwards]
-        return sum(forward.runs for forward in (*forwards, *self.finest))
+        return sum(forward.simulations for forward in (*forwards, *self.finest))
 
     def null(self) -> Fit:
-        """Return the model without any effect, judged."""
-        return self.judging.judged((), np.zeros(0))
+        """Return the model without effects, judged."""
+        return self.judging.evaluate((), np.zeros(0))
 
-    def lean(self, effects: Sequence[EffectDescription]) -> None:
-        """Correct coarse runs from now on by what the judging cells change with `effects`."""
-        for fitter in (self.screening, self.refining):
-            for forward, finer in zip(fitter.forwards, self.judging.forwards, strict=True):
-                forward.lean_on(finer, effects)
+    def with_corrected_coarse_cells(self, effects: Sequence[EffectDescription]) -> 'Levels':
+        """Return levels whose screening and refining are corrected at `effects`.
+
+        The correction is the difference between the judging cells and theirs (see
+        `Forward.corrected_by`).
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+
+        def corrected(fitter: Fitter) -> Fitter:
+            pairs = zip(fitter.forwards, self.judging.forwards, strict=True)
+            return replace(
+                fitter,
+                forwards=[forward.corrected_by(finer, effects) for forward, finer in pairs],
+            )
+
+        return replace(self, screening=corrected(self.screening), refining=corrected(self.refining))
+
+    def attuned(self, fit: Fit) -> 'Levels':
+        """Return levels whose judging is corrected at `fit` and has the point spread that suits it.
+
+        The correction is the extrapolated difference between the finest and the judging cells. A
+        fit that does not nearly close the gap changes nothing: its misplaced fronts would be taken
+        for errors of the scheme.
+
+        Raises:
+            InputError: the model cannot run with this fit.
+        """
+        if normalised_misfit(fit) > NEARLY_CLOSED_MISFIT:
+            return self
+        forwards = [
+            forward.corrected_by(finer, fit.effects, extrapolation=EXTRAPOLATION)
+            if _is_quick(finer, fit.effects)
+            else forward.uncorrected()
+            for forward, finer in zip(self.judging.forwards, self.finest, strict=True)
+        ]
+        corrected = replace(self, judging=replace(self.judging, forwards=forwards))
+        return corrected.with_point_spread_of(fit)
+
+    def with_point_spread_of(self, fit: Fit) -> 'Levels':
+        """Return levels whose judging has the point spread that suits `fit`.
+
+        Its width minimises the misfit of the fitted frames.
+
+        Raises:
+            InputError: the model cannot run with this fit.
+        """
+
+        def misfit_at(width: float) -> float:
+            fitter = replace(self.judging, point_spread_width=width)
+            return fitter.evaluate(fit.members, fit.scaled_parameters).fitted_misfit
+
+        found = minimize_scalar(
+            misfit_at,
+            bounds=POINT_SPREAD_RANGE,
+            method='bounded',
+            options={'xatol': POINT_SPREAD_TOLERANCE},
+        )
+        return replace(self, judging=replace(self.judging, point_spread_width=float(found.x)))
 
     def refined(self, fits: Sequence[Fit], begin: float) -> list[Fit]:
-        """Return `fits` refitted on the recording's cells; progress is at `begin`."""
+        """Return `fits` fitted again on the cells of the recordings, the best score first.
+
+        Fits that are not feasible are left out. `begin` is the progress at the beginning.
+        """
         refined = []
         for index, fit in enumerate(fits):
-            self.progress(f'refining {fit.label}', begin + 0.06 * index / len(fits))
+            self.progress(f'refining {fit.label}', begin + REFINING_PROGRESS * index / len(fits))
             refined.append(
-                self.refining.fit(fit.members, start=fit.scaled, coarse_steps=0, fine_steps=3)
+                self.refining.fit(
+                    fit.members,
+                    start=fit.scaled_parameters,
+                    coarse_steps=0,
+                    fine_steps=REFINING_ITERATIONS,
+                )
             )
-        return sorted(possible(refined), key=score)
+        return sorted(feasible(refined), key=score)
 
     def judged(self, refined: Sequence[Fit], begin: float) -> list[Fit]:
-        """Return the best of `refined`, refitted on the judging cells; progress is at `begin`."""
+        """Return the best of the `refined` fits, sorted by score, fitted on the judging cells.
+
+        The result is ranked. `begin` is the progress at the beginning.
+        """
         judged = []
-        for index, fit in enumerate(near(refined)[:JUDGED]):
-            self.progress(f'judging {fit.label}', begin + 0.08 * index / JUDGED)
-            judged.append(self.judging.polished(fit, self.refining))
-        return self.ranked(possible(judged))
+        for index, fit in enumerate(close_to_best(refined)[:JUDGED_FITS]):
+            self.progress(f'judging {fit.label}', begin + JUDGING_PROGRESS * index / JUDGED_FITS)
+            judged.append(self.judging.polish(fit, self.refining))
+        return self.ranked(feasible(judged))
 
-    def sharpened(self, fits: Sequence[Fit], null: Fit, begin: float) -> list[Fit]:
-        """Return `fits` judged again: what nearly closes the gap with what finer cells change in it
-        and with the edge blur that suits it, the others with the blur of the best, which may be the
-        model without any effect, `null`.
+    def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> Judgement:
+        """Return the ranked `fits` judged again on corrected levels.
 
-        A picture that is moved is also blurred; a wrong model's blur would be that of its misplaced
-        fronts.
+        Every fit that nearly closes the gap is judged on levels attuned to itself, the others on
+        levels attuned to the best model, since the point spread of a wrong model would be the one
+        of its misplaced fronts. The best model is the first fit, or `null` if that leaves a small
+        gap. The returned levels are attuned to it. `begin` is the progress at the beginning.
+
+        Raises:
+            InputError: the model cannot run with one of the fits.
         """
         if not fits:
-            return []
-        best = null if normalised_misfit(null) < SMALL_EXCESS else fits[0]
-        self.measure_blur(best)
-        closing = [fit for fit in fits if normalised_misfit(fit) <= NEARLY_CLOSED]
-        far = [fit for fit in fits if normalised_misfit(fit) > NEARLY_CLOSED]
+            return Judgement(self, [])
+        best = null if normalised_misfit(null) < SMALL_GAP_MISFIT else fits[0]
+        levels = self.with_point_spread_of(best)
+        closing = [fit for fit in fits if normalised_misfit(fit) <= NEARLY_CLOSED_MISFIT]
+        others = [fit for fit in fits if normalised_misfit(fit) > NEARLY_CLOSED_MISFIT]
         polished = []
-        for index, fit in enumerate([*closing, *far]):
-            self.progress(f'polishing {fit.label}', begin + 0.05 * index / len(fits))
-            self.attune(best if fit in far else fit)
-            polished.append(self.judging.polished(fit, self.refining))
-        self.attune(best)
-        return self.ranked(polished)
-
-    def attune(self, fit: Fit) -> None:
-        """Judge from now on with blur and finest cells of `fit`, if that nearly closes the gap."""
-        if normalised_misfit(fit) > NEARLY_CLOSED:
-            return
-        for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
-            forward.offset = None
-            if _is_quick(finer, fit.effects):
-                forward.lean_on(finer, fit.effects, extrapolation=EXTRAPOLATION)
-        self.measure_blur(fit)
-
-    def measure_blur(self, fit: Fit) -> None:
-        """Judge from now on with the edge blur that suits `fit`."""
-
-        def cost(blur: float) -> float:
-            self.judging.soft = blur
-            return self.judging.judged(fit.members, fit.scaled).fitted
-
-        found = minimize_scalar(cost, bounds=BLURS, method='bounded', options={'xatol': 0.02})
-        self.judging.soft = float(found.x)
+        for index, fit in enumerate([*closing, *others]):
+            self.progress(f'polishing {fit.label}', begin + POLISHING_PROGRESS * index / len(fits))
+            levels = levels.attuned(best if fit in others else fit)
+            polished.append(levels.judging.polish(fit, levels.refining))
+        return Judgement(levels.attuned(best), self.ranked(polished))
 
     def ranked(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Return the judged `fits`, the most plausible first, without leaks that moved to a well
-        unless all did."""
-        return ranked([fit for fit in fits if not self.at_a_well(fit)] or fits)
+        """Return the judged `fits`, the most plausible first.
 
-    def at_a_well(self, fit: Fit) -> bool:
-        """Return whether `fit` has a leak at a pump's well, which is that pump's wrong rate."""
+        Fits with a leak at a pumping well are left out, unless all have one.
+        """
+        return ranked([fit for fit in fits if not self.has_leak_at_well(fit)] or fits)
+
+    def has_leak_at_well(self, fit: Fit) -> bool:
+        """Return whether `fit` has a leak at a pumping well.
+
+        Such a leak cannot be told from a wrong rate of the well.
+        """
         sample = self.samples[0]
         pumping = [sample.rig.wells[name] for name in pumping_wells(self.samples)]
-        leaks = [
-            effect.parameters
-            for effect in fit.effects
-            if (places := EFFECTS[effect.name].places) and places.is_rate_at_a_well
-        ]
+        leaks = [effect.parameters for effect in fit.effects if effect.name == 'leak']
         return any(
             np.hypot(float(leak['x']) - well.x_m, float(leak['z']) - well.z_m)
-            < well.radius_m + AT_A_WELL * sample.grid.dx
+            < well.radius_m + WELL_DISTANCE * sample.grid.dx
             for leak in leaks
             for well in pumping
         )
 
-    def change(self, effects: Sequence[EffectDescription]) -> float:
-        """Return the relative L2 norm of what `effects` change in the held-out maps, on cells so
-        fine that fronts smeared by the scheme do not count."""
+    def relative_change(self, effects: Sequence[EffectDescription]) -> float:
+        """Return the relative L2 norm [-] of the change that `effects` make in the held-out maps.
+
+        It is computed on the finest cells, where smeared fronts of the scheme do not count, or on
+        the judging cells if that would take minutes.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
         changes = []
-        for forward, finer in zip(self.judging.forwards, self.finest, strict=True):
-            sharp = finer if _is_quick(finer, effects) else forward
-            begin = forward.sample.fitted
-            changes.append(relative_error(sharp.maps(effects)[begin:], sharp.maps(())[begin:]))
+        for forward, finest in zip(self.judging.forwards, self.finest, strict=True):
+            finer = finest if _is_quick(finest, effects) else forward
+            begin = forward.sample.fitted_frames
+            changes.append(relative_error(finer.maps(effects)[begin:], finer.maps(())[begin:]))
         return float(np.sqrt(np.mean(np.square(changes))))
 
     def distances(self, fits: Sequence[Fit]) -> list[float]:
-        """Return how far the predictions of `fits` are from the first one's."""
+        """Return the whitened distances [-] of the predictions of `fits` from the first one.
+
+        Raises:
+            InputError: the model cannot run with one of the fits.
+        """
         return [self.judging.distance(fits[0], fit) for fit in fits]
 
 
+def make_levels(samples: Sequence[Sample], *, progress: Progress, workers: int) -> Levels:
+    """Return the levels of `samples` of one rig, without corrections.
+
+    Args:
+        samples: the recordings.
+        progress: called with the stage and the share that is done.
+        workers: simulations at a time.
+    """
+    pool = ThreadPoolExecutor(workers) if workers > 1 else None
+    sands = [
+        [Forward(on_rough_sand(sample, seed), refinement=JUDGING) for sample in samples]
+        for seed in range(ROUGH_SANDS)
+    ]
+    return Levels(
+        samples=tuple(samples),
+        screening=Fitter(
+            [Forward(coarsened(s, _screening_factor(s)), refinement=1) for s in samples],
+            point_spread_width=0.5 * TYPICAL_POINT_SPREAD,
+            pool=pool,
+        ),
+        refining=Fitter(
+            [Forward(sample, refinement=1) for sample in samples],
+            point_spread_width=TYPICAL_POINT_SPREAD,
+            pool=pool,
+        ),
+        judging=Fitter(
+            [Forward(sample, refinement=JUDGING) for sample in samples],
+            point_spread_width=TYPICAL_POINT_SPREAD,
+            rough_sands=RoughSands(sands),
+            pool=pool,
+        ),
+        finest=tuple(Forward(sample, refinement=FINEST) for sample in samples),
+        progress=progress,
+        pool=pool,
+    )
+
+
 def _is_quick(finest: Forward, effects: Sequence[EffectDescription]) -> bool:
-    """Return whether a run of the `finest` cells with `effects` takes seconds."""
+    """Return whether a simulation of the `finest` cells with `effects` takes seconds."""
     cells = finest.sample.grid.nx * finest.sample.grid.nz * FINEST**2
-    slow = any(EFFECTS[effect.name].is_slow_on_fine_grids for effect in effects)
-    return cells <= MOST_CELLS or not slow
+    return cells <= MOST_FINE_CELLS or not is_slow_on_fine_grids(effects)
 
 
 def _screening_factor(sample: Sample) -> int:

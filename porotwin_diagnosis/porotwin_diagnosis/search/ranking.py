@@ -1,108 +1,118 @@
-"""By what fits are compared, and which of them go on."""
+"""The comparison of fits, and the selection of the fits that go on.
+
+A judged fit has a misfit m (`data.misfit`) and a misfit n from noise alone, each for the fitted and
+for the held-out part. The following quantities derive from them:
+
+    score = sqrt((m_fitted^2 + m_held_out^2) / 2)
+    larger misfit = max(m_fitted, m_held_out)
+    misfit beyond the noise = sqrt(max(m^2 - (NOISE_UNCERTAINTY n)^2, 0))
+    normalised misfit = max over the parts of (misfit beyond the noise / A) / V
+
+A is the fingering amplification of the fit, V the misfit allowance of its effects. Both are 1 for
+most effects. The held-out part counts by itself, because a wrong effect adapts to the fitted part
+and fails in the held-out one.
+"""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from porotwin_diagnosis.model.effect_traits import misfit_allowance
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_solver.effects import EFFECTS
+from porotwin_diagnosis.thresholds import (
+    CLOSE_TO_BEST,
+    NOISE_UNCERTAINTY,
+    PENALTY_PER_PARAMETER,
+    TIE,
+)
 from porotwin_solver.effects.definition.candidate import Candidate
 
-NOISE_DOUBT = 1.1
-"""By how much the noise may be stronger than measured."""
 
-EXPLAINED = 0.5
-"""Excess below which a judged effect leaves nothing for a second one."""
-
-NEARLY_CLOSED = 1.5
-"""Excess of the best model below which it is worth to look more closely: with more pairs, and with
-finer cells."""
-
-NEAR = 1.5
-"""Fits whose misfit is above this many times the best one's go no further (but the second)."""
-
-ALIKE = 1.03
-"""Fits whose misfit is within this factor of the last one that goes on go on with it."""
-
-OCCAM = 1.08
-"""Every parameter must lower the misfit by this factor to be preferred: a wrong effect with many
-parameters takes up some of what the schemes do wrong."""
-
-
-def beyond_noise(fit: Fit) -> tuple[float, ...]:
-    """Return what a judged `fit` leaves beyond the noise, of the fitted and of the held-out part,
-    in units of the share of a cell by which no front is known."""
-    parts = zip((fit.fitted, fit.held_out), fit.noise, strict=True)
-    return tuple(
-        math.sqrt(max(all_of_it**2 - (NOISE_DOUBT * noise) ** 2, 0.0)) for all_of_it, noise in parts
+def misfit_beyond_noise(fit: Fit) -> tuple[float, float]:
+    """Return the misfit [-] beyond the noise, sqrt(max(m^2 - (1.1 n)^2, 0)): fitted, held out."""
+    fitted, held_out = (
+        math.sqrt(max(total**2 - (NOISE_UNCERTAINTY * noise) ** 2, 0.0))
+        for total, noise in zip(
+            (fit.fitted_misfit, fit.held_out_misfit), fit.noise_misfit, strict=True
+        )
     )
+    return fitted, held_out
 
 
 def normalised_misfit(fit: Fit) -> float:
-    """Return what `fit` leaves `beyond_noise` of the part where it leaves more, as a multiple of
-    what a model that is right may leave: of a viscosity, and of one that magnifies how rough the
-    sand is, that is more."""
-    allowance = max((EFFECTS[m.effect].misfit_allowance for m in fit.members), default=1.0)
-    parts = zip(beyond_noise(fit), fit.fingering_amplification, strict=True)
-    return (
-        max(left / fingering_amplification for left, fingering_amplification in parts) / allowance
-    )
+    """Return the misfit [-] beyond the noise relative to the one that the true effect may leave.
+
+    It is max(b_fitted / A_fitted, b_held_out / A_held_out) / V, with the misfit b beyond the noise,
+    the fingering amplification A and the misfit allowance V.
+    """
+    parts = zip(misfit_beyond_noise(fit), fit.fingering_amplification, strict=True)
+    largest = max(beyond / amplification for beyond, amplification in parts)
+    return largest / misfit_allowance(member.effect for member in fit.members)
 
 
 def score(fit: Fit) -> float:
-    """Return the misfit of fitted and held-out part together."""
-    return overall(fit.fitted, fit.held_out)
+    """Return the misfit [-] of both parts together, sqrt((m_fitted^2 + m_held_out^2) / 2)."""
+    return overall_misfit(fit.fitted_misfit, fit.held_out_misfit)
 
 
-def worse(fit: Fit) -> float:
-    """Return the misfit of the part, fitted or held out, where `fit` leaves more: a wrong effect
-    adapts to what it is fitted to, and fails in what it has not seen."""
-    return max(fit.fitted, fit.held_out)
-
-
-def overall(fitted: float, held_out: float) -> float:
-    """Return the misfit of both parts together, of theirs."""
+def overall_misfit(fitted: float, held_out: float) -> float:
+    """Return the root mean square of the misfits [-] of the fitted and the held-out part."""
     return float(np.hypot(fitted, held_out) / np.sqrt(2.0))
 
 
-def possible(fits: Sequence[Fit]) -> list[Fit]:
-    """Return those of `fits` with which the model could run."""
-    return [fit for fit in fits if fit.possible]
+def larger_misfit(fit: Fit) -> float:
+    """Return the larger of the misfits [-] of the fitted and the held-out part."""
+    return max(fit.fitted_misfit, fit.held_out_misfit)
 
 
-def near(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the fits near the best of `fits`, which are in order, and the second in any case."""
+def feasible(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the feasible `fits`: the model could run with their effects."""
+    return [fit for fit in fits if fit.is_feasible]
+
+
+def close_to_best(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the fits whose score is close to the best one, the second in any case.
+
+    `fits` are sorted by their score. Fits tied with the last selected one are selected as well.
+    """
     if not fits:
         return []
-    kept = [
-        fit for index, fit in enumerate(fits) if index < 2 or score(fit) < NEAR * score(fits[0])
-    ]
-    return [fit for fit in fits if score(fit) <= ALIKE * score(kept[-1])]
+    limit = CLOSE_TO_BEST * score(fits[0])
+    selected = [fit for index, fit in enumerate(fits) if index < 2 or score(fit) < limit]
+    return [fit for fit in fits if score(fit) <= TIE * score(selected[-1])]
 
 
 def ranked(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the judged `fits`, the most plausible first, of what was fitted twice the better."""
+    """Return the judged `fits`, the most plausible first.
+
+    They are sorted by larger misfit times PENALTY_PER_PARAMETER^p, with p parameters. If the same
+    effects were fitted several times, only the best fit is kept.
+    """
     best: dict[frozenset[str], Fit] = {}
-    for fit in sorted(fits, key=lambda fit: worse(fit) * OCCAM ** len(fit.scaled)):
-        best.setdefault(labels(fit.members), fit)
+    for fit in sorted(fits, key=_penalised_misfit):
+        best.setdefault(member_labels(fit.members), fit)
     return list(best.values())
 
 
-def distinct(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the first of the single `fits` of every effect and well."""
-    best: dict[tuple[str, object], Fit] = {}
+def _penalised_misfit(fit: Fit) -> float:
+    return larger_misfit(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
+
+
+def first_of_each_effect(fits: Sequence[Fit]) -> list[Fit]:
+    """Return the first fit of every effect and well among `fits` of single effects."""
+    first: dict[tuple[str, object], Fit] = {}
     for fit in fits:
-        best.setdefault(kind(fit), fit)
-    return list(best.values())
+        first.setdefault(effect_and_well(fit), fit)
+    return list(first.values())
 
 
-def kind(fit: Fit) -> tuple[str, object]:
-    """Return the effect and well of a single effect's `fit`, variants of one effect being one."""
+def effect_and_well(fit: Fit) -> tuple[str, object]:
+    """Return the effect of a single-effect `fit` and its well, if any; variants are the same."""
     member = fit.members[0]
     return member.effect, member.fixed.get('well')
 
 
-def labels(members: Sequence[Candidate]) -> frozenset[str]:
-    """Return what fits of the same `members`, in any order, have in common."""
+def member_labels(members: Sequence[Candidate]) -> frozenset[str]:
+    """Return the labels of `members` without their order, as a key of fits of the same effects."""
     return frozenset(member.label for member in members)

@@ -1,23 +1,27 @@
-"""The findings of a search as JSON: what was tried, and all that a verdict is decided from.
+"""findings.json: all evidence of a verdict, so that it can be decided again.
 
-With these files a verdict can be decided again under other thresholds without simulating again,
-which is how confidence is calibrated (`calibration`).
+With these files a verdict can be made under other thresholds without a simulation.
 """
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from porotwin_diagnosis.decision.evidence import Evidence
+from porotwin_diagnosis.decision.explanation import explain
+from porotwin_diagnosis.decision.numerics import Numerics
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.search.search import Findings
+from porotwin_diagnosis.search.findings import Findings
 from porotwin_solver.effects.definition.candidate import Candidate
 
 
-def write_findings(path: Path, findings: Findings) -> None:
-    """Write `findings`; parameters that a fit found are in the units of the diagnosis contract."""
+def write_evidence(path: Path, evidence: Evidence) -> None:
+    """Write `evidence`; fitted parameters are in the units of the diagnosis contract."""
+    findings = evidence.findings
     content = {
         'runs': findings.runs,
         'null': _fit_json(findings.null),
@@ -29,14 +33,33 @@ def write_findings(path: Path, findings: Findings) -> None:
         'part_changes': findings.part_changes,
         'distances': findings.distances,
         'pair_distances': findings.pair_distances,
+        'numerics': asdict(evidence.numerics),
+        'held_out_errors': list(evidence.held_out_errors),
+        'columns': evidence.columns,
+        'fitted_frames': evidence.fitted_frames,
     }
     path.write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
 
 
-def read_findings(path: Path) -> Findings:
-    """Return findings that were written: enough to decide, not to go on fitting."""
-    content = json.loads(path.read_text(encoding='utf-8'))
+def read_evidence(path: Path) -> Evidence:
+    """Return the evidence in the file `path`: enough to decide again, not to fit again.
 
+    The explanation is made anew from the fits.
+    """
+    content = json.loads(path.read_text(encoding='utf-8'))
+    findings = _read_findings(content)
+    before, after = content['held_out_errors']
+    return Evidence(
+        findings,
+        explain(findings),
+        Numerics(**content['numerics']),
+        (before, after),
+        columns=content['columns'],
+        fitted_frames=content['fitted_frames'],
+    )
+
+
+def _read_findings(content: dict[str, Any]) -> Findings:
     def fits(name: str) -> list[Fit]:
         return [_read_fit(fit) for fit in content[name]]
 
@@ -65,14 +88,14 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             }
             for member, described in zip(fit.members, fit.effects, strict=True)
         ],
-        'scaled': [float(scaled) for scaled in fit.scaled],
+        'scaled': [float(scaled) for scaled in fit.scaled_parameters],
         'misfit': {
-            'fitted': fit.fitted,
-            'held_out': fit.held_out,
-            'noise': list(fit.noise),
+            'fitted': fit.fitted_misfit,
+            'held_out': fit.held_out_misfit,
+            'noise': list(fit.noise_misfit),
             'fingering_amplification': list(fit.fingering_amplification),
         },
-        'error': {'fitted': fit.fitted_error, 'held_out': fit.error},
+        'error': {'fitted': fit.fitted_error, 'held_out': fit.held_out_error},
     }
 
 
@@ -83,12 +106,12 @@ def _read_fit(content: dict[str, Any]) -> Fit:
             Candidate(member['effect'], (), member['fixed'], (), member['variant'])
             for member in content['members']
         ),
-        scaled=np.array(scaled, dtype=float),
-        fitted=content['misfit']['fitted'],
-        held_out=content['misfit']['held_out'],
+        scaled_parameters=np.array(scaled, dtype=float),
+        fitted_misfit=content['misfit']['fitted'],
+        held_out_misfit=content['misfit']['held_out'],
         fitted_error=content['error']['fitted'],
-        error=content['error']['held_out'],
+        held_out_error=content['error']['held_out'],
         covariance=np.zeros((len(scaled), len(scaled))),
-        noise=tuple(content['misfit']['noise']),
+        noise_misfit=tuple(content['misfit']['noise']),
         fingering_amplification=tuple(content['misfit']['fingering_amplification']),
     )

@@ -1,0 +1,146 @@
+"""The run of a live twin so far, kept in memory so that it can be diagnosed as a recording."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule, WellRates
+from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
+from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.experiment import write_experiment
+from porotwin_solver.physics import nominal_physics
+
+MOST_MAPS = 400
+"""Largest number of maps in memory; beyond it every second one is dropped. A diagnosis compares a
+few dozen."""
+
+LEAST_INJECTED_SHARE = 0.5
+"""Share of the first map's tracer that the known rates must account for. Less means that the run
+began unseen; some tolerance is left for wrong rates and an uncalibrated camera."""
+
+
+@dataclass(frozen=True)
+class _Rates:
+    """Rates of all wells from `start` [s] on; `commanded` by a setpoint, else measured."""
+
+    start: float
+    wells: WellRates
+    commanded: bool
+
+
+class LiveRun:
+    """Maps and rates since the current experiment began. Times are stamps of photographs [s].
+
+    A new run begins when the clock goes back, when an experiment follows one that has ended, and
+    when the evaluation of photographs starts again on a rig without tracer. Missed photographs do
+    not end a run, since the model needs the rates only. The rates in force at the beginning of a
+    run stay in force. A setpoint counts as followed until rates are measured, as in the hub.
+    """
+
+    def __init__(self, rig: Rig, grid: Grid) -> None:
+        """Keep maps of `rig` on `grid`."""
+        self._rig = rig
+        self._grid = grid
+        self._times: list[float] = []
+        self._maps: list[FloatArray] = []
+        self._rates: list[_Rates] = []
+        self._measured_from = -np.inf
+        self._ended = False
+        self._evaluation_started = False
+
+    def __len__(self) -> int:
+        """Number of maps in memory."""
+        return len(self._times)
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Stamps of the maps in memory [s]."""
+        return tuple(self._times)
+
+    def add_map(self, stamp: float, concentration: FloatArray, grid: Grid) -> None:
+        """Keep the map `concentration` (nz, nx) [-] of the photograph at `stamp` [s].
+
+        Raises:
+            InputError: the map is on another grid.
+        """
+        if grid != self._grid:
+            raise InputError(f'map on {grid}; the run is kept on {self._grid}')
+        clean = self._evaluation_started and tracer_share(concentration) < FILLED_SHARE
+        if self._times and (self._ended or clean or stamp <= self._times[-1]):
+            self._begin_new_run(stamp)
+        self._evaluation_started = False
+        self._times.append(stamp)
+        self._maps.append(concentration.astype(np.float32))
+        if len(self._times) > MOST_MAPS:
+            del self._times[1:-1:2], self._maps[1:-1:2]
+
+    def add_commanded_rates(self, stamp: float, rates: WellRates) -> None:
+        """Keep the `rates` of a setpoint, in force from `stamp` [s] until others are measured."""
+        if stamp > self._measured_from:
+            self._rates.append(_Rates(stamp, dict(rates), commanded=True))
+
+    def add_measured_rates(self, start: float, end: float, rates: WellRates) -> None:
+        """Keep the `rates` of all wells that were measured from `start` to `end` [s].
+
+        They replace the setpoints of that interval and stay in force after it.
+        """
+        self._rates = [r for r in self._rates if not (r.commanded and start <= r.start <= end)]
+        self._rates.append(_Rates(start, dict(rates), commanded=False))
+        self._measured_from = start
+
+    def note_evaluation_start(self) -> None:
+        """Note that the evaluation of photographs starts; a new experiment may follow."""
+        self._evaluation_started = True
+
+    def note_experiment_end(self) -> None:
+        """Note that the experiment has ended; the next map belongs to another one."""
+        self._ended = True
+
+    def _begin_new_run(self, stamp: float) -> None:
+        self._times, self._maps = [], []
+        # topics arrive in any order: the rates in force may have arrived just before the map
+        self._rates = [_Rates(stamp, last.wells, last.commanded) for last in self._rates[-1:]]
+        self._measured_from = -np.inf
+        self._ended = False
+
+    def write(self, folder: Path) -> None:
+        """Write the run as an experiment into `folder`, with times since its beginning.
+
+        Raises:
+            InputError: there are no maps or no rates yet, or the run began unseen.
+        """
+        if not self._times:
+            raise InputError('diagnosis: no map has arrived from the running graph yet; wait')
+        if not self._rates:
+            raise InputError(
+                'diagnosis: no rates have arrived, neither setpoints nor measured ones; '
+                'confirm the rates (service operator/confirm), or name a recording'
+            )
+        begin = min(self._times[0], *(rates.start for rates in self._rates))
+        schedule = Schedule.from_rates((r.start - begin, r.wells) for r in self._rates)
+        self._refuse_unexplained_tracer(schedule, self._times[0] - begin)
+        stack = np.stack(self._maps)
+        maps = ConcentrationMaps(
+            np.array(self._times) - begin, self._grid, lambda start, stop: stack[start:stop]
+        )
+        write_experiment(folder, rig=self._rig, told=schedule, maps=maps)
+
+    def _refuse_unexplained_tracer(self, schedule: Schedule, first: float) -> None:
+        """Refuse a run with more tracer in its first map, at `first` [s], than was injected."""
+        share = tracer_share(self._maps[0])
+        nominal = nominal_physics(self._rig, self._grid)
+        held = float(np.nansum(self._maps[0] * nominal.storage))
+        injected = sum(
+            (high - low) * sum(max(rate.rate, 0.0) * rate.concentration for rate in rates.values())
+            for low, high, rates in schedule.intervals(0.0, first)
+        )
+        if share > FILLED_SHARE and injected < LEAST_INJECTED_SHARE * held:
+            raise InputError(
+                f'diagnosis: the first map of the run, at {self._times[0]:.0f} s, shows tracer in '
+                f'{share:.0%} of the rig that no known rate has injected; start the diagnosis '
+                'with the experiment, or name a recording'
+            )

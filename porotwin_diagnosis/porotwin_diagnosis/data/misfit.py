@@ -1,0 +1,65 @@
+"""The misfit of whitened residuals at the fronts of a plume.
+
+The misfit m of one part of the recordings, fitted or held out, is
+
+    m = sqrt(sum over counted cells of r^2 / number of observed front cells).
+
+A cell counts if it holds tracer but not full stock, as predicted or, beyond the noise, as observed.
+The noise alone does not make a cell count: in the interior of a pale plume it would select the low
+values only. The divisor is the number of observed front cells, so that neither an empty nor a full
+rig dilutes a gap.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.grid import FloatArray
+from porotwin_diagnosis.data.sample import FULL_STOCK, SMOOTHING_WIDTH, TRACER_PRESENT, Sample
+
+
+def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
+    """Return the misfit [-] of the fitted and of the held-out frames.
+
+    `residuals` are whitened, (nt, nz', nx') for every one of `samples`.
+    """
+    squares = [
+        residual**2 * _counted_cells(sample, residual)
+        for sample, residual in zip(samples, residuals, strict=True)
+    ]
+    return _root_mean_squares(samples, squares)
+
+
+def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
+    """Return the misfit [-] that the noise alone would cause, fitted and held out.
+
+    It is the misfit with r^2 replaced by its expected value from noise, in the cells that count for
+    `residuals` (whitened, (nt, nz', nx') for every one of `samples`).
+    """
+    squares = [
+        sample.expected_noise_squares * _counted_cells(sample, residual)
+        for sample, residual in zip(samples, residuals, strict=True)
+    ]
+    return _root_mean_squares(samples, squares)
+
+
+def _counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
+    weight = sample.weight(SMOOTHING_WIDTH)
+    predicted = sample.smoothed_observed - residual / np.where(weight > 0, weight, np.inf)
+    highest = np.maximum(sample.smoothed_observed, predicted)
+    lowest = np.minimum(sample.upper_limit, predicted)
+    return (highest > TRACER_PRESENT) & (lowest < FULL_STOCK)
+
+
+def _root_mean_squares(
+    samples: Sequence[Sample], squares: Sequence[FloatArray]
+) -> tuple[float, float]:
+    sums, counts = np.zeros(2), np.zeros(2)
+    for sample, square in zip(samples, squares, strict=True):
+        parts = (slice(None, sample.fitted_frames), slice(sample.fitted_frames, None))
+        for index, part in enumerate(parts):
+            sums[index] += float(square[part].sum())
+            counts[index] += np.count_nonzero(sample.front_mask[part])
+    fitted, held_out = np.sqrt(sums / np.maximum(counts, 1))
+    return float(fitted), float(held_out)

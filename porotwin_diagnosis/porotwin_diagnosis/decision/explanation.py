@@ -1,0 +1,144 @@
+"""The best explanation of a recording: the model that is kept, and the effects that look the same.
+
+An explanation is a hypothesis. `verdict.decide` accepts or rejects it in the light of all evidence.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from porotwin_diagnosis.decision.odds import strengths
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import normalised_misfit, score
+from porotwin_diagnosis.thresholds import (
+    INDISTINGUISHABLE,
+    NO_GAP_MISFIT,
+    PAIR_GAIN,
+    SUFFICIENT_MISFIT,
+    SUFFICIENT_PAIR_MISFIT,
+    UNRESOLVED_SHARE,
+)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The model that is kept, before it is tested on the held-out maps.
+
+    Attributes:
+        model: the model without effects, the best single effect, or the best pair.
+        lack_of_fit: normalised misfit of the model, relative to the largest that a true model has.
+            Above 1 the model misses something, and the next three attributes are empty.
+        members: names of its effects, the strongest first.
+        inseparable: other effects that look the same as the first member, in its place.
+        alternatives: other pairs that look the same as the best pair.
+    """
+
+    model: Fit
+    lack_of_fit: float
+    members: tuple[str, ...] = ()
+    inseparable: tuple[str, ...] = ()
+    alternatives: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def suffices(self) -> bool:
+        """Whether the model leaves no more than a true model may leave."""
+        return self.lack_of_fit <= 1.0
+
+
+def explain(findings: Findings) -> Explanation:
+    """Return the best explanation among `findings`."""
+    model = kept_model(findings)
+    lack = lack_of_fit(model, findings.null)
+    if not model.members or lack > 1.0:
+        return Explanation(model, lack)
+    members = _strongest_first(model, findings)
+    if len(members) == 1:
+        return Explanation(model, lack, members, _inseparable_singles(findings))
+    alternatives = _inseparable_pairs(findings)
+    return Explanation(
+        model, lack, members, _in_place_of_first(members, alternatives), alternatives
+    )
+
+
+def kept_model(findings: Findings) -> Fit:
+    """Return the model with the fewest effects that explains the recording.
+
+    1. The model without effects, if it leaves no gap.
+    2. The best single effect, if it suffices.
+    3. The best pair, if the second effect earns its place: the misfit falls below `PAIR_GAIN` of
+       the single effect's, and the held-out misfit falls too.
+    4. Otherwise the best single effect.
+    """
+    null, best = findings.null, findings.singles[0]
+    if normalised_misfit(null) < NO_GAP_MISFIT:
+        return null
+    if not findings.pairs or lack_of_fit(best, null) <= 1.0:
+        return best
+    pair = findings.pairs[0]
+    earns_its_place = (
+        score(pair) < PAIR_GAIN * score(best) and pair.held_out_misfit < best.held_out_misfit
+    )
+    return pair if earns_its_place else best
+
+
+def lack_of_fit(model: Fit, null: Fit) -> float:
+    """Return the misfit of `model` relative to the largest misfit of a true model.
+
+    lack of fit = m / sqrt(limit^2 + (u m0)^2), with the normalised misfits m of the model and m0
+    of the model without effects, `null`. The limit is `SUFFICIENT_MISFIT` (of pairs
+    `SUFFICIENT_PAIR_MISFIT`), and u is `UNRESOLVED_SHARE`.
+    """
+    limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
+    return normalised_misfit(model) / math.hypot(limit, UNRESOLVED_SHARE * normalised_misfit(null))
+
+
+def _strongest_first(model: Fit, findings: Findings) -> tuple[str, ...]:
+    """Return the names of the members of `model`, the strongest first.
+
+    The strongest effect closes most of the gap when it is added alone (diagnosis contract). An
+    effect that spreads fronts also closes the error that the camera's blur makes, so that the
+    change an effect makes in the maps counts as much: both measures are multiplied.
+    """
+    strength = {part.label: math.prod(both) for part, both in strengths(findings)}
+    members = sorted(model.members, key=lambda member: -strength.get(member.label, 0.0))
+    return tuple(member.effect for member in members)
+
+
+def _inseparable_singles(findings: Findings) -> tuple[str, ...]:
+    """Return the other single effects whose best fit looks the same as the best single effect."""
+    best = findings.singles[0].members[0].effect
+    names = (
+        fit.members[0].effect
+        for fit, distance in zip(findings.singles, findings.distances, strict=True)
+        if distance < INDISTINGUISHABLE
+    )
+    return tuple(name for name in dict.fromkeys(names) if name != best)
+
+
+def _inseparable_pairs(findings: Findings) -> tuple[tuple[str, ...], ...]:
+    """Return the other judged pairs that look the same as the best pair.
+
+    Pairs that differ only in the well or the variant of an effect count once.
+    """
+    same: dict[frozenset[str], tuple[str, ...]] = {}
+    for fit, distance in zip(findings.pairs, findings.pair_distances, strict=True):
+        names = tuple(member.effect for member in fit.members)
+        if distance < INDISTINGUISHABLE:
+            same.setdefault(frozenset(names), names)
+    _best, *others = same.values()
+    return tuple(others)
+
+
+def _in_place_of_first(
+    members: tuple[str, ...], alternatives: Sequence[tuple[str, ...]]
+) -> tuple[str, ...]:
+    """Return the effects that replace the first of `members` in pairs that keep the second."""
+    first, *others = members
+    replacements = (
+        name
+        for pair in alternatives
+        if set(others) < set(pair) and first not in pair
+        for name in set(pair) - set(others)
+    )
+    return tuple(dict.fromkeys(replacements))

@@ -1,0 +1,114 @@
+"""Log-odds of the statements in a verdict, and the confidence that they give.
+
+A confidence is `1 / (1 + exp(-log_odds))`, within `CONFIDENCE_RANGE`. The log-odds are stated by
+the rules below. No map from stated to observed frequencies is fitted or applied; the blind check
+measures by how much both differ, and `porotwin_validation.confidence_fit` fits such a map.
+"""
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import larger_misfit
+from porotwin_diagnosis.thresholds import (
+    CONFIDENCE_RANGE,
+    MISSING_SLOPE,
+    NO_GAP_LOG_ODDS,
+    NO_GAP_MISFIT,
+    NO_GAP_SLOPE,
+    ORDER_LOG_ODDS,
+    ORDER_SLOPE,
+    SINGLE_SHARE_RANGE,
+    SUFFICIENT_LOG_ODDS,
+    SUFFICIENT_SLOPE,
+    SURELY_SUFFICIENT,
+    SYSTEMATIC_MISFIT,
+)
+
+StrengthMeasures = tuple[float, float]
+"""Two measures of how strong a member of a pair is: 1 / (held-out error that it leaves alone), and
+the relative L2 norm of the change that it makes alone in the held-out maps."""
+
+
+def confidence(log_odds: float) -> float:
+    """Return the probability that belongs to `log_odds`, within `CONFIDENCE_RANGE`."""
+    probability = 1.0 / (1.0 + math.exp(-log_odds))
+    return float(np.clip(probability, *CONFIDENCE_RANGE))
+
+
+def no_gap_log_odds(misfit: float) -> float:
+    """Return the log-odds that there is no gap.
+
+    `misfit` is the normalised misfit of the model without effects, below `NO_GAP_MISFIT`.
+    """
+    return NO_GAP_SLOPE * (1.0 - misfit / NO_GAP_MISFIT) + NO_GAP_LOG_ODDS
+
+
+def sufficient_log_odds(lack_of_fit: float) -> float:
+    """Return the log-odds that a model with this `lack_of_fit`, at most 1, misses nothing.
+
+    An effect outside the library can be imitated, but seldom as well as a true effect fits.
+    """
+    return SUFFICIENT_LOG_ODDS + SUFFICIENT_SLOPE * max(0.0, SURELY_SUFFICIENT - lack_of_fit)
+
+
+def missing_log_odds(lack_of_fit: float) -> float:
+    """Return the log-odds that a model with this `lack_of_fit` misses something."""
+    return MISSING_SLOPE * math.log(lack_of_fit)
+
+
+def order_log_odds(members: Sequence[str], findings: Findings) -> float:
+    """Return the log-odds that the first of two `members` is the stronger one.
+
+    The smaller ratio of the two measures of strength counts, so that the order is uncertain where
+    the effects are equally strong or where the measures disagree. Infinite where the strengths of
+    both are not known.
+    """
+    strength = {fit.members[0].effect: both for fit, both in strengths(findings)}
+    if set(strength) != set(members):
+        return math.inf
+    first, second = (strength[name] for name in members)
+    ratio = min(first[0] / second[0], first[1] / second[1])
+    return ORDER_LOG_ODDS + ORDER_SLOPE * max(0.0, math.log(ratio))
+
+
+def strengths(findings: Findings) -> list[tuple[Fit, StrengthMeasures]]:
+    """Return the two members of the best pair, each as a fit of its own, with their strengths."""
+    return [
+        (part, (1.0 / max(part.held_out_error, 1e-9), max(change, 1e-9)))
+        for part, change in zip(findings.parts, findings.part_changes, strict=True)
+    ]
+
+
+def log_odds_against(misfit: float, best: float) -> float:
+    """Return the log-odds of a model with misfit `best` against a model with `misfit`.
+
+    Both misfits contain the same noise. The remainder of the true model is normal with the standard
+    deviation s = `SYSTEMATIC_MISFIT`, which gives (misfit^2 - best^2) / (2 s^2), at least 0.
+    """
+    return max(misfit**2 - best**2, 0.0) / (2.0 * SYSTEMATIC_MISFIT**2)
+
+
+def single_log_odds(names: Collection[str], probabilities: dict[str, float]) -> float:
+    """Return the log-odds of the effects `names`, which look the same, against all others."""
+    known = sum(probabilities.get(name, 0.0) for name in names)
+    low, high = SINGLE_SHARE_RANGE
+    known = min(max(known, low), high)
+    return math.log(known / (1 - known))
+
+
+def pair_log_odds(pair: Fit, names: Collection[str], findings: Findings) -> float:
+    """Return the log-odds of `pair` against the best explanation without its first effect.
+
+    `names` are the first effect and those that look the same in its place. The log-odds are
+    infinite where every judged fit contains one of them.
+    """
+    others = [
+        larger_misfit(fit)
+        for fit in (*findings.pairs, *findings.singles)
+        if not any(member.effect in names for member in fit.members)
+    ]
+    return log_odds_against(min(others, default=math.inf), larger_misfit(pair))

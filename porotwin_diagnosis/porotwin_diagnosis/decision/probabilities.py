@@ -1,0 +1,62 @@
+"""Probabilities of the single effects: from their misfits, and as stated with a verdict."""
+
+import math
+from collections.abc import Sequence
+
+from porotwin_diagnosis.decision.odds import log_odds_against
+from porotwin_diagnosis.decision.verdict import NONE, Verdict
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.ranking import larger_misfit
+from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
+
+
+def effect_probabilities(findings: Findings) -> dict[str, float]:
+    """Return the probability of every effect alone, and of `NONE`, the most probable first.
+
+    p_i = exp(-l_i) / sum_j exp(-l_j), with the log-odds l_i of the best effect against effect i:
+
+    - of a judged effect they follow from its misfit, and are 0 if it looks the same as the best;
+    - of an effect that was only screened they follow from its misfit on coarse cells, and are at
+      least `SCREENED_LOG_ODDS`.
+    """
+    log_odds: dict[str, float] = {}
+    best = larger_misfit(findings.singles[0])
+    for fit, distance in zip(findings.singles, findings.distances, strict=True):
+        against = (
+            0.0 if distance < INDISTINGUISHABLE else log_odds_against(larger_misfit(fit), best)
+        )
+        log_odds.setdefault(fit.members[0].effect, -against)
+    screened = {fit.label: larger_misfit(fit) for fit in reversed(findings.screened)}
+    best_screened = screened.get(findings.singles[0].label, 0.0)
+    for fit in findings.screened:
+        against = max(log_odds_against(larger_misfit(fit), best_screened), SCREENED_LOG_ODDS)
+        log_odds.setdefault(fit.members[0].effect, -against)
+    log_odds[NONE] = -log_odds_against(larger_misfit(findings.null), best)
+    weights = {name: math.exp(max(value, LEAST_LOG_ODDS)) for name, value in log_odds.items()}
+    total = sum(weights.values())
+    probabilities = {name: weight / total for name, weight in weights.items()}
+    return dict(sorted(probabilities.items(), key=lambda item: -item[1]))
+
+
+def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, float]:
+    """Return the probability of each effect in `names`, consistent with the verdict's confidence.
+
+    - The named effect and those inseparable from it share the confidence.
+    - The second member of a pair has the confidence of the pair.
+    - All other effects share the rest, 1 - confidence, and never more than their probability alone.
+      This also holds where the verdict names no effect. The remainder to 1 is for causes that the
+      library lacks.
+    """
+    alone = {name: verdict.probabilities.get(name, 0.0) for name in names}
+    same = [name for name in (verdict.name, *verdict.inseparable) if name in alone]
+    total = sum(alone[name] for name in same)
+    stated = {
+        name: verdict.confidence * (alone[name] / total if total > 0 else 1 / len(same))
+        for name in same
+    }
+    stated |= {
+        name: verdict.confidence for name in verdict.members if name in alone and name not in stated
+    }
+    others = [name for name in names if name not in stated]
+    scale = (1.0 - verdict.confidence) / max(sum(alone[name] for name in others), 1e-12)
+    return stated | {name: alone[name] * min(scale, 1.0) for name in others}

@@ -1,0 +1,41 @@
+"""The result of a diagnosis: one record, which the report and its callers read."""
+
+from dataclasses import dataclass
+
+from porotwin_diagnosis.advice.proposals import Proposal
+from porotwin_diagnosis.advice.strength import Strength
+from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.decision.evidence import Evidence
+from porotwin_diagnosis.decision.held_out import HeldOut
+from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.model.gap_map import GapMap
+from porotwin_recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A verdict on one or several recordings of a rig, with everything that a report shows.
+
+    Attributes:
+        recordings: the recordings that were diagnosed.
+        samples: the frames of each recording that were compared.
+        evidence: all fits and measures that the verdict was made from.
+        verdict: the verdict.
+        held_out: the held-out part of each recording, without and with the verdict's effects.
+        gap: where and when the gap arises; without places if there is no gap.
+        strengths: the smallest strength of each effect that would have been visible, by name.
+        proposals: experiments that would separate the two best explanations.
+        excluded: names of effects that were not considered.
+        seconds: time that the diagnosis took [s].
+    """
+
+    recordings: tuple[Recording, ...]
+    samples: tuple[Sample, ...]
+    evidence: Evidence
+    verdict: Verdict
+    held_out: tuple[HeldOut, ...]
+    gap: GapMap
+    strengths: dict[str, Strength]
+    proposals: tuple[Proposal, ...]
+    excluded: tuple[str, ...] = ()
+    seconds: float = 0.0

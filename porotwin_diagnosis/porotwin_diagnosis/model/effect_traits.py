@@ -1,0 +1,34 @@
+"""Traits of effects that fits and searches treat differently, from the registry of effects."""
+
+from collections.abc import Iterable
+
+from porotwin_core.rig import EffectDescription
+from porotwin_solver.effects import EFFECTS
+
+TRIED_IN_EVERY_PAIR = tuple(e.name for e in EFFECTS.values() if e.is_tried_in_every_pair)
+"""Effects that are tried beside every other one."""
+
+
+def needs_simulation(effect: str) -> bool:
+    """Return whether an effect acts in the rig; effects of the camera act on simulated maps."""
+    return EFFECTS[effect].needs_simulation
+
+
+def has_place(effect: str) -> bool:
+    """Return whether the place of an effect must be found."""
+    return EFFECTS[effect].has_place
+
+
+def is_slow_on_fine_grids(effects: Iterable[EffectDescription]) -> bool:
+    """Return whether a simulation with `effects` on a large fine grid takes minutes."""
+    return any(EFFECTS[effect.name].is_slow_on_fine_grids for effect in effects)
+
+
+def destabilises_fronts(effects: Iterable[EffectDescription]) -> bool:
+    """Return whether fronts finger with `effects`."""
+    return any(EFFECTS[e.name].destabilises_fronts(e.parameters) for e in effects)
+
+
+def misfit_allowance(effects: Iterable[str]) -> float:
+    """Return the factor [-] on the misfit that the true effects of these names may leave."""
+    return max((EFFECTS[effect].misfit_allowance for effect in effects), default=1.0)

@@ -1,0 +1,330 @@
+"""Fits of effects to the first part of recordings, with free-running simulations.
+
+The parameters minimise the sum of squares of the whitened residuals over the fitted frames
+(`levenberg_marquardt`). Slopes are finite differences. The first iterations use coarsely smoothed
+residuals: fronts that lie cells apart have no gradient at the resolution of the maps.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.data.misfit import misfit, noise_misfit
+from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, Sample
+from porotwin_diagnosis.model.covariance import clustered_covariance
+from porotwin_diagnosis.model.effect_traits import needs_simulation
+from porotwin_diagnosis.model.fit import Fit, effects_at, infeasible_fit, member_slices
+from porotwin_diagnosis.model.forward import Forward, whitened_residuals
+from porotwin_diagnosis.model.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
+from porotwin_diagnosis.model.rough_sand import RoughSands
+from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
+
+FREE_ITERATIONS_FACTOR = 8
+"""Factor on the number of iterations of a fit that needs no simulation: they cost next to nothing,
+and the four parameters of a registration have a narrow valley."""
+
+POLISHING_ITERATIONS = 4
+"""Iterations with the slopes of a coarser fitter."""
+
+POLISHING_TRIALS = 1
+"""Trial steps per iteration with such slopes: if the first fails, they are no longer good."""
+
+CENTRAL_DIFFERENCE = 0.25
+"""Half the difference [scaled] of a central derivative: small beside the valley of a registration,
+and far above round-off."""
+
+ONE_SIDED_DIFFERENCE = 1.0
+"""Difference [scaled] of a one-sided derivative: one natural step, which changes the maps clearly
+more than the round-off and the limiters of a scheme do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitter:
+    """Fits effects to recordings of one rig; an effect has the same parameters in all of them.
+
+    Attributes:
+        forwards: one forward model per recording.
+        point_spread_width: width [cells] of the point spread that simulated maps lack.
+        rough_sands: models on rough sands, for effects that destabilise fronts.
+        pool: runs the simulations of a finite difference at the same time; None for one at a time.
+    """
+
+    forwards: Sequence[Forward]
+    point_spread_width: float = field(default=0.0, kw_only=True)
+    rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
+    pool: ThreadPoolExecutor | None = field(default=None, kw_only=True)
+
+    @property
+    def samples(self) -> list[Sample]:
+        """The recordings, in the order of the forward models."""
+        return [forward.sample for forward in self.forwards]
+
+    def residuals(
+        self, effects: Sequence[EffectDescription], width: float, *, fitted_only: bool = False
+    ) -> list[FloatArray]:
+        """Return the whitened residuals with `effects`, smoothed over `width` [cells].
+
+        Returns:
+            One array (nt, nz', nx') [-] per recording: all frames, or the fitted ones.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+        return whitened_residuals(
+            self.forwards,
+            effects,
+            point_spread_width=self.point_spread_width,
+            width=width,
+            fitted_only=fitted_only,
+        )
+
+    def fit(
+        self,
+        members: Sequence[Candidate],
+        *,
+        start: FloatArray | None = None,
+        coarse_steps: int = 3,
+        fine_steps: int = 3,
+    ) -> Fit:
+        """Return the best fit of `members` together.
+
+        Args:
+            members: the effects.
+            start: scaled parameters (p,); by default the first start of every member.
+            coarse_steps: iterations on coarsely smoothed residuals.
+            fine_steps: iterations on finely smoothed residuals, after those.
+
+        Effects of the camera alone need no simulation and take eight times as many iterations. The
+        fit is not feasible if the model cannot run with the effects.
+        """
+        if _needs_no_simulation(members):
+            coarse_steps *= FREE_ITERATIONS_FACTOR
+            fine_steps *= FREE_ITERATIONS_FACTOR
+        scaled = np.concatenate([member.first for member in members]) if start is None else start
+        scaled = np.array(scaled, dtype=float)
+        for width, iterations in (
+            (COARSE_SMOOTHING_WIDTH, coarse_steps),
+            (SMOOTHING_WIDTH, fine_steps),
+        ):
+            if iterations:
+                scaled = self._minimised(members, scaled, width, iterations)
+        return self.evaluate(members, scaled)
+
+    def polish(self, fit: Fit, coarser: 'Fitter') -> Fit:
+        """Return `fit` refined on the cells of this fitter with the slopes of a `coarser` one.
+
+        The slopes are nearly the same. An iteration then takes one simulation on the fine cells
+        instead of one per parameter. If the result is not feasible, `fit` is evaluated as it is.
+        """
+        members, start = fit.members, fit.scaled_parameters
+        if _needs_no_simulation(members):
+            return self.fit(members, start=start, coarse_steps=0, fine_steps=1)
+        try:
+            residuals = coarser.residuals(
+                effects_at(members, start), SMOOTHING_WIDTH, fitted_only=True
+            )
+        except InputError:
+            return self.evaluate(members, start)
+        slopes = coarser.slopes(members, start, residuals)
+        scaled = self._minimised(
+            members,
+            start,
+            SMOOTHING_WIDTH,
+            POLISHING_ITERATIONS,
+            slopes_at=lambda _parameters, _residuals: slopes,
+            trials=POLISHING_TRIALS,
+        )
+        polished = self.evaluate(members, scaled)
+        return polished if polished.is_feasible else self.evaluate(members, start)
+
+    def evaluate(self, members: Sequence[Candidate], scaled_parameters: FloatArray) -> Fit:
+        """Return the fit of `members` at `scaled_parameters` (p,), with its misfits and errors.
+
+        The covariance stays zero. The fit is not feasible if the model cannot run.
+        """
+        effects = effects_at(members, scaled_parameters)
+        try:
+            maps = [forward.maps(effects) for forward in self.forwards]
+        except InputError:
+            return infeasible_fit(members, scaled_parameters)
+        residuals = [
+            sample.whitened(shown, point_spread_width=self.point_spread_width)
+            for sample, shown in zip(self.samples, maps, strict=True)
+        ]
+        fitted, held_out = misfit(self.samples, residuals)
+        size = len(scaled_parameters)
+        return Fit(
+            members=tuple(members),
+            scaled_parameters=np.array(scaled_parameters, dtype=float),
+            fitted_misfit=fitted,
+            held_out_misfit=held_out,
+            fitted_error=self._relative_error(maps, held_out=False),
+            held_out_error=self._relative_error(maps, held_out=True),
+            covariance=np.zeros((size, size)),
+            noise_misfit=noise_misfit(self.samples, residuals),
+            fingering_amplification=self.rough_sands.fingering_amplification(
+                self.forwards, effects, point_spread_width=self.point_spread_width
+            ),
+        )
+
+    def distance(self, one: Fit, other: Fit) -> float:
+        """Return the whitened root mean square difference [-] of two predictions.
+
+        It is the difference of the residuals, per compared cell with tracer. The noise of the
+        recordings cancels in it.
+
+        Raises:
+            InputError: the model cannot run with one of the fits.
+        """
+        pairs = zip(
+            self.residuals(one.effects, SMOOTHING_WIDTH),
+            self.residuals(other.effects, SMOOTHING_WIDTH),
+            strict=True,
+        )
+        total = sum(float(np.sum((first - second) ** 2)) for first, second in pairs)
+        cells = sum(sample.tracer_cells for sample in self.samples)
+        return float(np.sqrt(total / max(cells, 1)))
+
+    def with_covariance(self, fit: Fit) -> Fit:
+        """Return `fit` with the covariance of its scaled parameters (see `covariance`).
+
+        Raises:
+            InputError: the model cannot run with the fit.
+        """
+        if not len(fit.scaled_parameters):
+            return fit
+        residuals = self.residuals(fit.effects, SMOOTHING_WIDTH, fitted_only=True)
+        slopes = self.slopes(fit.members, fit.scaled_parameters, residuals)
+        return replace(fit, covariance=clustered_covariance(slopes, residuals))
+
+    def responses(
+        self, members: Sequence[Candidate], scaled_parameters: FloatArray, *, first: int = 0
+    ) -> list[FloatArray]:
+        """Return the derivatives of the whitened prediction by the scaled parameters, all frames.
+
+        Args:
+            members: the effects.
+            scaled_parameters: where to differentiate, (p,).
+            first: index of the first parameter to differentiate by.
+
+        Returns:
+            One array (p - first, nt, nz', nx') per recording.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+        present = [
+            member.described(scaled_parameters[part].tolist())
+            for member, part in member_slices(members)
+            if not member.is_absent(scaled_parameters[part].tolist())
+        ]
+        residuals = self.residuals(present, SMOOTHING_WIDTH)
+        return self.slopes(members, scaled_parameters, residuals, fitted_only=False, first=first)
+
+    def slopes(
+        self,
+        members: Sequence[Candidate],
+        scaled_parameters: FloatArray,
+        residuals: Sequence[FloatArray],
+        *,
+        width: float = SMOOTHING_WIDTH,
+        fitted_only: bool = True,
+        first: int = 0,
+    ) -> list[FloatArray]:
+        """Return minus the derivatives of the residuals by the scaled parameters.
+
+        Differences are one-sided if every point takes a simulation, central otherwise, and stay
+        within the ranges of the parameters. A derivative is zero if the model cannot run on either
+        side.
+
+        Args:
+            members: the effects.
+            scaled_parameters: where to differentiate, (p,).
+            residuals: residuals at that point, (nt, nz', nx') per recording.
+            width: width [cells] of the smoothing.
+            fitted_only: whether `residuals` hold the fitted frames only.
+            first: index of the first parameter to differentiate by.
+
+        Returns:
+            One array (p - first, nt, nz', nx') per recording.
+        """
+        central = _needs_no_simulation(members)
+        parameters = _parameters(members)
+
+        def residuals_at(index: int, value: float) -> Sequence[FloatArray]:
+            if value == scaled_parameters[index]:
+                return residuals
+            moved = scaled_parameters.copy()
+            moved[index] = value
+            return self.residuals(effects_at(members, moved), width, fitted_only=fitted_only)
+
+        def slope(index: int) -> list[FloatArray]:
+            spans = _difference_spans(parameters[index], scaled_parameters[index], central=central)
+            for begin, end in spans:
+                try:
+                    pairs = zip(residuals_at(index, begin), residuals_at(index, end), strict=True)
+                except InputError:
+                    continue
+                return [(before - after) / (end - begin) for before, after in pairs]
+            return [np.zeros_like(residual) for residual in residuals]
+
+        run: Callable[..., Iterable[list[FloatArray]]] = map if self.pool is None else self.pool.map
+        columns = list(run(slope, range(first, len(parameters))))
+        return [np.stack([column[n] for column in columns]) for n in range(len(residuals))]
+
+    def _minimised(
+        self,
+        members: Sequence[Candidate],
+        start: FloatArray,
+        width: float,
+        iterations: int,
+        *,
+        slopes_at: SlopesFn | None = None,
+        trials: int = TRIALS,
+    ) -> FloatArray:
+        """Return the scaled parameters after at most `iterations` with residuals of `width`."""
+        ranges = np.array([parameter.range for parameter in _parameters(members)]).reshape(-1, 2)
+        return minimise(
+            lambda scaled: self.residuals(effects_at(members, scaled), width, fitted_only=True),
+            slopes_at
+            or (lambda scaled, residuals: self.slopes(members, scaled, residuals, width=width)),
+            start,
+            Bounds(*ranges.T),
+            iterations=iterations,
+            trials=trials,
+        )
+
+    def _relative_error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:
+        """Return the relative L2 error, as a root mean square over the recordings."""
+        errors = [
+            sample.relative_error(shown, held_out=held_out)
+            for sample, shown in zip(self.samples, maps, strict=True)
+        ]
+        return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _parameters(members: Sequence[Candidate]) -> list[FitParameter]:
+    return [parameter for member in members for parameter in member.parameters]
+
+
+def _needs_no_simulation(members: Sequence[Candidate]) -> bool:
+    return not any(needs_simulation(member.effect) for member in members)
+
+
+def _difference_spans(
+    parameter: FitParameter, scaled: float, *, central: bool
+) -> list[tuple[float, float]]:
+    """Return the spans over which to differentiate at `scaled`, in the order of preference."""
+    low, high = parameter.range
+    if central:
+        spans = [(max(scaled - CENTRAL_DIFFERENCE, low), min(scaled + CENTRAL_DIFFERENCE, high))]
+    else:
+        down = (scaled, max(scaled - ONE_SIDED_DIFFERENCE, low))
+        up = (scaled, scaled + ONE_SIDED_DIFFERENCE)
+        spans = [up, down] if up[1] <= high else [down]
+    return [(begin, end) for begin, end in spans if begin != end]

@@ -1,0 +1,283 @@
+"""The first screen of the report: the cause, where it acts, how much it is, how sure that is."""
+
+import html
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
+from porotwin_diagnosis.decision.held_out import blurred_errors
+from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
+from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.report.markup import percent
+from porotwin_diagnosis.report.wording import interval, phrase, spoken
+from porotwin_diagnosis.search.ranking import misfit_beyond_noise
+from porotwin_diagnosis.thresholds import SCANT_CONFIDENCE, WORSENED
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.words import number
+
+Summary = Mapping[str, Any]
+"""The content of diagnosis.json."""
+
+
+def answer(result: Diagnosis, summary: Summary) -> str:
+    """Return the verdict as a sentence, and below it a table of four rows, as HTML."""
+    rows = (
+        ('Cause', _cause(result)),
+        ('Where', _where(result, summary)),
+        ('How much', _how_much(result, summary)),
+        ('How sure', _how_sure(result)),
+    )
+    lines = ''.join(f'<tr><th>{name}</th><td>{text}</td></tr>' for name, text in rows)
+    return (
+        f'<p class="verdict">{sentence(result, summary)}</p><table class="answer">{lines}</table>'
+    )
+
+
+def sentence(result: Diagnosis, summary: Summary) -> str:
+    """Return the verdict on `result` in one or two sentences, as HTML."""
+    verdict, errors = result.verdict, summary['error']
+    before, floor = percent(errors['before']), percent(errors['noise_floor'])
+    sure = f'confidence {100 * verdict.confidence:.0f} %'
+    if verdict.name == NONE:
+        return (
+            f'<b>No gap.</b> The model as it is explains {these(result)} down to the noise: its '
+            f'error in the held-out part is {before}; noise and blur of the maps alone make '
+            f'{floor} ({sure}).'
+        )
+    if verdict.name == UNEXPLAINED:
+        return (
+            f'<b>Unexplained.</b> There is a gap: the error of the model in the held-out part is '
+            f'{before}, but noise and blur of the maps alone make only {floor}. '
+            f'{_nothing_explains(result, summary)} ({sure}).'
+        )
+    return f'{_named(result, summary)} ({sure}). {_improvement(result, summary)}'
+
+
+def _named(result: Diagnosis, summary: Summary) -> str:
+    """Name the effects and their meaning for the rig."""
+    verdict = result.verdict
+    same = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.inseparable]
+    names = ' or '.join(map(_together, [verdict.members, *same]))
+    means = ', and '.join(meaning(name, summary) for name in verdict.members)
+    if same:
+        names += f', which {these(result)} cannot separate'
+    if not verdict.alternatives:
+        means = ', or '.join([means, *(meaning(name, summary) for name in verdict.inseparable)])
+    return f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means}'
+
+
+def _improvement(result: Diagnosis, summary: Summary) -> str:
+    """Say how far the error falls with the named effects."""
+    errors = summary['error']
+    before, after, floor = (percent(errors[key]) for key in ('before', 'after', 'noise_floor'))
+    if errors['after'] >= errors['before']:
+        return _hidden_improvement(result)
+    return (
+        f'With the correction the error of the model in the held-out part is {after} instead of '
+        f'{before}. Noise and blur of the maps alone make {floor}, so that {closed(errors)} of the '
+        'gap is closed.'
+    )
+
+
+def _hidden_improvement(result: Diagnosis) -> str:
+    """Say where the error falls, if the plain error of the held-out part does not."""
+    blurred_before, blurred_after = blurred_errors(result.held_out)
+    before = result.evidence.findings.null.fitted_error
+    after = result.verdict.model.fitted_error
+    if blurred_after >= blurred_before / WORSENED:
+        return (
+            f'The gap lies in the part before the held-out one: there the error is '
+            f'{percent(after)} with the correction instead of {percent(before)}. In the held-out '
+            f'part it is {percent(blurred_after)} either way.'
+        )
+    return (
+        'With the correction, and with fronts blurred as the camera blurs them, the error of the '
+        f'model in the held-out part is {percent(blurred_after)} instead of '
+        f'{percent(blurred_before)}.'
+    )
+
+
+def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
+    """Say which effects were tried, and the error that remains with the best of them."""
+    findings, errors = result.evidence.findings, summary['error']
+    tried = len({fit.members[0].effect for fit in findings.screened})
+    pairs = ', and none of their best pairs,' if findings.pairs else ''
+    best, after = label(result.verdict.model), percent(errors['after'])
+    shift = misplaced_fronts(result, result.verdict.model)
+    remaining = f'as if fronts were {shift} off'
+    if errors['after'] < errors['before']:
+        with_best = f'With the best one, {best}, the error is still {after}, {remaining}'
+    else:
+        with_best = (
+            f'{best.capitalize()} fits the earlier part best, but with it the error in the '
+            f'held-out part is {after}, {remaining}'
+        )
+    return f'None of the {tried} effects of the library{pairs} explains it. {with_best}'
+
+
+def misplaced_fronts(result: Diagnosis, fit: Fit) -> str:
+    """Return by how many mm fronts would be off to make the misfit of `fit` beyond the noise."""
+    shift = max(misfit_beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
+    return f'{number(1e3 * shift, 2)} mm'
+
+
+def _cause(result: Diagnosis) -> str:
+    """Name the effects, and say whether each is one of the rig, the camera or the model."""
+    verdict = result.verdict
+    if verdict.name == NONE:
+        return 'None is needed.'
+    if verdict.name == UNEXPLAINED:
+        return 'Not in the library of effects.'
+    lines = [_with_origin(name) for name in verdict.members]
+    if not verdict.alternatives:
+        lines += [f'or {_with_origin(name)}' for name in verdict.inseparable]
+    lines += [f'or {_together(names)} together' for names in verdict.alternatives]
+    return '<br>'.join(lines)
+
+
+def _with_origin(name: str) -> str:
+    return f'<b>{spoken(name)}</b>, an effect of the {origin(name)}'
+
+
+def origin(name: str) -> str:
+    """Return whether the effect `name` belongs to the camera, to the model or to the rig."""
+    if name == NUMERICAL:
+        return 'model'
+    return 'camera' if EFFECTS[name].is_of_camera else 'rig'
+
+
+def _where(result: Diagnosis, summary: Summary) -> str:
+    """Say where the named effects act, and those that look the same."""
+    verdict = result.verdict
+    if verdict.name == NONE:
+        return 'Nowhere.'
+    if verdict.name == UNEXPLAINED:
+        return _hot_spots(result)
+    same = () if verdict.alternatives else verdict.inseparable
+    names = (*verdict.members, *same)
+    places = [_place_of(name, result, summary) for name in names]
+    if len(set(places)) == 1:
+        return places[0]
+    lines = zip(names, places, strict=True)
+    return '<br>'.join(f'{spoken(name)}: {place}' for name, place in lines)
+
+
+def _place_of(name: str, result: Diagnosis, summary: Summary) -> str:
+    if EFFECTS[name].is_of_camera:
+        return (
+            'Nowhere in the rig: this is an effect of the camera. The map of where the gap arises '
+            'shows only which fronts it changes.'
+        )
+    if name == NUMERICAL:
+        return 'In the model, at every front.'
+    values = {key: entry['value'] for key, entry in _row(name, summary)['parameters'].items()}
+    if EFFECTS[name].has_place:
+        return f'At x = {values["x"]:.3f} m, z = {values["z"]:.3f} m.'
+    if 'well' in values:
+        well = result.recordings[0].rig.wells[values['well']]
+        return (
+            f'At the well {html.escape(values["well"])}, x = {well.x_m:.3f} m, '
+            f'z = {well.z_m:.3f} m.'
+        )
+    return 'In the whole rig.'
+
+
+def _hot_spots(result: Diagnosis) -> str:
+    if not result.gap.spots:
+        return 'Everywhere: no place stands out.'
+    spot = result.gap.spots[0]
+    return (
+        f'Most of all near x = {spot.x:.2f} m, z = {spot.z:.2f} m: {100 * spot.share:.0f} % of the '
+        f'gap arises within {1e3 * spot.radius:.0f} mm.'
+    )
+
+
+def _how_much(result: Diagnosis, summary: Summary) -> str:
+    """List the parameters with their intervals, and the errors.
+
+    Inseparable effects are listed too, but not beside a second member: they were fitted alone.
+    """
+    verdict, errors = result.verdict, summary['error']
+    named = verdict.members
+    if len(named) == 1:
+        named = (*named, *verdict.inseparable)
+    rows = [row for row in summary['effects'] if row['name'] in named]
+    lines = [
+        f'{spoken(row["name"])}, {line}' if len(rows) > 1 else line
+        for row in rows
+        for line in _parameters(row)
+    ]
+    before, after, floor = (percent(errors[key]) for key in ('before', 'after', 'noise_floor'))
+    improved = f'; {after} with the correction' if verdict.kept else ''
+    lines.append(f'Error in the held-out part: {before}{improved}; {floor} from noise and blur.')
+    return '<br>'.join(lines)
+
+
+def _parameters(row: Mapping[str, Any]) -> Iterable[str]:
+    """Yield every fitted parameter of a row of diagnosis.json with its 90 % interval."""
+    for name, parameter in row['parameters'].items():
+        may_be_fixed = EFFECTS[row['name']].parameters[name].may_be_fixed
+        if may_be_fixed and parameter['low'] is None:
+            continue
+        middle, span = interval(row['name'], name, parameter)
+        known = f' (90 % interval {span})' if span else ''
+        yield f'{spoken(name)}: <b>{middle}</b>{known}'
+
+
+def _how_sure(result: Diagnosis) -> str:
+    verdict, evidence = result.verdict, result.evidence
+    lines = [
+        f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
+        'rules that were set on simulated rigs.'
+    ]
+    if verdict.name == UNEXPLAINED and evidence.explanation.suffices:
+        best = ' and '.join(map(spoken, evidence.explanation.members)) or spoken(NUMERICAL)
+        lines.append(
+            f'The fronts speak for {best}, but with it the held-out maps are predicted worse.'
+        )
+    if verdict.inseparable:
+        names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.inseparable)
+        lines.append(
+            f'{these(result).capitalize()} cannot separate <b>{spoken(verdict.name)}</b> from '
+            f'{names}; see “Next experiment”.'
+        )
+    if evidence.scant:
+        lines.append(
+            f'{these(result).capitalize()} shows too little for a confidence above '
+            f'{100 * SCANT_CONFIDENCE:.0f} %: {evidence.columns} columns of cells, '
+            f'{evidence.fitted_frames} frames with tracer in the first 70 %.'
+        )
+    return '<br>'.join(lines)
+
+
+def these(result: Diagnosis) -> str:
+    """Return `this recording` or `these recordings`."""
+    return 'this recording' if len(result.recordings) == 1 else 'these recordings'
+
+
+def meaning(name: str, summary: Summary) -> str:
+    """Return the meaning of effect `name` with its fitted parameters, in words."""
+    return phrase(name, _row(name, summary)['parameters'])
+
+
+def _row(name: str, summary: Summary) -> Mapping[str, Any]:
+    """Return the row of effect `name` in diagnosis.json."""
+    row: Mapping[str, Any] = next(row for row in summary['effects'] if row['name'] == name)
+    return row
+
+
+def label(fit: Fit) -> str:
+    """Return the effects of `fit` as one says them, as HTML."""
+    return html.escape(spoken(fit.label))
+
+
+def closed(errors: Mapping[str, float]) -> str:
+    """Return the share of the gap that closes, with its interval."""
+    ends = ('gap_closed', 'gap_closed_low', 'gap_closed_high')
+    middle, low, high = (100 * min(max(errors[end], 0.0), 1.0) for end in ends)
+    return f'{middle:.0f} % ({low:.0f} … {high:.0f} %)'
+
+
+def _together(names: Iterable[str]) -> str:
+    return ' and '.join(f'<b>{spoken(name)}</b>' for name in names)

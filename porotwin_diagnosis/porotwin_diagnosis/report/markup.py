@@ -1,0 +1,41 @@
+"""HTML parts of the report: tables, figures, numbers."""
+
+import base64
+import html
+import io
+from collections.abc import Collection, Sequence
+
+from matplotlib.figure import Figure
+
+RESOLUTION = 130
+"""Dots per inch of the figures: 1560 pixels across a page of 1080, sharp on fine screens too."""
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collection[int] = ()) -> str:
+    """Return a table of HTML cells; the columns in `numbers` are aligned to the right."""
+
+    def row(cells: Sequence[str], tag: str) -> str:
+        marks = [' class="n"' if index in numbers else '' for index in range(len(cells))]
+        joined = ''.join(
+            f'<{tag}{mark}>{cell}</{tag}>' for mark, cell in zip(marks, cells, strict=True)
+        )
+        return f'<tr>{joined}</tr>'
+
+    return f'<table>{row(head, "th")}{"".join(row(cells, "td") for cells in rows)}</table>'
+
+
+def figure_with_caption(figure: Figure, caption: str, kind: str = 'png') -> str:
+    """Return `figure` as an image within the page, of `kind` png or jpeg, with its `caption`."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=RESOLUTION)
+    content = base64.b64encode(buffer.getvalue()).decode('ascii')
+    text = html.escape(caption)
+    return (
+        f'<figure><img alt="{text}" src="data:image/{kind};base64,{content}">'
+        f'<figcaption>{text}</figcaption></figure>'
+    )
+
+
+def percent(share: float) -> str:
+    """Return `share` in per cent, to one decimal."""
+    return f'{100 * share:.1f} %'

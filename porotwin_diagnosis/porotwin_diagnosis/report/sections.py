@@ -1,0 +1,185 @@
+"""The sections of the report below the pictures, each as HTML."""
+
+import html
+
+from porotwin_diagnosis.decision.verdict import UNEXPLAINED
+from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.report.answer import Summary, label, misplaced_fronts, origin, these
+from porotwin_diagnosis.report.diagnosis_json import Errors, remaining_error
+from porotwin_diagnosis.report.markup import percent, table
+from porotwin_diagnosis.report.wording import phrase, spoken, value
+from porotwin_diagnosis.search.ranking import misfit_beyond_noise, overall_misfit, score
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.words import number
+
+BAR_PIXELS, LONGEST_BAR = 80, 1.5
+"""Length [pixels] of a bar for the error without effects, and the longest bar relative to it."""
+
+LEAST_PROBABILITY = 1e-3
+"""Probabilities below 0.1 % are not written out."""
+
+
+def tried_effects(result: Diagnosis, summary: Summary) -> str:
+    """Return the table of all effects, each fitted alone, with the error that remains."""
+    errors = summary['error']
+    before, floor = max(errors['before'], 1e-9), errors['noise_floor']
+    rows = []
+    for row in summary['effects']:
+        name, after = row['name'], row['error_after']
+        length = BAR_PIXELS * min(max(after, floor) / before, LONGEST_BAR)
+        rows.append(
+            [
+                f'<b>{spoken(name)}</b>' if name in result.verdict.members else spoken(name),
+                origin(name),
+                phrase(name, row['parameters']),
+                f'<span class="bar" style="width:{length:.0f}px"></span>',
+                percent(after) if after > floor else f'≤ {percent(floor)}',  # hidden in the noise
+                _probability(row['probability']),
+            ]
+        )
+    head = [
+        'effect',
+        'of',
+        'meaning, if it were the cause',
+        'error with it alone',
+        '',
+        'probability',
+    ]
+    note = (
+        '<p>Every effect in the table was fitted to the first 70 % of the recording. Without any '
+        f'effect the error of the held-out part is {percent(before)}{_joint_error(result, summary)}'
+        '. Probabilities follow from the misfit at the fronts of the whole recording. Both members '
+        'of a pair have the probability of the pair. The remainder to 100 % is for causes that the '
+        'library lacks.</p>'
+    )
+    return note + table(head, rows, {4, 5})
+
+
+def _joint_error(result: Diagnosis, summary: Summary) -> str:
+    if len(result.verdict.members) < 2:
+        return ''
+    after = percent(summary['error']['after'])
+    names = ' and '.join(spoken(name) for name in result.verdict.members)
+    return f'; with {names} together it is {after} (their parameters are from the joint fit)'
+
+
+def _probability(share: float) -> str:
+    return '&lt; 0.1 %' if share < LEAST_PROBABILITY else percent(share)
+
+
+def tried_pairs(result: Diagnosis, summary: Summary) -> str:
+    """Return the table of the pairs that were judged, below the best single effect."""
+    findings = result.evidence.findings
+    if not findings.pairs:
+        return '<p>No pair was tried: one effect leaves nothing for a second one.</p>'
+    errors, kept = Errors(**summary['error']), result.verdict.model.label
+
+    def error(fit: Fit) -> float:
+        return errors.after if fit.label == kept else remaining_error(fit, errors, findings)
+
+    rows = [
+        [label(fit), percent(error(fit)), f'{max(misfit_beyond_noise(fit)):.2f}']
+        for fit in (findings.singles[0], *findings.pairs)
+    ]
+    note = '<p>The best single effect, and the pairs that reached the final judgement:</p>'
+    return note + table(['effects', 'error with them', 'misfit beyond noise'], rows, {1, 2})
+
+
+def when_it_arises(result: Diagnosis) -> str:
+    """Return the table of the operating states with their shares of the gap."""
+    several = len(result.recordings) > 1
+    rows = [
+        [
+            f'{phase.start / 60:.0f} – {phase.end / 60:.0f} min'
+            + (
+                f', {html.escape(result.recordings[phase.recording].source.name)}'
+                if several
+                else ''
+            ),
+            phase.state,
+            f'{100 * phase.share:.0f} %',
+        ]
+        for phase in result.gap.phases
+    ]
+    return table(['time', 'pumps', 'share of the gap'], rows, {2})
+
+
+def laboratory_checks(result: Diagnosis) -> str:
+    """Return how to check the named effects by other means than the camera."""
+    names = (*result.verdict.members, *result.verdict.inseparable)
+    if not names:
+        return (
+            '<p>There is no effect to check. Look at the map of the remainder: is it at a well, '
+            'along a side, at a layer, at a reflection in the glass? Did anybody touch the rig '
+            'while the gap arose?</p>'
+        )
+    items = ''.join(
+        f'<li><b>{spoken(name)}</b>: {EFFECTS[name].laboratory_check}.</li>' for name in names
+    )
+    return f'<ul>{items}</ul>'
+
+
+def next_experiments(result: Diagnosis, summary: Summary) -> str:
+    """Return the table of proposed experiments."""
+    if not result.proposals:
+        return '<p>No experiment would tell more than the same recording, made again.</p>'
+    one, other = result.proposals[0].separates
+    lacking = ' (neither explains the gap)' if result.verdict.name == UNEXPLAINED else ''
+    rows = [
+        [
+            proposal['name'],
+            proposal['what'],
+            'decides' if proposal['gain'] is None else f'× {proposal["gain"]:.1f}',
+        ]
+        for proposal in summary['next_experiment']
+    ]
+    note = (
+        f'<p>These separate the two best explanations, {spoken(one)} and {spoken(other)}{lacking}. '
+        'The factor compares each with the same recording, made again.</p>'
+    )
+    return note + table(['experiment', 'instructions', 'gain'], rows, {2})
+
+
+def visible_strengths(result: Diagnosis) -> str:
+    """Return the table of the smallest strengths that would have been visible."""
+    rows = []
+    for name, least in sorted(result.strengths.items()):
+        is_factor = EFFECTS[name].parameters[least.parameter].is_factor
+        text = (
+            f'{number(100 * least.value, 2)} %'
+            if is_factor
+            else value(name, least.parameter, least.value, 2)
+        )
+        where = ', in the middle of the rig' if EFFECTS[name].has_place else ''
+        rows.append([spoken(name), f'{spoken(least.parameter)}{where}', text])
+    note = (
+        '<p>An effect that is not seen may still be there: alone and weaker than this, it might '
+        f'not have been visible in {these(result)}.</p>'
+    )
+    return note + table(['effect', 'parameter', 'least visible deviation'], rows, {2})
+
+
+def method(result: Diagnosis) -> str:
+    """Return how the diagnosis was made: simulations, noise, misfits."""
+    findings, numerics = result.evidence.findings, result.evidence.numerics
+    noise, model = result.samples[0].noise, result.verdict.model
+    smearing = (
+        f' The configured scheme ({numerics.preset}) smears fronts like a diffusion of '
+        f'{number(numerics.model_diffusion, 2)} m²/s.'
+        if numerics.smears
+        else ''
+    )
+    return (
+        f'<p>{findings.runs} simulations were made, each from the start, with only the rates of '
+        'the pumps as input. Parameters were fitted to the first 70 % of the recording and tested '
+        f'on the last 30 %.</p><p>Measured noise: grain {percent(noise.grain)}, frame noise '
+        f'{percent(noise.frame)}, empty sand {percent(noise.background)} of the stock; correlated '
+        f'over {noise.correlation:.1f} cells; fronts blurred over '
+        f'{result.held_out[0].point_spread_width:.1f} cells.</p><p>Misfit at fronts, in standard '
+        'deviations of the noise and of a front 0.12 cells off: '
+        f'{score(findings.null):.2f} before, {score(model):.2f} after; noise alone gives '
+        f'{overall_misfit(*model.noise_misfit):.2f}. Beyond the noise this is as if fronts were '
+        f'{misplaced_fronts(result, findings.null)} off before, '
+        f'and {misplaced_fronts(result, model)} after.{smearing}</p>'
+    )

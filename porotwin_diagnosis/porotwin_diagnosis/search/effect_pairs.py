@@ -1,0 +1,284 @@
+"""Fits of two effects together.
+
+Pairs are made from the best single effects. The partners of a single effect are the ones whose
+linear response explains most of its residual and cannot be imitated by its own parameters. In the
+best pair either member is exchanged for an effect that explains more beside the other member, as
+long as this helps. Pairs are screened, refined and judged like single effects.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
+from porotwin_diagnosis.model.effect_traits import TRIED_IN_EVERY_PAIR, has_place
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.levels import Judgement, Levels
+from porotwin_diagnosis.search.ranking import (
+    close_to_best,
+    effect_and_well,
+    first_of_each_effect,
+    member_labels,
+    normalised_misfit,
+    score,
+)
+from porotwin_diagnosis.search.single_effects import SearchSpace, place_starts
+from porotwin_diagnosis.thresholds import (
+    EXCHANGE_MISFIT,
+    JUDGED_FITS,
+    MOST_EXCHANGES,
+    NEARLY_CLOSED_MISFIT,
+    PAIR_BASE_MISFIT,
+    PAIR_BASES,
+    PAIR_PARTNERS,
+    PAIR_PENALTY_PER_PARAMETER,
+    PARTNER_GAIN_PER_PARAMETER,
+    REFINED_FITS,
+    RELOCATED_PAIRS,
+)
+from porotwin_solver.effects.definition.candidate import Candidate
+
+PAIR_COARSE_ITERATIONS, PAIR_FINE_ITERATIONS = 1, 4
+"""Iterations of a fit of a pair on coarse and on fine residuals; one member is fitted already."""
+
+LEAST_RESPONSE = 1e-9
+"""Norm of the remainder of an added response, relative to the largest remainder, below which it is
+round-off and left out."""
+
+SINGULAR = 1e-6
+"""Relative singular value below which two responses count as equal; finite differences are not more
+accurate."""
+
+Pairs = dict[frozenset[str], Fit]
+"""Fits of pairs by the labels of their members."""
+
+
+def judged_pairs(
+    levels: Levels, space: SearchSpace, screened: Sequence[Fit], best: Fit, null: Fit
+) -> Judgement:
+    """Return the best pairs of single effects, judged.
+
+    Args:
+        levels: the levels of the recordings.
+        space: effects of the search.
+        screened: fits of single effects on the screening cells.
+        best: the best judged single effect.
+        null: the judged model without effects.
+    """
+    pairs = levels.judged(_refined(levels, space, screened, best), 0.78)
+    return levels.judged_again(pairs, null, 0.86)
+
+
+def judged_exchanges(
+    levels: Levels, space: SearchSpace, pair: Fit, screened: Sequence[Fit], null: Fit
+) -> Judgement:
+    """Return pairs made from a judged `pair` by exchanging members, judged.
+
+    Screening cells may have hidden that another member fits better. `screened` and `null` are as in
+    `judged_pairs`.
+    """
+    found = exchanged_pairs(levels, space, {member_labels(pair.members): pair}, screened)
+    refined = levels.refined(sorted(found.values(), key=score)[:REFINED_FITS], 0.87)
+    return levels.judged_again(levels.judged(refined, 0.88), null, 0.9)
+
+
+def pairs_worth_exchanging(pairs: Sequence[Fit]) -> list[Fit]:
+    """Return the judged `pairs` whose members are worth an exchange.
+
+    These are the best pair and the best one without a common effect: a pair with many parameters
+    may imitate the true one. Pairs with a normalised misfit of EXCHANGE_MISFIT or more are left
+    out.
+    """
+    labels = member_labels(pairs[0].members) if pairs else frozenset()
+    disjoint = [pair for pair in pairs if labels.isdisjoint(member_labels(pair.members))]
+    return [
+        pair for pair in (*pairs[:1], *disjoint[:1]) if normalised_misfit(pair) < EXCHANGE_MISFIT
+    ]
+
+
+def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
+    """Return the bases of pairs, which are single effects, and how many of them get all partners.
+
+    The effect of `best`, the best judged fit, comes first: screening cells may have ranked it
+    behind others. If they did, the first of the others gets all partners as well.
+    """
+    singles = first_of_each_effect(screened)
+    limit = PAIR_BASE_MISFIT * score(singles[0])
+    close = [fit for fit in singles if score(fit) < limit][:PAIR_BASES]
+    judged = [fit for fit in singles if effect_and_well(fit) == effect_and_well(best)]
+    others = [fit for fit in close if effect_and_well(fit) != effect_and_well(best)]
+    return judged + others, 1 if singles[0] in judged else 2
+
+
+def exchanged_pairs(
+    levels: Levels, space: SearchSpace, pairs: Mapping[frozenset[str], Fit], screened: Sequence[Fit]
+) -> Pairs:
+    """Return pairs made from the best of `pairs` by exchanging one member after the other.
+
+    Either member is exchanged for each of its best partners among the `screened` effects; then the
+    best new pair is treated likewise, until the score decreases no more. An effect that imitates
+    the truth best alone, as a shifted picture imitates sorption, need not belong to it.
+    """
+    found: Pairs = {}
+    if not pairs:
+        return found
+    best = min(pairs.values(), key=score)
+    for _ in range(MOST_EXCHANGES):
+        for member, scaled, _ in best.member_parameters:
+            levels.progress(f'another effect beside {member.label}', 0.65)
+            base = levels.screening.evaluate((member,), scaled)
+            partners = _partners(levels, space, base, screened, all_partners=False)
+            found |= _fitted_pairs(levels, base, partners, pairs.keys() | found.keys())
+        last = min(found.values(), key=score, default=best)
+        if score(last) >= score(best):
+            break
+        best = last
+    return found
+
+
+def _refined(levels: Levels, space: SearchSpace, screened: Sequence[Fit], best: Fit) -> list[Fit]:
+    """Return the best pairs, fitted again on the cells of the recording, the best score first.
+
+    Screening cells confuse effects that delay or fade the plume in the same way. If a pair nearly
+    closes the gap, more pairs are therefore refined.
+    """
+    pairs = close_to_best(_screened_pairs(levels, space, screened, best))[:REFINED_FITS]
+    refined = levels.refined(pairs[:JUDGED_FITS], 0.66)
+    if refined and normalised_misfit(refined[0]) < NEARLY_CLOSED_MISFIT:
+        refined += levels.refined(pairs[JUDGED_FITS:], 0.72)
+    return sorted(refined, key=score)
+
+
+def _screened_pairs(
+    levels: Levels, space: SearchSpace, screened: Sequence[Fit], best: Fit
+) -> list[Fit]:
+    """Return fits of pairs on the screening cells, sorted by score with a penalty per parameter."""
+    bases, with_all_partners = pair_bases(best, screened)
+    pairs: Pairs = {}
+    for index, base in enumerate(bases):
+        levels.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
+        partners = _partners(levels, space, base, screened, all_partners=index < with_all_partners)
+        pairs |= _fitted_pairs(levels, base, partners, pairs.keys())
+    pairs |= _relocated(levels, pairs)
+    pairs |= exchanged_pairs(levels, space, pairs, screened)
+    return sorted(
+        pairs.values(),
+        key=lambda fit: score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters),
+    )
+
+
+def _relocated(levels: Levels, pairs: Mapping[frozenset[str], Fit]) -> Pairs:
+    """Return the best pairs with a leak or a zone, with its place found beside the other member.
+
+    The place that was found for it alone imitates both members. A pair is kept as it is if no other
+    place fits better.
+    """
+    found: Pairs = {}
+    local = [pair for pair in pairs.values() if any(has_place(m.effect) for m in pair.members)]
+    for pair in sorted(local, key=score)[:RELOCATED_PAIRS]:
+        first, second = pair.member_parameters
+        for moved, kept in ((first, second), (second, first)):
+            if not has_place(moved.candidate.effect):
+                continue
+            levels.progress(f'another place of {moved.candidate.label}', 0.65)
+            base = levels.screening.evaluate((kept.candidate,), kept.scaled)
+            starts = place_starts(levels, moved.candidate.effect, beside=base)
+            for start in starts[:RELOCATED_PAIRS]:
+                for key, fit in _fitted_pairs(levels, base, [start], ()).items():
+                    found[key] = min(fit, found.get(key, pair), key=score)
+    return found
+
+
+def _fitted_pairs(
+    levels: Levels, base: Fit, partners: Sequence[Candidate], known: Collection[frozenset[str]]
+) -> Pairs:
+    """Return the fits of `base` with each of `partners` on the screening cells.
+
+    Pairs that are `known` already, and fits with a leak at a pumping well, are left out.
+    """
+    pairs: Pairs = {}
+    for partner in partners:
+        members = (*base.members, partner)
+        key = member_labels(members)
+        if key not in known and key not in pairs:
+            pairs[key] = levels.screening.fit(
+                members,
+                start=np.concatenate([base.scaled_parameters, partner.first]),
+                coarse_steps=PAIR_COARSE_ITERATIONS,
+                fine_steps=PAIR_FINE_ITERATIONS,
+            )
+    return {
+        key: fit
+        for key, fit in pairs.items()
+        if fit.is_feasible and not levels.has_leak_at_well(fit)
+    }
+
+
+def _partners(
+    levels: Levels, space: SearchSpace, base: Fit, screened: Sequence[Fit], *, all_partners: bool
+) -> list[Candidate]:
+    """Return the partners of `base`, by the share of its residual that they explain.
+
+    With `all_partners`, these include all effects with one parameter that belong to no well, and
+    effects with a place, at the place that fits best beside `base`.
+    """
+    partners = [
+        candidate
+        for rank, candidate in enumerate(_by_linear_gain(levels, base, screened))
+        if rank < PAIR_PARTNERS
+        or candidate.effect in TRIED_IN_EVERY_PAIR
+        or (all_partners and len(candidate.parameters) == 1 and 'well' not in candidate.fixed)
+    ]
+    if all_partners:
+        for effect in space.local_effects:
+            if effect != base.members[0].effect:
+                partners.extend(place_starts(levels, effect, beside=base)[:1])
+    return partners
+
+
+def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[Candidate]:
+    """Return the `screened` effects without a place, the largest linear gain beside `base` first.
+
+    The gain is reduced by PARTNER_GAIN_PER_PARAMETER for every parameter.
+    """
+    fitter = levels.screening
+    residuals = fitter.residuals(base.effects, SMOOTHING_WIDTH)
+    own = fitter.responses(base.members, base.scaled_parameters)
+    gains: list[tuple[float, Candidate]] = []
+    for candidate in (fit.members[0] for fit in screened):
+        if candidate.effect == base.members[0].effect or has_place(candidate.effect):
+            continue
+        members = (*base.members, candidate)
+        scaled = np.concatenate([base.scaled_parameters, candidate.first])
+        added = fitter.responses(members, scaled, first=len(base.scaled_parameters))
+        penalty = PARTNER_GAIN_PER_PARAMETER ** len(candidate.parameters)
+        gains.append((linear_gain(residuals, own, added) * penalty, candidate))
+    return [candidate for _, candidate in sorted(gains, key=lambda item: -item[0])]
+
+
+def linear_gain(
+    residuals: Sequence[FloatArray], own: Sequence[FloatArray], added: Sequence[FloatArray]
+) -> float:
+    """Return the decrease of the sum of squares that `added` parameters allow, to first order.
+
+    With the projection Q onto the complement of the `own` responses A, the residual r and the added
+    responses B, it is |Q r|^2 - min over u of |Q r - Q B u|^2.
+
+    Args:
+        residuals: whitened residuals, (nt, nz', nx') per recording.
+        own: responses of parameters that adapt anyway, (p, nt, nz', nx') per recording.
+        added: responses of the added parameters, (q, nt, nz', nx') per recording.
+    """
+    a = np.concatenate([part.reshape(len(part), -1) for part in own], axis=1)
+    b = np.concatenate([part.reshape(len(part), -1) for part in added], axis=1)
+    r = np.concatenate([part.ravel() for part in residuals])
+    basis, _ = np.linalg.qr(a.T)
+    r = r - basis @ (basis.T @ r)
+    b = b.T - basis @ (basis.T @ b.T)
+    norms = np.linalg.norm(b, axis=0)
+    b = b[:, norms > LEAST_RESPONSE * max(float(norms.max(initial=0.0)), 1e-12)]
+    if b.shape[1] == 0:
+        return 0.0
+    solution, *_ = np.linalg.lstsq(b, r, rcond=SINGULAR)
+    return float(r @ r - np.sum((r - b @ solution) ** 2))

@@ -1,0 +1,148 @@
+"""The search for effects that explain a gap: every effect alone, then in pairs, on finer and finer
+cells.
+
+1. Screening: every effect is fitted on coarse cells (`single_effects`).
+2. Refinement: the best fits are fitted again on the cells of the recording.
+3. Judgement: the best of those are fitted on fine cells, then again with the multifidelity
+   correction and the point spread that suit them (`levels`).
+4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`).
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.progress import Progress
+from porotwin_diagnosis.search.effect_pairs import (
+    judged_exchanges,
+    judged_pairs,
+    pairs_worth_exchanging,
+)
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
+from porotwin_diagnosis.search.ranking import (
+    close_to_best,
+    first_of_each_effect,
+    normalised_misfit,
+    score,
+)
+from porotwin_diagnosis.search.single_effects import (
+    SearchSpace,
+    refitted_singles,
+    screened_singles,
+    search_space,
+)
+from porotwin_diagnosis.thresholds import CORRECTABLE_MISFIT, EXPLAINED_MISFIT, REFINED_FITS
+
+
+class SearchResult(NamedTuple):
+    """The findings of a search, and the levels with the corrections that were last in use."""
+
+    findings: Findings
+    levels: Levels
+
+
+def search_effects(
+    samples: Sequence[Sample],
+    *,
+    excluded: Collection[str] = (),
+    progress: Progress = lambda _stage, _share: None,
+    workers: int = 2,
+) -> SearchResult:
+    """Search for effects that explain recordings of one rig.
+
+    Args:
+        samples: the recordings; an effect has the same parameters in all of them.
+        excluded: names of effects that are not considered.
+        progress: called with the stage and the share that is done, up to about 0.9.
+        workers: simulations at a time.
+
+    Raises:
+        InputError: no effect without a place remains, or the model cannot run without effects.
+    """
+    space = search_space(samples, excluded)
+    levels = make_levels(samples, progress=progress, workers=workers)
+    progress('running the model without effects', 0.0)
+    null = levels.null()
+    if score(null) < CORRECTABLE_MISFIT:
+        levels = levels.with_corrected_coarse_cells(())
+    screened = screened_singles(levels, space)
+    screened_null = levels.screening.evaluate((), np.zeros(0))
+    levels, singles = _judged_singles(levels, screened, null)
+    levels = levels.attuned(null)
+    findings = Findings(levels.null(), screened_null, screened, singles)
+    if normalised_misfit(singles[0]) > EXPLAINED_MISFIT:
+        levels, pairs = _found_pairs(levels, space, findings)
+        findings = replace(findings, pairs=pairs)
+        if pairs:
+            levels = levels.attuned(pairs[0])
+    findings = replace(findings, parts=_parts(levels, findings.pairs))
+    levels, singles = fitted_again_alone(levels, findings)
+    findings = replace(findings, singles=singles)
+    return SearchResult(_with_distances(levels, findings), levels)
+
+
+def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judgement:
+    best = close_to_best(first_of_each_effect(screened))[:REFINED_FITS]
+    refined = levels.refined(best, 0.3)
+    return levels.judged_again(levels.judged(refined, 0.4), null, 0.48)
+
+
+def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
+    """Return the judged pairs.
+
+    If the first pairs do not explain the gap, single effects are fitted again on coarse cells that
+    are corrected at the best one, and more pairs are made; at last members are exchanged.
+    """
+    best, null, screened = findings.singles[0], findings.null, findings.screened
+    levels, pairs = judged_pairs(levels, space, screened, best, null)
+    unexplained = not pairs or normalised_misfit(pairs[0]) > EXPLAINED_MISFIT
+    if unexplained and score(best) < CORRECTABLE_MISFIT:
+        levels = levels.with_corrected_coarse_cells(best.effects)
+        again = refitted_singles(levels, best, screened)
+        levels, more = judged_pairs(levels, space, again, best, null)
+        pairs = levels.ranked([*pairs, *more])
+    for pair in pairs_worth_exchanging(pairs):
+        if normalised_misfit(pairs[0]) > EXPLAINED_MISFIT:
+            levels, more = judged_exchanges(levels, space, pair, screened, null)
+            pairs = levels.ranked([*pairs, *more])
+    return Judgement(levels, pairs)
+
+
+def _parts(levels: Levels, pairs: Sequence[Fit]) -> list[Fit]:
+    """Return the members of the best pair, each judged alone with its parameters in the pair."""
+    return [
+        levels.judging.evaluate((member,), scaled)
+        for pair in pairs[:1]
+        for member, scaled, _ in pair.member_parameters
+    ]
+
+
+def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
+    """Return the judged single effects, with members of the best pair fitted alone once more.
+
+    A member is fitted again if, with its parameters in the pair, it scores better than every single
+    fit: its own fit was stuck before it reached them.
+    """
+    singles = list(findings.singles)
+    better = [part for part in findings.parts if score(part) < score(singles[0])]
+    if not better:
+        return Judgement(levels, singles)
+    judged = levels.judged(levels.refined(better, 0.89), 0.9)
+    levels, again = levels.judged_again(judged, findings.null, 0.9)
+    return Judgement(levels, levels.ranked([*again, *singles]))
+
+
+def _with_distances(levels: Levels, findings: Findings) -> Findings:
+    """Return complete `findings`: with changes, distances and the number of simulations."""
+    complete = replace(
+        findings,
+        part_changes=[levels.relative_change(part.effects) for part in findings.parts],
+        distances=levels.distances(findings.singles),
+        pair_distances=levels.distances(findings.pairs),
+    )
+    return replace(complete, runs=levels.simulations)

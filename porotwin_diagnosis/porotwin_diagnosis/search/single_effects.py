@@ -1,0 +1,120 @@
+"""Fits of every single effect of the library on coarse cells."""
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.search.levels import Levels
+from porotwin_diagnosis.search.place_scan import promising_starts
+from porotwin_diagnosis.search.ranking import (
+    effect_and_well,
+    feasible,
+    first_of_each_effect,
+    score,
+)
+from porotwin_diagnosis.thresholds import REFITTED_SINGLES, UNPROMISING
+from porotwin_solver.effects import effects_of
+from porotwin_solver.effects.definition.candidate import Candidate
+from porotwin_solver.effects.definition.effect import Scope
+
+PLACED_COARSE_ITERATIONS = 4
+"""Iterations on coarse residuals for an effect with a place: its place is known to a few cells."""
+
+
+class SearchSpace(NamedTuple):
+    """The effects of a search: `candidates` without a place, and names of effects with a place."""
+
+    candidates: tuple[Candidate, ...]
+    local_effects: tuple[str, ...]
+
+
+def search_space(samples: Sequence[Sample], excluded: Collection[str]) -> SearchSpace:
+    """Return all effects of the library for `samples` but the `excluded` ones.
+
+    Raises:
+        InputError: no effect without a place remains.
+    """
+    local = {effect.name for effect in effects_of(Scope.PLACE)}
+    candidates = tuple(
+        candidate for candidate in library(samples) if candidate.effect not in {*excluded, *local}
+    )
+    if not candidates:
+        raise InputError('all effects without a place are excluded; leave at least one in')
+    return SearchSpace(candidates, tuple(sorted(local - set(excluded))))
+
+
+def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
+    """Return the fits of all single effects on the screening cells, the best score first.
+
+    Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
+    residuals. An effect with a place is fitted from the most promising places.
+    """
+    fits: list[Fit] = []
+    for index, candidate in enumerate(space.candidates):
+        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * index / len(space.candidates))
+        fits.append(_fit_from_best_start(levels, candidate))
+    fits = feasible(fits)
+    limit = UNPROMISING * min(map(score, fits))
+    for index, fit in enumerate(fits):
+        if score(fit) < limit:
+            levels.progress(f'fitting {fit.label}', 0.17 + 0.12 * index / len(fits))
+            fits[index] = _continued(levels, fit)
+    for effect in space.local_effects:
+        levels.progress(f'looking for a place of {effect}', 0.29)
+        fits.extend(_best_placed(levels, effect))
+    return sorted(feasible(fits), key=score)
+
+
+def refitted_singles(levels: Levels, best: Fit, screened: Sequence[Fit]) -> list[Fit]:
+    """Return `screened` with its first fits fitted again, the best score first.
+
+    It is used after the correction of the coarse cells has changed. The effect of `best`, the best
+    judged fit, is fitted again in any case.
+    """
+    order = sorted(
+        first_of_each_effect(screened),
+        key=lambda fit: effect_and_well(fit) != effect_and_well(best),
+    )
+    again = feasible([_continued(levels, fit) for fit in order[:REFITTED_SINGLES]])
+    labels = {fit.label for fit in again}
+    return sorted([*again, *(fit for fit in screened if fit.label not in labels)], key=score)
+
+
+def place_starts(levels: Levels, effect: str, *, beside: Fit | None = None) -> list[Candidate]:
+    """Return the promising starts of an `effect` with a place, the best first.
+
+    If `beside` is given, its effects are present. The result is empty if no simulation can tell.
+    """
+    try:
+        return promising_starts(levels.screening.forwards, effect, beside=beside, pool=levels.pool)
+    except InputError:
+        return []
+
+
+def _fit_from_best_start(levels: Levels, candidate: Candidate) -> Fit:
+    """Return the best fit of `candidate` to coarse residuals from any of its starts."""
+    starts = candidate.starts or (candidate.first,)
+    fits = [
+        levels.screening.fit((candidate,), start=np.array(start, dtype=float), fine_steps=0)
+        for start in starts
+    ]
+    return min(fits, key=score)
+
+
+def _continued(levels: Levels, fit: Fit) -> Fit:
+    return levels.screening.fit(fit.members, start=fit.scaled_parameters, coarse_steps=0)
+
+
+def _best_placed(levels: Levels, effect: str) -> list[Fit]:
+    """Return the best fit from the most promising places of `effect`; empty if there is none."""
+    fits = [
+        levels.screening.fit((start,), coarse_steps=PLACED_COARSE_ITERATIONS)
+        for start in place_starts(levels, effect)
+    ]
+    away_from_wells = [fit for fit in feasible(fits) if not levels.has_leak_at_well(fit)]
+    return sorted(away_from_wells, key=score)[:1]

@@ -1,0 +1,196 @@
+"""Constants that decide, each with its unit and its reason.
+
+They were set on 22 recordings of an independent simulator and on blinded cases of the virtual rig
+(`./porotwin blind-check`, seeds 2 to 5, 80 cases of seed 8, 88 of seed 9 and 90 of seed 10).
+
+Misfits are dimensionless: a whitened residual of 1 is one standard deviation of the noise and of a
+front that lies `FRONT_TOLERANCE` cells off. Ratios and factors are dimensionless as well. Log-odds
+are natural logarithms of odds.
+"""
+
+# Search -----------------------------------------------------------------------------------------
+
+# The normalised misfit (`ranking.normalised_misfit`) and the ranking
+
+NOISE_UNCERTAINTY = 1.1
+"""Ratio of the true to the measured noise that is still plausible. The estimate comes from a
+limited number of cells, and its error must not look like a gap."""
+
+PENALTY_PER_PARAMETER = 1.08
+"""Factor on the misfit of a judged fit for every parameter. A wrong effect with many parameters
+takes up some of the errors of the schemes, so that each must lower the misfit by this factor."""
+
+EXPLAINED_MISFIT = 0.5
+"""Normalised misfit below which a fit leaves nothing for a second effect. It lies slightly below
+the limit for a sufficient single effect, so that pairs are searched whenever a verdict may need
+one."""
+
+SMALL_GAP_MISFIT = 0.8
+"""Normalised misfit of the model without effects below which it counts as the best model: point
+spread and correction are then measured without any effect, which could adapt to the noise."""
+
+NEARLY_CLOSED_MISFIT = 1.5
+"""Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
+enough to the observed ones for a multifidelity correction and an estimate of the point spread, and
+only then is a search through more pairs worth its time."""
+
+CORRECTABLE_MISFIT = 4.0
+"""Misfit of a model below which runs on coarse cells are corrected by the difference to the judging
+cells. Above it fronts lie more than about half a cell apart, and the correction, which stays in
+place, would miss them."""
+
+# Selection of the fits that go on
+
+CLOSE_TO_BEST = 1.5
+"""Ratio of the misfits of a fit and of the best one above which the fit is dropped. It balances
+time against the risk that coarse cells rank the true effect too low."""
+
+TIE = 1.03
+"""Ratio of two misfits that counts as a tie: fits tied with the last selected one are selected."""
+
+UNPROMISING = 2.0
+"""Ratio of the coarse misfits of a fit and of the best one above which the fit is not continued on
+fine residuals. It is wider than `CLOSE_TO_BEST`, since few iterations were made."""
+
+REFINED_FITS = 7
+"""Largest number of fits refined on the cells of the recording; it bounds the time."""
+
+JUDGED_FITS = 4
+"""Largest number of fits judged on fine cells, where a simulation takes about eight times as long:
+twice as many cells each way, and twice as many time steps."""
+
+REFITTED_SINGLES = 6
+"""Largest number of single effects fitted again on newly corrected cells before pairs are made; it
+bounds the time."""
+
+WELL_DISTANCE = 5.0
+"""Distance [cells of the recording] from the rim of a well. A leak within it cannot be told from a
+wrong rate of that well."""
+
+# Places of a leak or a zone
+
+STARTING_PLACES = 3
+"""Number of places where fits of an effect start. The linear response on a coarse grid ranks places
+only roughly, so that the first one need not be the right one."""
+
+# Pairs
+
+PAIR_BASES = 3
+"""Largest number of single effects that get partners, beside the best judged one."""
+
+PAIR_PARTNERS = 4
+"""Number of partners that are fitted beside each base, chosen by their linear response; it bounds
+the time."""
+
+PAIR_BASE_MISFIT = 1.8
+"""Ratio of the misfits of a single effect and of the best one above which no pairs are made from
+it. It is generous: the effect that imitates a pair best need not be a member of the pair."""
+
+PAIR_PENALTY_PER_PARAMETER = 1.05
+"""Factor on the misfit of a screened pair for every parameter. It is less than
+`PENALTY_PER_PARAMETER`, since screening only has to keep the right pair."""
+
+PARTNER_GAIN_PER_PARAMETER = 0.85
+"""Factor on the linear gain of a partner for every parameter: many parameters imitate much."""
+
+EXCHANGE_MISFIT = 3.0
+"""Normalised misfit of a judged pair above which its members are not exchanged again. An exchange
+keeps one member, and in a pair that leaves so much probably neither is right."""
+
+MOST_EXCHANGES = 4
+"""Largest number of times that the best pair exchanges a member. Exchanges end earlier if the score
+no longer decreases."""
+
+RELOCATED_PAIRS = 2
+"""Number of pairs with a leak or a zone that are tried at other places, and number of places."""
+
+# Decision ---------------------------------------------------------------------------------------
+
+NO_GAP_MISFIT = 0.45
+"""Normalised misfit of the model without effects below which there is no gap. Recordings without
+an effect stay below it: noise and the errors of the scheme leave that much."""
+
+SUFFICIENT_MISFIT = 0.53
+"""Normalised misfit above which a single effect does not explain the gap. True effects stay below
+it, effects that imitate a missing one seldom do."""
+
+SUFFICIENT_PAIR_MISFIT = 0.6
+"""The same threshold for a pair. It is higher because the scheme makes errors in both effects."""
+
+UNRESOLVED_SHARE = 0.01
+"""Share of the normalised misfit of a large gap that even the true effect leaves: no scheme follows
+a strong effect exactly."""
+
+PAIR_GAIN = 0.8
+"""Ratio of the misfits of a pair and of the best single effect below which the second effect is
+kept. Two effects always fit better than one, so that the second must earn its place."""
+
+SYSTEMATIC_MISFIT = 0.16
+"""Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the
+scheme, which misplaces fronts by 0.16 of the 0.12 cells of the front tolerance."""
+
+INDISTINGUISHABLE = 0.06
+"""Whitened root mean square difference of two predictions below which the camera shows the same."""
+
+NO_GAP_LOG_ODDS, NO_GAP_SLOPE = 1.0, 4.0
+"""Log-odds of `none` at the threshold `NO_GAP_MISFIT`, and their increase down to a misfit of 0."""
+
+SUFFICIENT_LOG_ODDS, SUFFICIENT_SLOPE, SURELY_SUFFICIENT = 1.35, 8.0, 0.7
+"""Log-odds that a model with a lack of fit from `SURELY_SUFFICIENT` to 1 misses nothing, and their
+increase per unit of lack of fit below. Of the blinded cases one in nine was wrong above 0.7, one in
+sixteen from 0.5 to 0.7, and one in 150 below 0.5."""
+
+MISSING_SLOPE = 4.0
+"""Increase, per unit of log(lack of fit), of the log-odds that a model misses something. They are 0
+at a lack of fit of 1."""
+
+ORDER_LOG_ODDS, ORDER_SLOPE = 0.4, 8.0
+"""Log-odds that the first of two equally strong effects is the stronger one (equal strengths leave
+this nearly open), and their increase per unit of log(ratio of strengths)."""
+
+SCREENED_LOG_ODDS = 3.0
+"""Least log-odds against an effect that was dropped before the final judgement. Its misfit on
+coarse cells alone does not prove more than 1 : 20."""
+
+SINGLE_SHARE_RANGE = (1e-3, 1 - 1e-3)
+"""Range of the probability of the best single effect, so that its log-odds stay within 7."""
+
+LEAST_LOG_ODDS = -60.0
+"""Least log-odds of an effect, so that no exponential underflows."""
+
+CONFIDENCE_RANGE = (0.05, 0.99)
+"""Least and greatest confidence that is stated: a few hundred cases cannot prove more."""
+
+CONTRADICTED_CONFIDENCE = 0.6
+"""Confidence in `unexplained` where the misfit at the fronts names an effect and the held-out maps
+contradict it."""
+
+WORSENED = 1.02
+"""Ratio of the held-out errors with and without the named effects above which the maps contradict
+them. Smaller differences mean nothing: if the pumps rest at last, and the gap arose before, both
+predictions hardly differ in the held-out part."""
+
+SCANT_COLUMNS, SCANT_FRAMES, SCANT_CONFIDENCE = 80, 4, 0.7
+"""A recording with fewer columns of cells, or fewer frames to fit to, is scant: no verdict on it
+has a higher confidence. On 47 columns a shifted picture passed for a wrong rate, on 70 columns a
+wrong rate passed for unexplained."""
+
+LEAST_NUMERICAL_MISFIT = 1.5
+"""Misfit of the configured scheme below which its numerical diffusion does not matter: a gap as
+small as this is judged by its effects alone."""
+
+SHARPER_SCHEME_GAIN = 0.75
+"""Ratio of the misfits of the accurate and the configured scheme below which numerical diffusion is
+named. Any finer scheme lowers the misfit a little, whatever causes the gap."""
+
+INTERVAL_DEVIATIONS = 1.645 * 1.7
+"""Half width of a 90 % interval in standard deviations: 1.645 for a normal distribution, times 1.7.
+Errors of the scheme shift parameters too; without the factor the intervals held only two thirds of
+the true values of the independent simulator."""
+
+LEAST_EXPERIMENT_GAIN = 1.1
+"""Least gain in the distance of two explanations for another experiment to be proposed. A smaller
+one is no reason to change the schedule."""
+
+VISIBLE_CHANGE = 0.5
+"""Least whitened change per cell with tracer, in standard deviations, of a visible effect."""

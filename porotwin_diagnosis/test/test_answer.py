@@ -1,0 +1,118 @@
+"""The first screen of the report: cause, where, how much, how sure."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from diagnosis_results import naming
+
+from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.report.answer import answer, sentence
+from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+
+
+def said(result, verdict=None):
+    changed = result if verdict is None else replace(result, verdict=verdict)
+    return sentence(changed, diagnosis_json(changed))
+
+
+def rows(result):
+    """Return the rows of the answer as plain text, by their names."""
+    text = answer(result, diagnosis_json(result))
+    found = re.findall(r'<tr><th>(.*?)</th><td>(.*?)</td></tr>', text)
+    return {name: re.sub(r'<.*?>', ' ', value) for name, value in found}
+
+
+def test_a_found_effect_is_said_with_the_error_that_it_closes(denser):
+    text = said(denser)
+    assert text.startswith('<b>Porosity</b>: the porosity is 12 % lower than nominal')
+    assert 'confidence 90 %' in text
+    assert 'of the gap is closed' in text
+
+
+def test_the_first_screen_names_cause_place_size_and_confidence(denser):
+    found = rows(denser)
+    assert list(found) == ['Cause', 'Where', 'How much', 'How sure']
+    assert found['Cause'] == ' porosity , an effect of the rig'
+    assert found['How much'].startswith('factor:  0.880  (90 % interval 0.873 … 0.887)')
+    assert found['Where'] == 'In the whole rig.'
+    assert '90 %' in found['How sure']
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameters', 'place'),
+    [
+        ('registration', {'dx': 0.004}, 'Nowhere in the rig: this is an effect of the camera'),
+        ('clock', {'offset': -60.0}, 'Nowhere in the rig: this is an effect of the camera'),
+        ('leak', {'x': 0.33, 'z': 0.3, 'rate': -20.0}, 'At x = 0.330 m, z = 0.300 m'),
+        ('rate', {'factor': 0.9}, 'At the well injector, x = 0.235 m, z = 0.235 m'),
+    ],
+)
+def test_the_place_of_an_effect_is_said_or_that_it_has_none(denser, name, parameters, place):
+    assert rows(naming(denser, name, parameters))['Where'].startswith(place)
+
+
+def test_numerical_diffusion_is_no_property_of_the_rig(denser):
+    numerics = Numerics('upwind', 9.0, 3.0, model_diffusion=2e-8)
+    verdict = replace(
+        denser.verdict,
+        name='numerical_diffusion',
+        model=denser.evidence.findings.null,
+        members=('numerical_diffusion',),
+    )
+    result = replace(denser, verdict=verdict, evidence=replace(denser.evidence, numerics=numerics))
+    assert rows(result)['Cause'] == ' numerical diffusion , an effect of the model'
+    assert rows(result)['Where'] == 'In the model, at every front.'
+
+
+def test_an_improvement_that_shows_only_beside_blurred_fronts_is_said(denser):
+    (part,) = denser.held_out
+    hidden = replace(part, error_after=part.error_before + 0.01)
+    text = said(replace(denser, held_out=(hidden,)))
+    assert 'with fronts blurred as the camera blurs them' in text
+    nothing = replace(hidden, after=part.before)
+    text = said(replace(denser, held_out=(nothing,)))
+    assert 'The gap lies in the part before' in text
+
+
+def test_both_members_of_a_pair_are_said(denser):
+    pair = denser.evidence.findings.pairs[0]
+    verdict = Verdict('porosity', 0.8, pair, ('porosity', 'rate'), (), {'porosity': 1.0})
+    text = said(denser, verdict)
+    assert text.startswith('<b>Porosity</b> and <b>rate</b>: the porosity is 12 % lower')
+    assert 'delivers' in text
+    where = rows(replace(denser, verdict=verdict))['Where']
+    assert where.startswith('porosity: In the whole rig. rate: At the well control2, x = 0.500 m')
+
+
+def test_effects_that_look_the_same_are_said(denser):
+    verdict = replace(denser.verdict, inseparable=('rate',))
+    assert 'or <b>rate</b>, which this recording cannot separate' in said(denser, verdict)
+    found = rows(replace(denser, verdict=verdict))
+    assert 'cannot separate  porosity  from  rate' in found['How sure']
+    assert 'or  rate' in found['Cause']
+
+
+def test_no_gap_is_said_with_the_error_that_noise_makes(denser):
+    verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {'porosity': 0.1})
+    assert said(denser, verdict).startswith('<b>No gap.</b>')
+    assert rows(replace(denser, verdict=verdict))['Where'] == 'Nowhere.'
+
+
+def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser):
+    worst = denser.evidence.findings.singles[1]
+    verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
+    text = said(denser, verdict)
+    assert text.startswith('<b>Unexplained.</b> There is a gap: the error of the model')
+    assert 'None of the 2 effects of the library, and none of their best pairs' in text
+    assert 'as if fronts were' in text and 'mm off' in text
+    found = rows(replace(denser, verdict=verdict))
+    assert found['Where'].startswith('Most of all near x = ')
+    assert 'held-out maps are predicted worse' in found['How sure']
+
+
+def test_a_scant_recording_is_said_to_limit_the_confidence(denser):
+    scant = replace(denser, evidence=replace(denser.evidence, columns=47))
+    assert 'shows too little for a confidence above 70 %: 47 columns' in rows(scant)['How sure']
+    assert 'too little' not in rows(denser)['How sure']

@@ -1,0 +1,255 @@
+"""The verdict as a function of the evidence, and its confidence."""
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from diagnosis_examples import fit_of
+
+from porotwin_diagnosis.decision.decide import decide
+from porotwin_diagnosis.decision.evidence import Evidence
+from porotwin_diagnosis.decision.explanation import explain
+from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.search.findings import Findings
+
+NOISE = 0.4
+"""Misfit of noise alone in these findings."""
+
+SHARP = Numerics('accurate', 5.0, 5.0)
+"""The accurate scheme, whose numerical diffusion is not looked for."""
+
+fit = partial(fit_of, noise=(NOISE, NOISE))
+
+
+def findings(null, *singles, pairs=(), distances=None, pair_distances=None, parts=()):
+    fits = [fit(name, misfit=value) for name, value in singles]
+    distances = distances or [0.0] + [3.0] * (len(fits) - 1)
+    without = fit(misfit=null)
+    return Findings(
+        without,
+        without,
+        fits,
+        fits,
+        [fit(*names, misfit=m) for names, m in pairs],
+        distances,
+        pair_distances or [0.0] + [3.0] * (len(pairs) - 1),
+        [fit(name, misfit=5.0, error=value) for name, value in parts],
+        [1.0 for _ in parts],
+    )
+
+
+def evidence(found, *, numerics=SHARP, errors=(0.2, 0.05), columns=94, frames=20):
+    return Evidence(found, explain(found), numerics, errors, columns, frames)
+
+
+def verdict_on(found, **others):
+    return decide(evidence(found, **others))
+
+
+def test_a_recording_that_the_model_explains_has_no_gap():
+    verdict = verdict_on(findings(0.45, ('registration', 0.43), ('rate', 0.44)))
+    assert verdict.name == 'none'
+    assert verdict.confidence > 0.8
+    assert verdict.members == ()
+
+
+def test_an_effect_that_closes_the_gap_alone_is_named():
+    verdict = verdict_on(findings(5.0, ('decay', 0.45), ('illumination', 2.4)))
+    assert (verdict.name, verdict.members) == ('decay', ('decay',))
+    assert verdict.confidence > 0.8
+
+
+def test_a_gap_that_nothing_closes_is_unexplained():
+    verdict = verdict_on(findings(6.0, ('rate', 4.0), ('clock', 4.1)))
+    assert verdict.name == 'unexplained'
+    assert verdict.members == ()
+
+
+def test_the_true_effect_may_leave_more_of_a_large_gap_than_of_a_small_one():
+    large = verdict_on(findings(60.0, ('heterogeneity', 0.8), ('leak', 40.0)))
+    assert large.name == 'heterogeneity'
+    small = verdict_on(findings(6.0, ('heterogeneity', 0.8), ('leak', 4.0)))
+    assert small.name == 'unexplained'
+
+
+def test_two_effects_that_look_the_same_are_declared_inseparable():
+    distances = [0.0, 0.01, 0.8]
+    found = findings(
+        3.0, ('porosity', 0.5), ('retardation', 0.5), ('depth', 0.6), distances=distances
+    )
+    verdict = verdict_on(found)
+    assert verdict.inseparable == ('retardation',)
+    assert verdict.confidence > 0.8
+
+
+def test_another_effect_that_explains_as_well_but_looks_different_lowers_the_confidence():
+    distances = [0.0, 0.9]
+    verdict = verdict_on(findings(3.0, ('leak', 0.5), ('rate', 0.5), distances=distances))
+    assert verdict.inseparable == ()
+    assert verdict.confidence < 0.7
+
+
+def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():
+    alone = (('rate', 1.6), ('saturation', 4.0))
+    pairs, parts = [(('saturation', 'rate'), 0.5)], (('saturation', 4.0), ('rate', 1.7))
+    pair = verdict_on(findings(6.0, *alone, pairs=pairs, parts=parts))
+    assert pair.members == ('rate', 'saturation')
+    single = verdict_on(findings(6.0, *alone, pairs=[(('saturation', 'rate'), 1.5)]))
+    assert single.members in (('rate',), ())
+
+
+def test_pairs_that_look_the_same_are_declared():
+    pairs = [(('decay', name), 0.5) for name in ('porosity', 'retardation', 'rate')]
+    # the same effects again, at another well or as another variant, are no further alternatives
+    pairs += [(('retardation', 'decay'), 0.5), (('porosity', 'decay'), 0.5)]
+    distances = [0.0, 0.01, 0.4, 0.01, 0.01]
+    parts = (('decay', 2.0), ('porosity', 8.0))
+    found = findings(9.0, ('decay', 1.7), pairs=pairs, pair_distances=distances, parts=parts)
+    verdict = verdict_on(found)
+    assert verdict.members == ('decay', 'porosity')
+    assert verdict.alternatives == (('decay', 'retardation'),)
+
+
+def test_a_pair_whose_stronger_effect_is_inseparable_from_another_is_confident_of_both():
+    pairs = [(('retardation', 'decay'), 0.3), (('porosity', 'decay'), 0.3)]
+    parts = (('retardation', 0.1), ('decay', 0.3))
+    found = findings(9.0, ('leak', 2.0), pairs=pairs, pair_distances=[0.0, 0.01], parts=parts)
+    found = replace(found, part_changes=[4.0, 2.0])
+    verdict = verdict_on(found)
+    assert verdict.name == 'retardation'
+    assert verdict.inseparable == ('porosity',)
+    assert verdict.confidence > 0.9
+
+
+def test_the_member_of_a_pair_that_leaves_the_smaller_error_comes_first():
+    pairs, parts = (
+        [(('registration', 'dispersion'), 0.5)],
+        (('registration', 0.3), ('dispersion', 0.2)),
+    )
+    found = findings(9.0, ('leak', 3.0), pairs=pairs, parts=parts)
+    found = replace(found, parts=[fit('registration', misfit=3.0, error=0.3), *found.parts[1:]])
+    assert verdict_on(found).name == 'dispersion'
+
+
+def test_an_effect_that_fails_in_the_held_out_part_explains_nothing():
+    found = findings(6.0, ('background_flow', 0.45), ('leak', 3.0))
+    found = replace(
+        found, singles=[fit('background_flow', misfit=0.45, held_out=0.9), *found.singles[1:]]
+    )
+    assert verdict_on(found).name == 'unexplained'
+
+
+def test_numerical_diffusion_does_not_make_a_rejected_effect_a_finding():
+    smearing = Numerics('upwind', 9.0, 6.0, with_effects=7.0, model_diffusion=1e-8)
+    verdict = verdict_on(findings(6.0, ('rate', 4.0), ('clock', 4.1)), numerics=smearing)
+    assert verdict.name == 'unexplained'
+    assert verdict.members == ()
+
+
+def test_numerical_diffusion_alone_is_named_where_the_accurate_scheme_leaves_no_gap():
+    smearing = Numerics('upwind', 9.0, 0.45, model_diffusion=1e-8)
+    verdict = verdict_on(findings(0.45, ('rate', 0.44)), numerics=smearing)
+    assert (verdict.name, verdict.members) == ('numerical_diffusion', ('numerical_diffusion',))
+    assert verdict.model.members == ()
+
+
+def test_numerical_diffusion_and_an_effect_are_named_the_stronger_first():
+    distances = [0.0, 0.01]
+    found = findings(9.0, ('porosity', 0.5), ('depth', 0.5), distances=distances)
+    weaker = Numerics('upwind', 9.0, 6.0, with_effects=5.0, model_diffusion=1e-8)
+    second = verdict_on(found, numerics=weaker)
+    assert (second.name, second.members) == ('porosity', ('porosity', 'numerical_diffusion'))
+    stronger = Numerics('upwind', 9.0, 3.0, with_effects=5.0, model_diffusion=1e-8)
+    first = verdict_on(found, numerics=stronger)
+    assert (first.name, first.members) == (
+        'numerical_diffusion',
+        ('numerical_diffusion', 'porosity'),
+    )
+    assert first.inseparable == ()
+    assert first.alternatives == (('numerical_diffusion', 'depth'),)
+
+
+def test_a_scheme_that_smears_little_is_not_named():
+    little = Numerics('fast', 9.0, 8.0)
+    verdict = verdict_on(findings(9.0, ('porosity', 0.5), ('leak', 4.0)), numerics=little)
+    assert verdict.members == ('porosity',)
+
+
+@pytest.mark.parametrize('misfit', [0.3, 0.6, 2.0, 5.0])
+def test_confidence_is_a_probability(misfit):
+    verdict = verdict_on(findings(6.0, ('rate', misfit), ('clock', misfit)))
+    assert 0.0 < verdict.confidence < 1.0
+    assert math.isclose(sum(verdict.probabilities.values()), 1.0)
+
+
+def test_an_effect_that_makes_the_held_out_maps_worse_is_not_named():
+    found = findings(5.0, ('decay', 0.45), ('illumination', 2.4))
+    verdict = verdict_on(found, errors=(0.100, 0.103))
+    assert (verdict.name, verdict.members) == ('unexplained', ())
+    assert verdict.confidence < 0.8
+    assert verdict.model.label == 'decay', 'the report still shows the best model'
+    assert verdict_on(found, errors=(0.100, 0.101)).name == 'decay', (
+        'the same error is no contradiction'
+    )
+
+
+@pytest.mark.parametrize('scant', [{'columns': 79}, {'frames': 3}])
+def test_no_verdict_on_a_scant_recording_is_confident(scant):
+    clear = findings(5.0, ('decay', 0.45), ('illumination', 2.4))
+    unexplained = findings(30.0, ('rate', 20.0), ('clock', 21.0))
+    for found in (clear, unexplained, findings(0.41, ('rate', 0.4))):
+        assert verdict_on(found).confidence > 0.8
+        assert verdict_on(found, **scant).confidence == 0.7
+        assert verdict_on(found, **scant).name == verdict_on(found).name
+
+
+def test_a_pair_is_less_certain_if_one_of_its_effects_nearly_suffices():
+    pair = (('well_position', 'depth'), 0.45)
+    near = verdict_on(findings(5.0, ('well_position', 0.9), pairs=[pair]))
+    far = verdict_on(findings(5.0, ('well_position', 2.0), pairs=[pair]))
+    assert near.members == far.members == ('well_position', 'depth')
+    assert near.confidence < 0.85 < far.confidence
+
+
+def test_an_effect_that_leaves_nearly_too_much_is_named_with_a_low_confidence():
+    """It may stand for one that the library lacks."""
+    little, much = (
+        verdict_on(findings(5.0, ('porosity', misfit), ('leak', 4.0))) for misfit in (0.45, 0.65)
+    )
+    assert little.name == much.name == 'porosity'
+    assert much.confidence < 0.8 < little.confidence
+
+
+def test_a_viscosity_may_leave_more_than_other_effects():
+    assert verdict_on(findings(13.0, ('viscosity', 0.85), ('leak', 4.0))).name == 'viscosity'
+    assert verdict_on(findings(13.0, ('decay', 0.85), ('leak', 4.0))).name == 'unexplained'
+    assert verdict_on(findings(13.0, ('viscosity', 1.2), ('leak', 4.0))).name == 'unexplained'
+
+
+def test_a_fingering_model_may_leave_more_by_its_fingering_amplification():
+    found = findings(13.0, ('viscosity', 1.8), ('leak', 6.0))
+    assert verdict_on(found).name == 'unexplained'
+    found = replace(
+        found,
+        singles=[replace(found.singles[0], fingering_amplification=(1.2, 1.2)), *found.singles[1:]],
+    )
+    assert verdict_on(found).name == 'unexplained'
+    found = replace(
+        found,
+        singles=[replace(found.singles[0], fingering_amplification=(3.0, 3.0)), *found.singles[1:]],
+    )
+    assert verdict_on(found).name == 'viscosity'
+
+
+def test_a_pair_whose_measures_of_strength_disagree_has_a_low_confidence():
+    parts = (('dispersion', 0.05), ('registration', 0.08))
+    pair = (('dispersion', 'registration'), 0.45)
+    found = findings(5.0, ('dispersion', 2.5), pairs=[pair], parts=parts)
+    found = replace(found, null=replace(found.null, held_out_error=0.2))
+    found = replace(found, part_changes=[4.0, 2.0])
+    agreed = verdict_on(found)
+    found = replace(found, part_changes=[2.0, 2.4])
+    disputed = verdict_on(found)
+    assert agreed.members == disputed.members == ('dispersion', 'registration')
+    assert disputed.confidence < 0.65 < agreed.confidence

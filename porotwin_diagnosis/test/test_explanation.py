@@ -1,0 +1,44 @@
+"""The model that is kept: as few effects as explain the recording."""
+
+import pytest
+from diagnosis_examples import fit_of
+
+from porotwin_diagnosis.decision.explanation import explain, kept_model, lack_of_fit
+from porotwin_diagnosis.search.findings import Findings
+
+
+def findings(null, singles, pairs=()):
+    fits = [fit_of(name, misfit=value) for name, value in singles]
+    both = [fit_of(*names, misfit=value) for names, value in pairs]
+    without = fit_of(misfit=null)
+    return Findings(without, without, fits, fits, both, [0.0] * len(fits), [0.0] * len(both))
+
+
+@pytest.mark.parametrize(
+    ('null', 'single', 'pair', 'kept'),
+    [
+        (0.4, 0.3, 0.2, 'none'),
+        (6.0, 0.5, 0.1, 'rate'),
+        (6.0, 2.0, 0.5, 'rate + decay'),
+        (6.0, 2.0, 1.7, 'rate'),
+    ],
+)
+def test_a_second_effect_is_kept_only_if_one_does_not_suffice_and_it_helps(
+    null, single, pair, kept
+):
+    found = findings(null, [('rate', single)], [(('rate', 'decay'), pair)])
+    assert kept_model(found).label == kept
+
+
+def test_a_true_model_may_leave_a_hundredth_of_a_large_gap():
+    small, large = fit_of(misfit=1.0), fit_of(misfit=100.0)
+    model = fit_of('rate', misfit=1.0)
+    assert lack_of_fit(model, small) == pytest.approx(1.0 / (0.53**2 + 0.01**2) ** 0.5)
+    assert lack_of_fit(model, large) == pytest.approx(1.0 / (0.53**2 + 1.0) ** 0.5)
+
+
+def test_a_model_that_does_not_suffice_names_nothing():
+    explanation = explain(findings(6.0, [('rate', 4.0), ('clock', 4.0)]))
+    assert not explanation.suffices
+    assert explanation.model.label == 'rate'
+    assert explanation.members == explanation.inseparable == ()

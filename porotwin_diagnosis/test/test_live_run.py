@@ -1,0 +1,114 @@
+"""The run of a live twin: when it begins, and how it becomes a recording."""
+
+import numpy as np
+import pytest
+from diagnosis_examples import SMALL
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRate
+from porotwin_diagnosis.data.live_run import MOST_MAPS, LiveRun
+from porotwin_recording.recording import open_recording
+
+GRID = SMALL.grid(20, 12)
+EMPTY = np.zeros(GRID.shape)
+FULL = np.full(GRID.shape, 0.8)
+INJECTING = {'injector': WellRate(1e-7, 1.0)}
+
+
+def run_with_maps(*stamps, first=EMPTY):
+    run = LiveRun(SMALL, GRID)
+    for number, stamp in enumerate(stamps):
+        run.add_map(stamp, FULL if number else first, GRID)
+    return run
+
+
+def written(run, folder):
+    run.write(folder)
+    return open_recording(folder)
+
+
+def test_times_are_counted_from_the_beginning_of_the_run(tmp_path):
+    run = run_with_maps(1.7e9, 1.7e9 + 30.0, 1.7e9 + 60.0)
+    run.add_measured_rates(1.7e9 + 30.0, 1.7e9 + 60.0, INJECTING)
+    recording = written(run, tmp_path / 'run')
+    assert recording.times == pytest.approx([0.0, 30.0, 60.0])
+    assert recording.schedule.at(29.0) == {}
+    assert recording.schedule.at(30.0) == INJECTING
+
+
+def test_missed_photographs_do_not_end_a_run():
+    assert run_with_maps(0.0, 30.0, 600.0).times == (0.0, 30.0, 600.0)
+
+
+def test_a_clock_that_goes_back_begins_a_run_with_the_rates_in_force(tmp_path):
+    run = run_with_maps(0.0, 30.0)
+    run.add_measured_rates(10.0, 10.0, INJECTING)
+    run.add_map(5.0, EMPTY, GRID)
+    recording = written(run, tmp_path / 'run')
+    assert list(recording.times) == [0.0]
+    assert recording.schedule.at(0.0) == INJECTING
+
+
+def test_an_ended_run_is_kept_until_another_one_begins():
+    run = run_with_maps(0.0, 30.0)
+    run.note_experiment_end()
+    assert run.times == (0.0, 30.0)
+    run.add_map(900.0, EMPTY, GRID)
+    assert run.times == (900.0,)
+
+
+def test_a_run_whose_beginning_was_missed_is_refused(tmp_path):
+    for since in (3000.0, 2970.0):  # the rates arrive with the first map, or just before it
+        run = run_with_maps(3000.0, 3030.0, first=FULL)
+        run.add_measured_rates(since, 3000.0, INJECTING)
+        with pytest.raises(InputError, match='no known rate has injected'):
+            run.write(tmp_path / 'run')
+    run = run_with_maps(30000.0, 30030.0, first=FULL)
+    run.add_measured_rates(0.0, 30000.0, INJECTING)  # accounts for the tracer
+    run.write(tmp_path / 'run')
+
+
+def test_a_run_without_rates_is_refused(tmp_path):
+    with pytest.raises(InputError, match='no rates have arrived'):
+        run_with_maps(0.0, 30.0).write(tmp_path / 'run')
+
+
+def test_a_run_without_maps_is_refused(tmp_path):
+    with pytest.raises(InputError, match='no map has arrived'):
+        run_with_maps().write(tmp_path / 'run')
+
+
+def test_a_setpoint_counts_as_followed_until_rates_are_measured(tmp_path):
+    other = {'injector': WellRate(5e-8, 1.0)}
+    run = run_with_maps(0.0, 30.0, 60.0, 90.0)
+    run.add_commanded_rates(0.0, INJECTING)
+    run.add_commanded_rates(30.0, INJECTING)
+    run.add_measured_rates(30.0, 60.0, other)
+    run.add_commanded_rates(30.0, INJECTING)  # arrives late
+    run.add_commanded_rates(60.0, INJECTING)
+    schedule = written(run, tmp_path / 'run').schedule
+    assert [schedule.at(t)['injector'].rate for t in (0.0, 29.0, 30.0, 59.0, 60.0)] == [
+        1e-7, 1e-7, 5e-8, 5e-8, 1e-7
+    ]  # fmt: skip
+
+
+def test_a_new_evaluation_begins_a_run_if_the_tracer_is_gone():
+    run = run_with_maps(0.0, 30.0, 60.0)
+    run.note_evaluation_start()
+    run.add_map(90.0, FULL, GRID)  # the evaluation was restarted within the experiment
+    assert len(run.times) == 4
+    run.note_evaluation_start()
+    run.add_map(120.0, EMPTY, GRID)
+    assert run.times == (120.0,)
+
+
+def test_a_map_on_another_grid_is_refused():
+    with pytest.raises(InputError, match='map on'):
+        run_with_maps().add_map(0.0, EMPTY[1:], SMALL.grid(20, 11))
+
+
+def test_a_long_run_is_thinned_and_keeps_its_first_and_last_map():
+    run = run_with_maps(*(30.0 * n for n in range(MOST_MAPS + 50)))
+    assert len(run.times) <= MOST_MAPS
+    assert run.times[0] == 0.0
+    assert run.times[-1] == 30.0 * (MOST_MAPS + 49)

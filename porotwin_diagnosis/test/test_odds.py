@@ -1,0 +1,37 @@
+"""Log-odds and confidences: their limits, and their direction."""
+
+import pytest
+
+from porotwin_diagnosis.decision.odds import (
+    confidence,
+    log_odds_against,
+    missing_log_odds,
+    no_gap_log_odds,
+    sufficient_log_odds,
+)
+
+
+def test_a_confidence_is_the_logistic_of_the_stated_log_odds():
+    """No map is fitted: even odds are 1/2, and odds of 9 to 1 are 0.9."""
+    assert confidence(0.0) == 0.5
+    assert confidence(2.1972245773362196) == pytest.approx(0.9)
+    assert confidence(-2.1972245773362196) == pytest.approx(0.1)
+
+
+def test_no_confidence_is_certain():
+    assert (confidence(-50.0), confidence(50.0)) == (0.05, 0.99)
+
+
+def test_a_smaller_misfit_is_more_certain():
+    assert no_gap_log_odds(0.2) > no_gap_log_odds(0.4) > 0.0
+    assert sufficient_log_odds(0.3) > sufficient_log_odds(0.6) > sufficient_log_odds(0.8)
+    assert sufficient_log_odds(0.8) == sufficient_log_odds(1.0)
+    assert missing_log_odds(2.0) > missing_log_odds(1.1) > missing_log_odds(1.0) == 0.0
+
+
+def test_log_odds_are_those_of_a_normal_distribution():
+    """A misfit of 0.16 * sqrt(2) beyond the best one is one unit of log-odds."""
+    best = 0.5
+    further = (best**2 + 2 * 0.16**2) ** 0.5
+    assert log_odds_against(further, best) == pytest.approx(1.0)
+    assert log_odds_against(0.4, best) == 0.0

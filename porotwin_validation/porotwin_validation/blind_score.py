@@ -1,0 +1,157 @@
+"""The score of one blinded case: its diagnosis compared with its truth."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porotwin_core.rig import EffectDescription
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.effect import Effect
+from porotwin_validation.blind_cases import BlindCase
+from porotwin_validation.blind_effects import equal_names
+from porotwin_validation.blind_truth import CaseTruth
+
+
+@dataclass(frozen=True)
+class CaseScore:
+    """One case: the truth, the diagnosis, and whether it is right.
+
+    Attributes:
+        name: name of the case.
+        kind: `none`, `single`, `pair`, `outside` or `left out`.
+        truth: names of its effects, or `none`.
+        verdict: the verdict, or `failed`.
+        confidence: confidence of the verdict.
+        right: whether the verdict is right.
+        imitated: whether it is right only because it looks the same as the truth to the camera.
+        both_found: whether both members of a pair were found; None for other kinds.
+        gap_closed: share of the gap that closes, against maps without noise; None without a gap.
+        parameter_errors: relative errors of the parameters of the effects that were found.
+        intervals_held: number of these parameters whose 90 % interval contains the truth.
+        distance_m: distance of a local effect from its true place [m]; None for other effects.
+        seconds: time that the diagnosis took [s]; None if it failed.
+    """
+
+    name: str
+    kind: str
+    truth: tuple[str, ...]
+    verdict: str
+    confidence: float
+    right: bool
+    imitated: bool = False
+    both_found: bool | None = None
+    gap_closed: float | None = None
+    parameter_errors: tuple[float, ...] = ()
+    intervals_held: int = 0
+    distance_m: float | None = None
+    seconds: float | None = None
+
+
+def score_case(case: BlindCase, result: Path, truth: CaseTruth) -> CaseScore:
+    """Return the score of the diagnosis in the folder `result`.
+
+    Right is the effect of the case; of a pair the stronger one, or either if both are equally
+    strong. Another name is right too if it looks the same to the camera on the virtual rig. The
+    share of the gap that closes is computed against the virtual rig's maps without noise, and not
+    taken from the diagnosis.
+    """
+    stated = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
+    verdict = str(stated['verdict'])
+    parameters = list(_parameters(case, stated))
+    return CaseScore(
+        name=case.name,
+        kind=case.kind,
+        truth=_truth_names(case),
+        verdict=verdict,
+        confidence=float(stated['confidence']),
+        right=verdict in truth.strongest or truth.imitated,
+        imitated=truth.imitated,
+        both_found=_all_found(case, stated) if case.kind == 'pair' else None,
+        gap_closed=truth.gap_closed,
+        parameter_errors=tuple(error for error, _ in parameters),
+        intervals_held=sum(inside for _, inside in parameters),
+        distance_m=_distance(case, stated),
+        seconds=float(stated['made_with']['seconds']),
+    )
+
+
+def failed_score(case: BlindCase) -> CaseScore:
+    """Return the score of a `case` whose diagnosis ended without a verdict: wrong, confidence 0."""
+    return CaseScore(
+        name=case.name,
+        kind=case.kind,
+        truth=_truth_names(case),
+        verdict='failed',
+        confidence=0.0,
+        right=False,
+        both_found=False if case.kind == 'pair' else None,
+    )
+
+
+def _truth_names(case: BlindCase) -> tuple[str, ...]:
+    return tuple(effect.name for effect in case.effects) or ('none',)
+
+
+def _all_found(case: BlindCase, stated: Mapping[str, Any]) -> bool:
+    """Return whether every effect of `case`, or an equal one, is in the kept combination."""
+    return all(
+        not set(equal_names(effect)).isdisjoint(stated['combination']) for effect in case.effects
+    )
+
+
+def _parameters(case: BlindCase, stated: Mapping[str, Any]) -> Iterator[tuple[float, bool]]:
+    """Yield the relative error of every parameter of the effects that were found, and whether its
+    interval contains the truth."""
+    for effect in case.effects:
+        if effect.name not in stated['combination']:
+            continue
+        found = next(row for row in stated['effects'] if row['name'] == effect.name)['parameters']
+        true = _counted_parameters(effect, found)
+        for name, value in true.items():
+            low, high = found[name]['low'], found[name]['high']
+            inside = low is not None and low <= value <= high
+            stated_value = float(found[name]['value'])
+            yield relative_parameter_error(EFFECTS[effect.name], name, true, stated_value), inside
+
+
+def _counted_parameters(effect: EffectDescription, found: Mapping[str, Any]) -> dict[str, float]:
+    return {
+        name: value
+        for name, value in effect.parameters.items()
+        if EFFECTS[effect.name].parameters[name].is_scored
+        and name in found
+        and not isinstance(value, str)
+    }
+
+
+def relative_parameter_error(
+    effect: Effect, name: str, true: Mapping[str, float], value: float
+) -> float:
+    """Return the error of `value`, relative to the true deviation from no effect.
+
+    `true` holds the true parameters of the effect by name. Logarithmic parameters are compared on a
+    logarithmic scale, components of a vector relative to its length.
+    """
+    truth, parameter = true[name], effect.parameters[name]
+    if parameter.is_logarithmic:
+        return float(abs(np.log(value / truth)) / abs(np.log(truth)))
+    size = abs(truth - parameter.neutral)
+    if parameter.vector:
+        parts = [part for part, p in effect.parameters.items() if p.vector == parameter.vector]
+        size = float(np.linalg.norm([true[part] for part in parts]))
+    return abs(value - truth) / max(size, 1e-12)
+
+
+def _distance(case: BlindCase, stated: Mapping[str, Any]) -> float | None:
+    """Return the distance [m] of the stated place from the true one, for the named effect."""
+    centre = stated['where']['centre']
+    for effect in case.effects:
+        if effect.name == stated['verdict'] and 'x' in effect.parameters and centre:
+            dx = centre['x_m'] - float(effect.parameters['x'])
+            dz = centre['z_m'] - float(effect.parameters['z'])
+            return float(np.hypot(dx, dz))
+    return None

@@ -1,0 +1,113 @@
+"""The figures of a blind check, and its report as Markdown."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from porotwin_validation.blind_score import CaseScore
+
+CONFIDENCE_EDGES = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0)
+"""Bins of confidence for the calibration error: narrower where most verdicts are."""
+
+SURE = 0.8
+"""Least confidence of a wrong name that counts as sure and wrong."""
+
+
+def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
+    """Return the figures of a check by name, shares between 0 and 1; None where no case counts."""
+    chosen = _by_kind(scores)
+    # an effect that the library imitates is not outside of it
+    strange = [
+        score
+        for score in chosen('outside', 'left out')
+        if score.verdict == 'unexplained' or not score.right
+    ]
+    errors = [error for score in scores for error in score.parameter_errors]
+    held = sum(score.intervals_held for score in scores)
+    return {
+        'cases': len(scores),
+        'right': _share(scores, lambda score: score.right),
+        'imitated': _share(scores, lambda score: score.imitated),
+        'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
+        'sure_and_wrong_name': _share(scores, _is_sure_and_wrong),
+        'outside_called_unexplained': _share(strange, lambda score: score.right),
+        'both_of_a_pair': _share(chosen('pair'), lambda score: bool(score.both_found)),
+        'gap_closed_median': _median([s.gap_closed for s in chosen('single', 'pair')]),
+        'parameter_error_median': _median(errors),
+        'intervals_that_hold': held / max(len(errors), 1),
+        'distance_median_m': _median([score.distance_m for score in scores]),
+        'seconds_median': _median([score.seconds for score in scores]),
+        'calibration_error': calibration_error(scores),
+    }
+
+
+def _by_kind(scores: Sequence[CaseScore]) -> Callable[..., list[CaseScore]]:
+    def chosen(*kinds: str) -> list[CaseScore]:
+        return [score for score in scores if score.kind in kinds]
+
+    return chosen
+
+
+def _share(scores: Sequence[CaseScore], holds: Callable[[CaseScore], bool]) -> float | None:
+    return sum(map(holds, scores)) / len(scores) if scores else None
+
+
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def _is_sure_and_wrong(score: CaseScore) -> bool:
+    return not score.right and score.confidence >= SURE and score.verdict != 'unexplained'
+
+
+def calibration_error(scores: Sequence[CaseScore]) -> float:
+    """Return the expected calibration error: how far confidences are from observed frequencies.
+
+    ECE = sum_b n_b / n |mean confidence_b - share right_b|, over the bins b of `CONFIDENCE_EDGES`.
+    """
+    total = 0.0
+    for low, high in pairwise(CONFIDENCE_EDGES):
+        inside = [s for s in scores if low <= s.confidence < high or s.confidence == high == 1.0]
+        if inside:
+            stated = np.mean([score.confidence for score in inside])
+            observed = np.mean([score.right for score in inside])
+            total += len(inside) * abs(float(stated - observed))
+    return total / max(len(scores), 1)
+
+
+def table(scores: Sequence[CaseScore], figures: Mapping[str, Any]) -> str:
+    """Return the figures, all cases and the confusion matrix as Markdown."""
+    lines = [*_figures(figures), '', *_cases(scores), '', '## Confusion', '', *_confusion(scores)]
+    return '\n'.join(lines) + '\n'
+
+
+def _figures(figures: Mapping[str, Any]) -> Iterator[str]:
+    yield from ('# Blind check', '', '| figure | value |', '| --- | --- |')
+    for name, value in figures.items():
+        yield f'| {name.replace("_", " ")} | {value if value is None else round(value, 3)} |'
+
+
+def _cases(scores: Sequence[CaseScore]) -> Iterator[str]:
+    yield '| case | kind | truth | verdict | confidence | right |'
+    yield '|---|---|---|---|---|---|'
+    for score in scores:
+        right = 'imitated' if score.imitated else 'yes' if score.right else 'no'
+        truth = ' + '.join(score.truth)
+        yield (
+            f'| {score.name} | {score.kind} | {truth} | {score.verdict} '
+            f'| {score.confidence:.2f} | {right} |'
+        )
+
+
+def _confusion(scores: Sequence[CaseScore]) -> Iterator[str]:
+    counts = Counter((' + '.join(score.truth), score.verdict) for score in scores)
+    truths, verdicts = (sorted({pair[k] for pair in counts}) for k in (0, 1))
+    yield '| truth \\ verdict | ' + ' | '.join(verdicts) + ' |'
+    yield '|---' * (len(verdicts) + 1) + '|'
+    for truth in truths:
+        row = (str(counts[truth, verdict] or '') for verdict in verdicts)
+        yield f'| {truth} | ' + ' | '.join(row) + ' |'

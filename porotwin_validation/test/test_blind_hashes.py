@@ -1,0 +1,25 @@
+"""Hashes of the hidden truths: published once, opened afterwards."""
+
+import hashlib
+import json
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_validation.blind_cases import draw_case
+from porotwin_validation.blind_hashes import open_truth, publish_hashes
+
+
+def test_a_truth_cannot_be_changed_after_its_hash_is_published(tmp_path):
+    publish_hashes(tmp_path, [draw_case(0, 1)], 1)
+    publish_hashes(tmp_path, [draw_case(0, 1), draw_case(1, 1)], 1)
+    with pytest.raises(InputError, match='another truth'):
+        publish_hashes(tmp_path, [draw_case(0, 2)], 2)
+
+
+def test_an_opened_truth_has_the_published_hash(tmp_path):
+    case = draw_case(1, 1)
+    publish_hashes(tmp_path, [case], 1)
+    published = json.loads((tmp_path / 'truth_hashes.json').read_text())['sha256'][case.name]
+    open_truth(case, tmp_path)
+    assert hashlib.sha256((tmp_path / 'truth.json').read_bytes()).hexdigest() == published

@@ -1,0 +1,55 @@
+"""The score of a case: right, imitated, and the errors of its parameters."""
+
+from dataclasses import replace
+
+import pytest
+from blind_examples import case_of_kind, stated
+
+from porotwin_solver.effects import EFFECTS
+from porotwin_validation.blind_score import failed_score, relative_parameter_error, score_case
+from porotwin_validation.blind_truth import CaseTruth
+
+
+def test_the_right_verdict_is_right_and_another_one_is_wrong(tmp_path):
+    none = case_of_kind('none')
+    truth = CaseTruth(0.01, 0.02, ('none',))
+    right = score_case(none, stated(tmp_path / 'a', 'none', 0.9), truth)
+    wrong = score_case(none, stated(tmp_path / 'b', 'rate', 0.9, ['rate']), truth)
+    assert right.right and not wrong.right
+
+
+def test_a_name_that_imitates_the_truth_within_the_solver_floor_is_right(tmp_path):
+    case = case_of_kind('left out')
+    truth = CaseTruth(0.2, 0.02, ('unexplained',))
+    said = stated(tmp_path / 'b', 'rate', 0.9)
+    scores = [
+        score_case(case, stated(tmp_path / 'a', 'unexplained', 0.9), truth),
+        score_case(case, said, replace(truth, imitation=0.01)),
+        score_case(case, said, replace(truth, imitation=0.03)),
+    ]
+    assert [score.right for score in scores] == [True, True, False]
+    assert [score.imitated for score in scores] == [False, True, False]
+    small = replace(truth, before=0.01, imitation=0.01)
+    assert not score_case(case, said, small).right, 'there was no gap to explain'
+
+
+def test_a_failed_diagnosis_is_wrong_with_confidence_zero():
+    score = failed_score(case_of_kind('pair'))
+    assert (score.verdict, score.right, score.confidence) == ('failed', False, 0.0)
+    assert score.both_found is False and score.seconds is None
+
+
+@pytest.mark.parametrize(
+    ('effect', 'name', 'true', 'value', 'error'),
+    [
+        ('porosity', 'factor', {'factor': 0.9}, 0.92, 0.2),
+        ('leak', 'rate', {'rate': -20.0}, -19.0, 0.05),
+        ('heterogeneity', 'permeability_factor', {'permeability_factor': 0.1}, 0.2, 0.30103),
+        ('well_position', 'dx', {'dx': 3.0, 'dz': 4.0}, 4.0, 0.2),
+    ],
+)
+def test_errors_of_parameters_are_relative_to_the_deviation_from_no_effect(
+    effect, name, true, value, error
+):
+    found = relative_parameter_error(EFFECTS[effect], name, true, value)
+    assert found == pytest.approx(error, rel=1e-4)

@@ -1,0 +1,47 @@
+"""The figures of a blind check and its report."""
+
+from dataclasses import replace
+
+import pytest
+
+from porotwin_validation.blind_score import CaseScore
+from porotwin_validation.blind_table import calibration_error, summary, table
+
+SCORE = CaseScore('c', 'single', ('rate',), 'rate', 0.9, right=True, seconds=60.0)
+
+
+def scores(confidence, hits, count):
+    return [replace(SCORE, confidence=confidence, right=n < hits) for n in range(count)]
+
+
+def test_the_figures_count_wrong_and_confident_names():
+    right = replace(SCORE, kind='none', truth=('none',), verdict='none')
+    wrong = replace(right, verdict='rate', right=False)
+    figures = summary([right, wrong])
+    assert figures['right'] == 0.5
+    assert figures['none_called_a_gap'] == 0.5
+    assert figures['sure_and_wrong_name'] == 0.5
+    assert '| none | 1 | 1 |' in table([right, wrong], figures)
+
+
+def test_an_effect_that_the_library_imitates_is_not_outside_of_it():
+    left_out = replace(SCORE, kind='left out', truth=('depth',))
+    unexplained = replace(left_out, verdict='unexplained')
+    imitated = replace(left_out, imitated=True)
+    wrong = replace(left_out, right=False)
+    figures = summary([unexplained, imitated, wrong])
+    assert figures['outside_called_unexplained'] == 0.5
+    assert figures['imitated'] == pytest.approx(1 / 3)
+
+
+def test_calibration_error_is_zero_only_if_the_frequencies_agree():
+    assert calibration_error(scores(0.9, 9, 10)) == pytest.approx(0.0)
+    assert calibration_error(scores(0.9, 5, 10)) == pytest.approx(0.4)
+
+
+def test_a_failed_case_counts_as_wrong_and_has_no_time():
+    failed = CaseScore('c', 'single', ('rate',), 'failed', 0.0, right=False)
+    figures = summary([failed])
+    assert figures['right'] == 0.0
+    assert figures['seconds_median'] is None
+    assert 'failed' in table([failed], figures)

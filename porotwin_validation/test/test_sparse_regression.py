@@ -1,0 +1,21 @@
+"""The baseline: it names a term of an equation, and knows no camera."""
+
+import pytest
+from diagnosis_examples import DENSER, recorded
+
+from porotwin_core.rig import EffectDescription
+from porotwin_recording.recording import open_recording
+from porotwin_validation.sparse_regression import sparse_regression
+
+pytest.importorskip('pysindy')
+
+SHIFTED = EffectDescription(
+    name='registration', parameters={'dx': 0.004, 'dz': -0.003, 'rotation': 0.005, 'scale': 1.0}
+)
+
+
+@pytest.mark.parametrize(('effect', 'named'), [(DENSER, 'porosity'), (SHIFTED, 'background_flow')])
+def test_the_baseline_names_a_lower_porosity_and_takes_a_shifted_picture_for_a_flow(
+    tmp_path, effect, named
+):
+    assert sparse_regression(open_recording(recorded(tmp_path / 'recording', effect))) == named
