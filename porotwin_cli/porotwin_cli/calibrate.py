@@ -41,7 +41,7 @@ def command(
         recording.rig,
         baselines,
         states,
-        schedule=recording.measured or recording.told,
+        schedule=recording.measured or recording.commanded,
         output=target,
         source=folder.name,
         progress=say,

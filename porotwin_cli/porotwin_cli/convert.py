@@ -17,7 +17,7 @@ def import_command(
 
     Example: ./porotwin import experiment experiment_bag
     """
-    from porotwin_recording.convert import import_experiment
+    from porotwin_recording.bag_conversion import import_experiment
 
     refuse_existing(bag)
     with progress() as bar:
@@ -37,7 +37,7 @@ def export_command(
 
     Example: ./porotwin export bags/sample sample_experiment
     """
-    from porotwin_recording.convert import export_bag
+    from porotwin_recording.bag_conversion import export_bag
 
     refuse_existing(folder)
     with progress() as bar:

@@ -171,7 +171,7 @@ def test_a_model_begins_with_the_tracer_of_the_first_map(quiet):
     still = np.repeat(maps[-1:], 20, axis=0)
     times = np.arange(20) * 90.0
     resting = Schedule(tuple(ScheduleRow(0.0, w, WellRate(0.0, 0.0)) for w in ('injector',)))
-    sample = read_sample(replace(with_frames(recording, times, still), told=resting))
+    sample = read_sample(replace(with_frames(recording, times, still), commanded=resting))
     shown = Forward(sample).maps(())
     assert np.abs(shown - still[1]).mean() < 0.01
     assert read_sample(recording).initial is None

@@ -45,7 +45,7 @@ def sparse_regression(recording: Recording) -> str:
         zip(pairwise(times), pairwise(maps), strict=True)
     ):
         predicted = before
-        for low, high, rates in recording.pumped.intervals(start, end):
+        for low, high, rates in recording.delivered.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
         modelled[:, :, index] = (predicted - before) / (end - start)
         missing[:, :, index] = after - predicted

@@ -193,7 +193,7 @@ def read_sample(recording: Recording) -> Sample:
     chosen = np.concatenate([_spread(with_tracer, FITTED_FRAMES), _spread(after, HELD_OUT_FRAMES)])
     return Sample(
         rig=recording.rig,
-        schedule=recording.pumped,
+        schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
         observed=maps[chosen].astype(float),
@@ -213,7 +213,7 @@ def _initial(recording: Recording) -> FloatArray | None:
     Also where tracer is injected from that moment on: a late clock shows the same, and competes.
     """
     start, first = recording.times[0], recording.concentration[0]
-    rows = recording.pumped.rows
+    rows = recording.delivered.rows
     pumped = any(row.rate.rate and row.time < start for row in rows)
     injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
     if pumped or injects or share_with_tracer(first) < FILLED_SHARE:

@@ -95,7 +95,7 @@ def map_gap(*recordings: Recording, preset: str = 'fast') -> GapMap:
             for recording, (_, strength, _) in zip(recordings, steps, strict=True)
         ),
         _spots(together, grid),
-        _phases([moments for *_, moments in steps], [r.pumped for r in recordings]),
+        _phases([moments for *_, moments in steps], [r.delivered for r in recordings]),
     )
 
 
@@ -114,7 +114,7 @@ def _one_steps(
     steps = zip(pairwise(maps), pairwise(seen), pairwise(times), strict=True)
     for (before, after), (known, still_known), (start, end) in steps:
         predicted = before
-        for low, high, rates in recording.pumped.intervals(start, end):
+        for low, high, rates in recording.delivered.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
         residual = (after - predicted) * known * still_known
         weak = gaussian_filter(residual, TEST_WIDTH) / (end - start)

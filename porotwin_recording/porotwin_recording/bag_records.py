@@ -1,4 +1,4 @@
-"""A topic as a bag keeps it: name, type, and the quality of service its publisher offered."""
+"""Records of a bag: topics with their quality of service, and messages."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -9,17 +9,18 @@ History = Literal['keep_last', 'keep_all']
 Reliability = Literal['reliable', 'best_effort']
 Durability = Literal['volatile', 'transient_local']
 
-# Numbers of the enumerations of rmw, which bags before ROS 2 Jazzy hold instead of words.
+# Bags from before ROS 2 Jazzy hold the numbers of the enumerations of rmw.
 _HISTORY: dict[Any, History] = {1: 'keep_last', 2: 'keep_all'}
 _RELIABILITY: dict[Any, Reliability] = {1: 'reliable', 2: 'best_effort'}
 _DURABILITY: dict[Any, Durability] = {1: 'transient_local', 2: 'volatile'}
 
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
+"""The longest duration of rmw, 2^63 - 1 ns."""
 
 
 @dataclass(frozen=True)
 class TopicQos:
-    """What of a quality of service decides who gets which message."""
+    """The policies of a quality of service that decide which messages a subscriber receives."""
 
     history: History = 'keep_last'
     depth: int = 8
@@ -28,13 +29,21 @@ class TopicQos:
 
     @property
     def latched(self) -> bool:
-        """Whether a subscriber that comes late still gets the last messages."""
+        """Whether a late subscriber receives the last messages."""
         return self.durability == 'transient_local'
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic in a bag; `definition` (ros2msg) is empty where the bag does not hold it."""
+    """A topic of a bag.
+
+    Attributes:
+        name: absolute name.
+        type_name: message type as pkg/msg/Name.
+        qos: quality of service of the publisher.
+        definition: message definition in the format ros2msg; empty if the bag has none.
+        message_count: number of messages in the bag.
+    """
 
     name: str
     type_name: str
@@ -43,8 +52,29 @@ class Topic:
     message_count: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class BagMessage:
+    """One serialized message (CDR).
+
+    Attributes:
+        topic: absolute name.
+        type_name: message type as pkg/msg/Name.
+        log_time: when it was received, on the recorder's clock [ns].
+        publish_time: when it was published, on the publisher's computer [ns].
+        sequence: the publisher's count of its messages; 0 if unknown.
+        data: the message.
+    """
+
+    topic: str
+    type_name: str
+    log_time: int
+    publish_time: int
+    sequence: int
+    data: bytes
+
+
 def qos_profiles(qos: TopicQos) -> list[dict[str, Any]]:
-    """Return `offered_qos_profiles` as rosbag2 keeps it since version 9 of its metadata."""
+    """Return `offered_qos_profiles` in the form of rosbag2's metadata since version 9."""
     return [
         {
             **asdict(qos),
@@ -58,7 +88,7 @@ def qos_profiles(qos: TopicQos) -> list[dict[str, Any]]:
 
 
 def qos_from_yaml(text: str) -> TopicQos:
-    """Return the first profile of `offered_qos_profiles`, or the default where there is none."""
+    """Return the first profile in a text of `offered_qos_profiles`, or the default profile."""
     try:
         profiles = yaml.safe_load(text)
     except yaml.YAMLError:

@@ -1,7 +1,7 @@
-"""Names and types of the topics that make up an experiment, relative to the namespace."""
+"""Names of the topics of an experiment, relative to the namespace."""
 
 NAMESPACE = '/porotwin'
-"""Where import puts an experiment; reading finds the topics in any namespace."""
+"""Namespace of imported experiments. A reader accepts every namespace."""
 
 RIG = 'rig/description'
 SETPOINT = 'wells/setpoint'

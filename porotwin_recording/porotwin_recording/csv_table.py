@@ -1,4 +1,4 @@
-"""The small CSV tables of an experiment folder: a header that must be exact, checked numbers."""
+"""CSV tables of an experiment folder: an exact header and finite numbers."""
 
 import csv
 import math
@@ -7,15 +7,25 @@ from pathlib import Path
 
 from porotwin_core.errors import InputError
 
+EXACT_INTEGERS = 1e15
+"""Integers below this are written in full; float64 holds all of them exactly."""
+
 
 def read_table(
     path: Path, header: tuple[str, ...], purpose: str
 ) -> Iterator[tuple[str, list[str]]]:
-    """Yield (file:line, words) of every filled line of the table `path` below its `header`.
+    """Yield (location, words) for every line below the header; empty lines are skipped.
+
+    The location is `file:line`, for messages.
+
+    Args:
+        path: the file, UTF-8 with or without a byte order mark.
+        header: required words of the first line.
+        purpose: the content of the table, for the message about a missing file.
 
     Raises:
-        InputError: the file is missing (`purpose` says what it is for), not a table, or has
-            another header or number of columns.
+        InputError: the file is missing or not a table, or its header or a number of columns is
+            wrong.
     """
     try:
         with path.open(encoding='utf-8-sig', newline='') as file:
@@ -40,29 +50,30 @@ def read_table(
 
 
 def write_table(path: Path, header: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> None:
-    """Write `rows` below `header`."""
+    """Write `rows` below `header`, in UTF-8 with Unix line ends."""
     with path.open('w', encoding='utf-8', newline='') as file:
         lines = csv.writer(file, lineterminator='\n')
         lines.writerow(header)
         lines.writerows(rows)
 
 
-def number(text: str, what: str) -> float:
-    """Return the finite number that `text` stands for.
+def parse_number(text: str, label: str) -> float:
+    """Return the finite number in `text`.
 
     Raises:
-        InputError: it stands for none; `what` says where.
+        InputError: `text` is no finite number; `label` opens the message.
     """
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{what} is '{text}'; write a finite number")
+        raise InputError(f"{label} is '{text}'; write a finite number")
     return value
 
 
 def number_text(value: float) -> str:
-    """Return the shortest text that reads back as `value`."""
-    number = float(value)  # a whole number may come as int, which has no is_integer in Python 3.11
-    return str(int(number)) if number.is_integer() and abs(number) < 1e15 else repr(number)
+    """Return the shortest text that reads back as `value`; integers have no decimal point."""
+    number = float(value)  # int has no is_integer in Python 3.11
+    exact = number.is_integer() and abs(number) < EXACT_INTEGERS
+    return str(int(number)) if exact else repr(number)
