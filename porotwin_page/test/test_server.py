@@ -1,9 +1,8 @@
-"""The server over real HTTP on loopback, without a graph."""
+"""Tests of the server over HTTP on loopback, without a graph."""
 
 import asyncio
 import contextlib
 import json
-import re
 import socket
 import threading
 import urllib.request
@@ -16,24 +15,32 @@ from aiohttp.test_utils import TestClient, TestServer
 from page_examples import START, point, two_cycles
 
 from porotwin_core.errors import InputError
-from porotwin_page import server, snapshot
+from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.address import listen
-from porotwin_page.board import Board
 from porotwin_page.confirmation import Confirmation
-from porotwin_page.server import ConfirmationUnavailable, PageApplication, ServerThread
+from porotwin_page.server import (
+    ConfirmationUnavailable,
+    PageApplication,
+    ServerThread,
+    StreamSettings,
+)
+from porotwin_page.snapshot_store import SnapshotStore
+from porotwin_page.web_files import web_files
 
-PAGE = {'Content-Type': 'application/json'}
+JSON_TYPE = {'Content-Type': 'application/json'}
 
 
 class Scene:
-    """A board, a server on it, and what was confirmed."""
+    """A store, a server for it, and the confirmations that it received."""
 
-    def __init__(self) -> None:
-        self.board = Board()
-        self.board.apply(lambda _: two_cycles())
+    def __init__(self, settings: StreamSettings | None = None) -> None:
+        self.store = SnapshotStore()
+        self.store.update(lambda _: two_cycles())
         self.confirmed: list[Confirmation] = []
         self.refusal: Exception | None = None
-        self.application = PageApplication(self.board, self.confirm, lambda: START + 40.0)
+        self.application = PageApplication(
+            self.store, self.confirm, lambda: START + 40.0, settings=settings
+        )
 
     def confirm(self, given: Confirmation) -> str:
         if self.refusal is not None:
@@ -42,11 +49,13 @@ class Scene:
         return f'setpoint {given.sequence} confirmed'
 
 
-def with_client(work: Callable[[Scene, TestClient], Any]) -> None:
-    """Run `work` against a fresh scene."""
+def with_client(
+    work: Callable[[Scene, TestClient], Any], settings: StreamSettings | None = None
+) -> None:
+    """Run `work` against a new scene."""
 
     async def go() -> None:
-        scene = Scene()
+        scene = Scene(settings)
         async with TestClient(TestServer(scene.application.make())) as client:
             await asyncio.wait_for(work(scene, client), 30)
 
@@ -66,18 +75,25 @@ async def stream(client: TestClient | ClientSession, url: str = '/events') -> As
         yield response
 
 
-def test_the_page_is_one_document_that_asks_nobody_else() -> None:
+def test_the_page_and_its_files_are_served_and_load_nothing_else() -> None:
     async def work(_: Scene, client: TestClient) -> None:
         response = await client.get('/')
-        text = await response.text()
         assert response.content_type == 'text/html'
-        assert '/* page.css */' not in text
-        assert '/* page.js */' not in text
-        assert 'EventSource' in text
-        addresses = set(re.findall(r'https?://[^\s\'"<>)]+', text))
-        assert addresses <= {'http://www.w3.org/2000/svg'}  # a name, never fetched
-        assert not re.findall(r'<(?:script|link)[^>]+(?:src|href)="(?!data:)', text)
-        assert "default-src 'none'" in response.headers['Content-Security-Policy']
+        policy = response.headers['Content-Security-Policy']
+        assert "default-src 'none'" in policy
+        assert "script-src 'self';" in policy
+        for path, (text, content_type) in web_files().items():
+            response = await client.get(f'/{path}')
+            assert response.content_type == content_type
+            assert await response.text() == text
+
+    with_client(work)
+
+
+@pytest.mark.parametrize('path', ['web/other.js', 'panels/pump_settings.py', 'web/..%2fserver.py'])
+def test_other_files_are_not_served(path) -> None:
+    async def work(_: Scene, client: TestClient) -> None:
+        assert (await client.get(f'/{path}')).status == 404
 
     with_client(work)
 
@@ -87,10 +103,10 @@ def test_events_begin_with_everything_and_go_on_with_what_is_new() -> None:
         async with stream(client) as response:
             assert response.content_type == 'text/event-stream'
             first = await next_event(response)
-            assert first['setpoint']['remaining_s'] == pytest.approx(80.0)
+            assert first['panels']['pump_settings']['remaining_s'] == pytest.approx(80.0)
             assert first['history']['reset']
             assert len(first['history']['points']) == 2
-            scene.board.apply(snapshot.with_cycle, point(3))
+            scene.store.update(snapshot.with_cycle, point(3))
             while (second := await next_event(response))['history']['end'] < 3:
                 pass
             assert not second['history']['reset']
@@ -103,23 +119,23 @@ def test_events_begin_with_everything_and_go_on_with_what_is_new() -> None:
 def test_events_come_at_least_every_second_when_nothing_changes() -> None:
     async def work(_: Scene, client: TestClient) -> None:
         async with stream(client) as response:
-            ages = [(await next_event(response))['photo']['age_s'] for _ in range(3)]
+            ages = [(await next_event(response))['header']['photo']['age_s'] for _ in range(3)]
             assert ages[0] < ages[1] < ages[2]
 
     with_client(work)
 
 
-def test_several_browsers_see_the_same() -> None:
+def test_several_browsers_receive_the_same() -> None:
     async def work(_: Scene, client: TestClient) -> None:
         async with stream(client) as one, stream(client) as other:
             first, second = await next_event(one), await next_event(other)
-            assert first['maps'] == second['maps']
+            assert first['panels'] == second['panels']
             assert first['history'] == second['history']
 
     with_client(work)
 
 
-def test_browsers_are_counted_and_let_go() -> None:
+def test_browsers_are_counted_until_they_leave() -> None:
     async def work(scene: Scene, client: TestClient) -> None:
         async with stream(client) as response:
             await next_event(response)
@@ -130,9 +146,7 @@ def test_browsers_are_counted_and_let_go() -> None:
     with_client(work)
 
 
-def test_one_browser_too_many_is_told_so(monkeypatch) -> None:
-    monkeypatch.setattr(server, 'MOST_STREAMS', 1)
-
+def test_browsers_beyond_the_limit_are_refused() -> None:
     async def work(_: Scene, client: TestClient) -> None:
         async with stream(client) as response:
             await next_event(response)
@@ -140,18 +154,14 @@ def test_one_browser_too_many_is_told_so(monkeypatch) -> None:
             assert refused.status == 503
             assert 'served already' in await refused.text()
 
-    with_client(work)
+    with_client(work, StreamSettings(limit=1))
 
 
-def test_a_browser_that_does_not_read_holds_up_nobody_and_is_let_go(monkeypatch) -> None:
-    monkeypatch.setattr(server, 'SEND_TIMEOUT', 0.3)
-    monkeypatch.setattr(server, 'LOOK_PERIOD', 0.001)
-    monkeypatch.setattr(server, 'HEARTBEAT', 0.0)
-
+def test_a_browser_that_does_not_read_delays_nobody_and_is_disconnected() -> None:
     async def work(scene: Scene, client: TestClient) -> None:
-        # long remarks fill the buffers of a connection quickly
+        # a long message fills the buffers of a connection quickly
         crowded = snapshot.Health(snapshot.Level.OK, 'x' * 200_000, 0.0)
-        scene.board.apply(snapshot.with_health, 'hub', crowded)
+        scene.store.update(snapshot.with_health, 'hub', crowded)
         host, port = client.host, client.port
         sleeping = socket.create_connection((host, port))
         try:
@@ -165,7 +175,7 @@ def test_a_browser_that_does_not_read_holds_up_nobody_and_is_let_go(monkeypatch)
         finally:
             sleeping.close()
 
-    with_client(work)
+    with_client(work, StreamSettings(check_period=0.001, heartbeat=0.0, send_timeout=0.3))
 
 
 def test_maps_are_png_and_absent_ones_are_404() -> None:
@@ -177,7 +187,7 @@ def test_maps_are_png_and_absent_ones_are_404() -> None:
                 assert (await response.read()).startswith(b'\x89PNG')
         assert (await client.get('/map/secret.png')).status == 404
         assert (await client.get('/map/observed.png?theme=pink')).status == 404
-        scene.board.apply(snapshot.with_new_experiment, START + 600.0)
+        scene.store.update(snapshot.with_new_experiment, START + 600.0)
         gone = await client.get('/map/observed.png')
         assert gone.status == 404
         assert 'no observed map yet' in await gone.text()
@@ -185,7 +195,7 @@ def test_maps_are_png_and_absent_ones_are_404() -> None:
     with_client(work)
 
 
-def test_done_confirms_the_setpoint_that_was_shown() -> None:
+def test_a_confirmation_names_the_setpoint_that_was_shown() -> None:
     async def work(scene: Scene, client: TestClient) -> None:
         body = {'sequence': 2, 'rates_ml_h': {'control1': 118.0}}
         response = await client.post('/confirm', json=body)
@@ -203,9 +213,9 @@ def test_the_page_itself_may_confirm_and_other_sites_may_not() -> None:
         own = f'http://{client.host}:{client.port}'
         body = json.dumps({'sequence': 2})
         for headers, status in (
-            ({**PAGE, 'Origin': own}, 200),
-            ({**PAGE, 'Origin': 'http://elsewhere.example'}, 403),
-            ({**PAGE, 'Origin': 'null'}, 403),
+            ({**JSON_TYPE, 'Origin': own}, 200),
+            ({**JSON_TYPE, 'Origin': 'http://elsewhere.example'}, 403),
+            ({**JSON_TYPE, 'Origin': 'null'}, 403),
             ({'Content-Type': 'text/plain'}, 403),
         ):
             response = await client.post('/confirm', data=body, headers=headers)
@@ -221,7 +231,7 @@ def test_the_page_itself_may_confirm_and_other_sites_may_not() -> None:
 )
 def test_a_wrong_confirmation_is_answered_with_one_line(body, words) -> None:
     async def work(scene: Scene, client: TestClient) -> None:
-        response = await client.post('/confirm', data=body, headers=PAGE)
+        response = await client.post('/confirm', data=body, headers=JSON_TYPE)
         assert response.status == 400
         assert words in (await response.json())['error']
         assert scene.confirmed == []
@@ -233,7 +243,7 @@ def test_a_wrong_confirmation_is_answered_with_one_line(body, words) -> None:
     ('refusal', 'status'),
     [(InputError('setpoint 2 is not known'), 400), (ConfirmationUnavailable('nobody there'), 503)],
 )
-def test_what_the_graph_refuses_reaches_the_browser(refusal, status) -> None:
+def test_a_refusal_of_the_graph_reaches_the_browser(refusal, status) -> None:
     async def work(scene: Scene, client: TestClient) -> None:
         scene.refusal = refusal
         response = await client.post('/confirm', json={'sequence': 2})

@@ -1,4 +1,4 @@
-"""What the operator sends is checked in one place, and refused in one line."""
+"""Tests of confirmations: wrong ones are refused in one line."""
 
 import pytest
 from page_examples import rates, two_cycles
@@ -7,14 +7,14 @@ from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_page.confirmation import parse
-from porotwin_page.snapshot import Snapshot
+from porotwin_page.graph_snapshot import GraphSnapshot
 
 
-def test_set_as_asked_carries_no_rates() -> None:
+def test_a_setpoint_confirmed_as_shown_carries_no_rates() -> None:
     assert parse({'sequence': 2}, two_cycles()).rates == {}
 
 
-def test_other_rates_are_si_and_keep_what_the_well_injects() -> None:
+def test_other_rates_are_converted_and_keep_the_injected_fluid() -> None:
     given = parse({'sequence': 1, 'rates_ml_h': {'injector': 490, 'control1': 99.5}}, two_cycles())
     assert given.sequence == 1
     assert given.rates == {
@@ -32,7 +32,7 @@ def test_other_rates_are_si_and_keep_what_the_well_injects() -> None:
         ({'sequence': 1.5}, '1.5'),
         ({'sequence': True}, 'True'),
         ({'sequence': '2'}, "'2'"),
-        ({'sequence': 9}, 'setpoint 9 is not shown any more; the newest is 2'),
+        ({'sequence': 9}, 'setpoint 9 is no longer shown; the newest is 2'),
         ({'sequence': 2, 'rate': {}}, "unknown key 'rate'"),
         ({'sequence': 2, 'rates_ml_h': [1]}, 'object of rates'),
         ({'sequence': 2, 'rates_ml_h': {'control9': 1}}, "well 'control9' is not in setpoint 2"),
@@ -42,7 +42,7 @@ def test_other_rates_are_si_and_keep_what_the_well_injects() -> None:
         ({'sequence': 2, 'rates_ml_h': {'control1': False}}, 'rate False'),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(data, words) -> None:
+def test_every_fault_is_named_in_one_line(data, words) -> None:
     with pytest.raises(InputError) as caught:
         parse(data, two_cycles())
     assert words in str(caught.value)
@@ -51,4 +51,4 @@ def test_what_is_wrong_is_said_in_one_line(data, words) -> None:
 
 def test_before_the_first_setpoint_there_is_nothing_to_confirm() -> None:
     with pytest.raises(InputError, match='none yet'):
-        parse({'sequence': 1}, Snapshot())
+        parse({'sequence': 1}, GraphSnapshot())

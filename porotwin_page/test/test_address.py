@@ -1,4 +1,4 @@
-"""HOST:PORT and who may use it."""
+"""Tests of the address HOST:PORT."""
 
 import pytest
 

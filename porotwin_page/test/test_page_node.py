@@ -1,4 +1,4 @@
-"""The page as a process on a real graph: what is published is shown, what is confirmed arrives."""
+"""Tests of the page node in a running graph: messages are shown, confirmations arrive."""
 
 import contextlib
 import json
@@ -38,7 +38,7 @@ from porotwin_page.address import listen
 pytestmark = pytest.mark.graph
 
 ENVIRONMENT = {**os.environ, 'PYTHONUNBUFFERED': '1'}
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
 def free_address() -> str:
@@ -73,13 +73,13 @@ def page(address: str, *parameters: str) -> Iterator[subprocess.Popen]:
 
 
 def until(condition: Callable[[], Any], what: str) -> Any:
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while time.monotonic() < end:
         with contextlib.suppress(OSError):
             if found := condition():
                 return found
         time.sleep(0.1)
-    raise AssertionError(f'{what} did not happen within {PATIENCE_S:g} s')
+    raise AssertionError(f'{what} did not happen within {TIMEOUT_S:g} s')
 
 
 def newest_event(address: str) -> dict:
@@ -100,8 +100,8 @@ def post(address: str, body: dict) -> tuple[int, dict]:
         return error.code, json.load(error)
 
 
-class Rest(Node):
-    """The rest of the graph: publishes what the page shows and takes what it confirms."""
+class Hub(Node):
+    """The rest of the graph: publishes data for the page and receives its confirmations."""
 
     def __init__(self, context: rclpy.Context) -> None:
         super().__init__('hub', namespace='/porotwin', context=context)
@@ -132,36 +132,36 @@ class Rest(Node):
         now = self.get_clock().now().to_msg()
         message = WellRates(start=now, wells=conversions.rates_to_msg(rates(118.0)))
         message.header.stamp = now
-        self.say('wells/measured', message)
+        self.send('wells/measured', message)
         return response
 
-    def say(self, topic: str, message: Any) -> None:
+    def send(self, topic: str, message: Any) -> None:
         self.publishers_by_topic[topic].publish(message)
 
-    def everyone_listens(self) -> bool:
+    def all_topics_have_subscribers(self) -> bool:
         return all(
             publisher.get_subscription_count() > 0
             for publisher in self.publishers_by_topic.values()
         )
 
     def publish_cycle(self, now: float) -> None:
-        """Publish a photograph taken at `now` [s] and all that follows from it."""
+        """Publish a photograph of the time `now` [s] and all messages of its cycle."""
 
         def tracer(value: float) -> TracerField:
             return conversions.tracer_to_msg(map_at(0, value).concentration, GRID, now)
 
-        self.say('tracer/predicted', tracer(0.3))
-        self.say('tracer/corrected', tracer(0.2))
-        # on topics of their own, so without an order between them
+        self.send('tracer/predicted', tracer(0.3))
+        self.send('tracer/corrected', tracer(0.2))
+        # the topics keep no order between them
         time.sleep(0.5)
         header = conversions.header_at(now)
-        self.say(
+        self.send(
             'asset/new_state',
             NewState(
                 header=header, sequence=7, time_step=30.0, tracer=tracer(0.25), calibrated=True
             ),
         )
-        self.say(
+        self.send(
             'wells/setpoint',
             Setpoint(
                 header=header,
@@ -172,7 +172,7 @@ class Rest(Node):
             ),
         )
         time.sleep(0.5)
-        self.say(
+        self.send(
             'hub/cycle',
             CycleReport(
                 header=header,
@@ -185,14 +185,14 @@ class Rest(Node):
             ),
         )
         status = DiagnosticStatus(level=DiagnosticStatus.WARN, name='hub', message='state 7 done')
-        self.say('/diagnostics', DiagnosticArray(status=[status]))
+        self.send('/diagnostics', DiagnosticArray(status=[status]))
 
 
 @pytest.fixture
-def rest() -> Iterator[Rest]:
+def hub() -> Iterator[Hub]:
     context = rclpy.Context()
     rclpy.init(context=context)
-    node = Rest(context)
+    node = Hub(context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     spinning = threading.Thread(target=executor.spin, daemon=True)
@@ -204,31 +204,33 @@ def rest() -> Iterator[Rest]:
     rclpy.shutdown(context=context)
 
 
-def test_what_the_graph_says_is_shown_and_what_is_confirmed_reaches_the_operator(rest) -> None:
+def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub) -> None:
     address = free_address()
-    rest.say('rig/description', conversions.rig_to_msg(RIG))
+    hub.send('rig/description', conversions.rig_to_msg(RIG))
     with page(address):
         until(lambda: newest_event(address)['rig'], 'the latched rig description')
-        until(rest.everyone_listens, 'that the page subscribes to everything')
-        rest.publish_cycle(time.time())
+        until(hub.all_topics_have_subscribers, 'subscriptions of the page to all topics')
+        hub.publish_cycle(time.time())
         shown = until(
             lambda: (event := newest_event(address))['history']['points'] and event, 'a cycle'
         )
-        wells = {well['name']: well for well in shown['setpoint']['wells']}
-        assert shown['rig']['name'] == RIG.name
-        assert shown['photo']['sequence'] == 7
+        panels = shown['panels']
+        wells = {well['name']: well for well in panels['pump_settings']['wells']}
+        assert shown['header']['rig_name'] == RIG.name
+        assert shown['header']['photo']['sequence'] == 7
         assert wells['control1']['rate_ml_h'] == pytest.approx(120.0)
-        assert 0 < shown['setpoint']['remaining_s'] <= 90
-        assert shown['maps']['difference']['limit'] == 0.05
-        assert shown['history']['points'][0]['predicted_percent'] == pytest.approx(20.0)
-        assert shown['history']['points'][0]['corrected_percent'] is None
+        assert 0 < panels['pump_settings']['remaining_s'] <= 90
+        assert panels['difference']['high'] == 0.05
+        errors = shown['history']['points'][0]['values']['forecast_error']
+        assert errors['model alone'] == pytest.approx(20.0)
+        assert errors['corrected'] is None
         with urllib.request.urlopen(f'http://{address}/map/difference.png', timeout=5) as response:
             assert response.read().startswith(b'\x89PNG')
         health = until(
             lambda: (
                 {
                     line['name']: line['level']
-                    for line in newest_event(address)['health']
+                    for line in newest_event(address)['panels']['node_health']
                     if line['name'] in ('hub', 'page')
                 }
                 == {'hub': 'warn', 'page': 'ok'}
@@ -241,7 +243,7 @@ def test_what_the_graph_says_is_shown_and_what_is_confirmed_reaches_the_operator
         assert status == 503
         assert 'the operator node is absent' in answer['error']
 
-        rest.offer_confirmation()
+        hub.offer_confirmation()
         status, answer = until(
             lambda: (
                 (given := post(address, {'sequence': 3, 'rates_ml_h': {'control1': 118.0}}))[0]
@@ -251,16 +253,18 @@ def test_what_the_graph_says_is_shown_and_what_is_confirmed_reaches_the_operator
             'a confirmation',
         )
         assert answer == {'message': 'setpoint 3 confirmed'}
-        request = rest.requests[-1]
+        request = hub.requests[-1]
         assert request.sequence == 3
         assert [(well.well, round(to_ml_h(well.rate), 6)) for well in request.wells] == [
             ('control1', 118.0)
         ]
         setpoint = until(
             lambda: (
-                (shown := newest_event(address)['setpoint'])['wells'][2]['before_ml_h'] and shown
+                (shown := newest_event(address)['panels']['pump_settings'])
+                and shown['wells'][2]['before_ml_h']
+                and shown
             ),
-            'what was set',
+            'the reported rates',
         )
         assert setpoint['confirmed']
         assert setpoint['wells'][2]['before_ml_h'] == pytest.approx(118.0)
@@ -270,7 +274,7 @@ def test_a_port_in_use_is_one_line_and_status_2() -> None:
     with listen('127.0.0.1:0') as taken:
         port = taken.getsockname()[1]
         process = start_page(f'127.0.0.1:{port}')
-        output, _ = process.communicate(timeout=PATIENCE_S)
+        output, _ = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 2
     (line,) = output.strip().splitlines()
     assert line.startswith(f'error: page address 127.0.0.1:{port} is in use')
@@ -281,28 +285,28 @@ def test_a_wrong_rig_is_one_line_and_status_2(tmp_path: Path) -> None:
     broken = tmp_path / 'rig.yaml'
     broken.write_text(RIG_FILE.read_text().replace('producer: producer', 'producer: pump9'))
     process = start_page(free_address(), f'rig:={broken}')
-    output, _ = process.communicate(timeout=PATIENCE_S)
+    output, _ = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 2
     (line,) = output.strip().splitlines()
     assert "unknown well 'pump9'" in line
 
 
-def test_a_page_ends_with_status_0_and_no_complaints_while_browsers_watch() -> None:
+def test_an_interrupt_while_browsers_watch_ends_the_page_with_status_0() -> None:
     address = free_address()
     process = start_page(address, f'rig:={RIG_FILE}')
-    until(lambda: newest_event(address)['health'], 'a look around, so that the node spins')
+    until(lambda: newest_event(address)['panels']['node_health'], 'the names of the nodes')
     with urllib.request.urlopen(f'http://{address}/events', timeout=5) as watching:
         watching.readline()
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=PATIENCE_S)
+        output, _ = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 0, output
     (line,) = output.strip().splitlines()
     assert f'page at http://{address}' in line
 
 
-def test_a_page_that_was_ended_frees_its_port_and_serves_again() -> None:
+def test_the_port_is_free_after_the_end_of_a_page() -> None:
     address = free_address()
     for _ in range(2):
         with page(address, f'rig:={RIG_FILE}'):
             event = until(lambda: newest_event(address), 'an event')
-            assert event['rig']['name'] == RIG.name
+            assert event['header']['rig_name'] == RIG.name
