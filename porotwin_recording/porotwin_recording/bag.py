@@ -302,10 +302,10 @@ def _photos(collected: _Collector, start: int) -> tuple[Photo, ...]:
     return tuple(sorted(photos, key=lambda photo: photo.time))
 
 
-def _image_reader(bag: BagReader, wanted: _Location) -> Callable[[], bytes]:
+def _image_reader(bag: BagReader, photo: _Location) -> Callable[[], bytes]:
     def read() -> bytes:
-        for location, message in _between(bag, [wanted]):
-            if location == wanted:
+        for location, message in _between(bag, [photo]):
+            if location == photo:
                 return bytes(bag.decode(message).data)
         raise InputError(f'{bag.path}: changed while it was read; open it again')
 

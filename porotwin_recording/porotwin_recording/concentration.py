@@ -141,13 +141,15 @@ def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.f
     return filled
 
 
-def _check_coordinate(path: Path, name: str, found: NDArray, wanted: NDArray, extent: str) -> None:
-    cell = 2 * wanted[0]
-    if np.abs(found - wanted).max() > CELL_TOLERANCE * cell:
+def _check_coordinate(
+    path: Path, name: str, found: NDArray, expected: NDArray, extent: str
+) -> None:
+    cell = 2 * expected[0]
+    if np.abs(found - expected).max() > CELL_TOLERANCE * cell:
         raise InputError(
             f'{path}: {name} runs from {found[0]:.6g} to {found[-1]:.6g} m in {len(found)} cells, '
-            f'but with {extent} in rig.yaml the cell centres run from {wanted[0]:.6g} to '
-            f'{wanted[-1]:.6g} m; correct the one that is wrong'
+            f'but with {extent} in rig.yaml the cell centres run from {expected[0]:.6g} to '
+            f'{expected[-1]:.6g} m; correct the one that is wrong'
         )
 
 

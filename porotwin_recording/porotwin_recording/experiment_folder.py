@@ -86,7 +86,7 @@ def write_folder(
 
 
 def _ignore(*_: int) -> None:
-    """Receive progress that nobody asked for."""
+    """Ignore the progress."""
 
 
 def _write_maps(

@@ -16,7 +16,7 @@ class RecordedData:
 
     Attributes:
         rig: nominal description of the rig.
-        commanded: rates that the pumps were asked for; None where there are none.
+        commanded: rates that the pumps should deliver; None where there are none.
         measured: rates that the pumps delivered; None where nobody measured them.
         maps: tracer maps, read from disk on demand; None where there are none.
         photos: photographs, ordered by time.

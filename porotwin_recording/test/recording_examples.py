@@ -10,6 +10,7 @@ from porotwin_core.rig import Boundaries, Camera, Control, FixedWell, Rig, Well
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.bag_records import TopicQos
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.photos import Photo
@@ -102,8 +103,6 @@ def write_string_bag(
 
 def add_string_topics(bag: BagWriter, names: list[str], *, latched: tuple[str, ...] = ()) -> None:
     """Add topics of strings to a bag."""
-    from porotwin_recording.bag_records import TopicQos
-
     for name in names:
         durability = 'transient_local' if name in latched else 'volatile'
         bag.add_topic(name, STRING, qos=TopicQos(durability=durability))
