@@ -21,7 +21,7 @@ ROS_SHELLS = {
     'porotwin_core/qos.py': 'names the qualities of service',
     'porotwin_core/node.py': 'what all nodes share',
     'porotwin_core/conversions.py': 'the one place that converts messages',
-    'porotwin_recording/convert.py': 'makes the bag that a live run would have recorded',
+    'porotwin_recording/bag_conversion.py': 'makes the bag that a live run would have recorded',
     'porotwin_recording/player.py': 'turns recorded setpoints into measured rates',
     'porotwin_hub/clients.py': 'service clients as callables',
     'porotwin_cli/graph_watch.py': 'listens to a running graph',

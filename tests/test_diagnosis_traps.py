@@ -147,7 +147,7 @@ def test_a_restart_from_every_map_hides_most_of_a_gap(denser_sand):
         for time in (sample.times[-1] - 90, sample.times[-1])
     )
     stepped = np.asarray(recording.concentration[before], dtype=float)
-    for low, high, rates in recording.pumped.intervals(
+    for low, high, rates in recording.delivered.intervals(
         recording.times[before], recording.times[last]
     ):
         stepped = model.predict(stepped, rates, high - low)

@@ -1,4 +1,4 @@
-"""The sample recording: readable by others, and good for the first steps of the README."""
+"""Tests of the sample recording: other libraries read it, and the README's first steps work."""
 
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from porotwin_core.rig import load_rig
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.photo_to_map import concentration_map
+from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.simulation import simulate
 
@@ -24,14 +25,14 @@ def sample() -> Recording:
     return open_recording(BAGS / 'sample')
 
 
-def test_rosbags_reads_it_with_the_definitions_inside() -> None:
+def test_rosbags_reads_the_sample_with_its_own_definitions() -> None:
     with AnyReader([BAGS / 'sample']) as reader:
         topics = {connection.topic for connection in reader.connections}
         assert '/porotwin/hub/cycle' in topics
-        wanted = [c for c in reader.connections if c.topic == '/porotwin/asset/new_state']
+        states = [c for c in reader.connections if c.topic == '/porotwin/asset/new_state']
         messages = [
             reader.deserialize(raw, connection.msgtype)
-            for connection, _, raw in reader.messages(wanted)
+            for connection, _, raw in reader.messages(states)
         ]
     assert len(messages) == PHOTOGRAPHS
     grid = messages[-1].tracer.grid
@@ -39,7 +40,7 @@ def test_rosbags_reads_it_with_the_definitions_inside() -> None:
     assert len(messages[-1].tracer.concentration) == 187 * 112
 
 
-def test_mcap_reads_it_with_the_definitions_inside() -> None:
+def test_mcap_reads_the_sample_with_its_own_definitions() -> None:
     (file,) = (BAGS / 'sample').glob('*.mcap')
     with file.open('rb') as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
@@ -53,14 +54,24 @@ def test_mcap_reads_it_with_the_definitions_inside() -> None:
     assert {well.well for well in setpoints[0].wells} >= {'injector', 'producer', 'control1'}
 
 
-def test_it_holds_the_rig_it_was_recorded_on(sample: Recording) -> None:
+def test_the_sample_holds_its_rig(sample: Recording) -> None:
     rig = load_rig(BAGS.parent / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     assert sample.rig.wells == rig.wells
     assert sample.rig.control == rig.control
     assert sample.rig.camera is not None
 
 
-def test_its_photographs_lead_to_its_maps(sample: Recording) -> None:
+def test_fields_that_are_newer_than_the_sample_have_default_values() -> None:
+    bag = BagReader(BAGS / 'sample')
+    name = '/porotwin/rig/description'
+    assert 'objective_parameters' not in bag.topics[name].definition
+    (message,) = bag.messages([name])
+    (control,) = bag.decode(message).control
+    assert (control.objective, control.objective_parameters) == ('', '')
+    assert control.producer == 'producer'
+
+
+def test_the_photographs_give_the_recorded_maps(sample: Recording) -> None:
     calibration = load_calibration(BAGS / 'sample_calibration.yaml')
     baselines = [photo.read() for photo in sample.photos if photo.role == 'baseline']
     baseline = make_baseline(sample.rig, sample.grid, baselines, calibration=calibration)
@@ -71,7 +82,7 @@ def test_its_photographs_lead_to_its_maps(sample: Recording) -> None:
     assert np.linalg.norm(again - recorded) < 0.05 * np.linalg.norm(recorded)
 
 
-def test_the_physics_based_model_follows_it(sample: Recording) -> None:
+def test_the_physics_based_model_predicts_the_last_map(sample: Recording) -> None:
     assert sample.measured is not None
     model = simulate(sample.rig, sample.measured, sample.times[-1:], grid=sample.grid)
     observed = sample.concentration[-1]

@@ -29,7 +29,7 @@ def frames_of(recording: Recording, grid: Grid) -> Frames:
     return Frames(
         times=np.asarray(recording.times),
         concentration=np.array(maps),
-        schedule=recording.pumped,
+        schedule=recording.delivered,
         name=source_name(recording),
     )
 

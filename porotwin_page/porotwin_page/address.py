@@ -1,4 +1,4 @@
-"""HOST:PORT, and the socket that listens there."""
+"""The address HOST:PORT of the page, and its listening socket."""
 
 import errno
 import ipaddress
@@ -6,22 +6,27 @@ import socket
 
 from porotwin_core.errors import InputError
 
+MAX_PORT = 65535
+"""Largest TCP port."""
+
 
 def parse(address: str) -> tuple[str, int]:
-    """Return host and port of `127.0.0.1:8765` or `[::1]:8765`; port 0 is any free one.
+    """Return host and port of an address such as `127.0.0.1:8765` or `[::1]:8765`.
+
+    Port 0 selects any free port.
 
     Raises:
-        InputError: not HOST:PORT.
+        InputError: `address` is not of this form.
     """
     host, _, port = address.rpartition(':')
     host = host.removeprefix('[').removesuffix(']')
-    if not host or not port.isdecimal() or int(port) > 65535:
+    if not host or not port.isdecimal() or int(port) > MAX_PORT:
         raise InputError(f"page address '{address}': write HOST:PORT, like 127.0.0.1:8765")
     return host, int(port)
 
 
 def is_local(host: str) -> bool:
-    """Return whether only this machine reaches `host`."""
+    """Return whether `host` is reachable from this machine only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -32,7 +37,7 @@ def listen(address: str) -> socket.socket:
     """Return a socket that listens at `address`.
 
     Raises:
-        InputError: the port is in use, or the host is not one of this machine.
+        InputError: the port is in use, or the host does not belong to this machine.
     """
     host, port = parse(address)
     family = socket.AF_INET6 if ':' in host else socket.AF_INET

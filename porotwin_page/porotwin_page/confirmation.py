@@ -1,4 +1,4 @@
-"""What a browser sends when the operator is done, checked at the door."""
+"""The operator's confirmation of a setpoint, as a browser sends it."""
 
 import math
 from dataclasses import dataclass
@@ -7,18 +7,23 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_page.snapshot import Setpoint, Snapshot
+from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
 
 
 @dataclass(frozen=True)
 class Confirmation:
-    """Setpoint `sequence` was set; `rates` [m^3/s] only where they differ from what was asked."""
+    """The rates at the pumps after an operator has set them.
+
+    Attributes:
+        sequence: number of the setpoint.
+        rates: wells whose rates [m^3/s] differ from the setpoint.
+    """
 
     sequence: int
     rates: WellRates
 
 
-def _setpoint(snapshot: Snapshot, sequence: object) -> Setpoint:
+def _setpoint(snapshot: GraphSnapshot, sequence: object) -> Setpoint:
     if isinstance(sequence, bool) or not isinstance(sequence, int):
         raise InputError(f'sequence {sequence!r}: send the whole number of a setpoint')
     for setpoint in snapshot.setpoints:
@@ -27,14 +32,18 @@ def _setpoint(snapshot: Snapshot, sequence: object) -> Setpoint:
     newest = (
         f'the newest is {snapshot.setpoints[-1].sequence}' if snapshot.setpoints else 'none yet'
     )
-    raise InputError(f'setpoint {sequence} is not shown any more; {newest}')
+    raise InputError(f'setpoint {sequence} is no longer shown; {newest}')
 
 
-def parse(data: Any, snapshot: Snapshot) -> Confirmation:
-    """Return the confirmation in `data`: {sequence, rates_ml_h: {well: rate}}, rates optional.
+def parse(data: Any, snapshot: GraphSnapshot) -> Confirmation:
+    """Return the confirmation in `data`, checked against the setpoints of `snapshot`.
+
+    Args:
+        data: decoded JSON {"sequence": number, "rates_ml_h": {well: rate}}; the rates are optional.
+        snapshot: holds the setpoints that the operator may have seen.
 
     Raises:
-        InputError: one line naming what is wrong.
+        InputError: one line that names the fault.
     """
     if not isinstance(data, dict):
         raise InputError('confirmation: send a JSON object with sequence and rates_ml_h')

@@ -1,4 +1,4 @@
-"""The page as a node: stores what the graph says, serves it, and passes confirmations on."""
+"""The page as a node: stores messages, serves them, and passes confirmations on."""
 
 import threading
 import time
@@ -24,54 +24,56 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_msgs.srv import ConfirmRates
-from porotwin_page import address, snapshot
-from porotwin_page.board import Board
+from porotwin_page import address, graph_snapshot
 from porotwin_page.confirmation import Confirmation
 from porotwin_page.server import ConfirmationUnavailable, PageApplication, ServerThread
+from porotwin_page.snapshot_store import SnapshotStore
 
 LEVELS = {
-    DiagnosticStatus.OK: snapshot.Level.OK,
-    DiagnosticStatus.WARN: snapshot.Level.WARN,
+    DiagnosticStatus.OK: graph_snapshot.Level.OK,
+    DiagnosticStatus.WARN: graph_snapshot.Level.WARN,
 }
-LOOK_AROUND_PERIOD = 2.0
-"""How often the node looks which nodes the graph shows [s]."""
+NODES_PERIOD = 2.0
+"""Period of the search for nodes in the graph [s]."""
 
 CONFIRM_TIMEOUT = 5.0
-"""Longest wait for the operator node's answer [s]."""
+"""Longest wait for the answer of the operator node [s]."""
+
+SERVICE_TIMEOUT = 1.0
+"""Longest wait for the service of the operator node [s]."""
 
 
 class PageNode(Node):
-    """Shows the graph to people; changes nothing but what they confirm."""
+    """Serves the page; the only change it makes to the graph is a confirmation."""
 
     def __init__(self, **kwargs: Any) -> None:
-        """Read parameters and begin to serve.
+        """Read the parameters and start the server; `kwargs` are passed on to `Node`.
 
         Raises:
             InputError: a parameter or the rig description is wrong, or the address is in use.
         """
         super().__init__('page', **kwargs)
-        self._board = Board()
-        rig = declare(self, 'rig', '', 'path of rig.yaml; empty: wait for rig/description')
+        self._store = SnapshotStore()
+        rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
-            self._board.apply(snapshot.with_rig, load_rig(rig))
-        asked = declare(self, 'address', '127.0.0.1:8765', 'HOST:PORT to serve at')
-        listening = address.listen(asked)
+            self._store.update(graph_snapshot.with_rig, load_rig(rig))
+        address_text = declare(self, 'address', '127.0.0.1:8765', 'HOST:PORT to serve at')
+        listening = address.listen(address_text)
         self._confirm_client = self.create_client(ConfirmRates, 'operator/confirm')
         self._diagnostics = Diagnostics(self)
         self._make_subscriptions()
-        self._application = PageApplication(self._board, self._confirm, self._graph_time)
+        self._application = PageApplication(self._store, self._confirm, self._graph_time)
         self._server = ServerThread(self._application.make(), listening)
-        host, port = address.parse(asked)[0], listening.getsockname()[1]
-        self._place = f'http://{f"[{host}]" if ":" in host else host}:{port}'
-        self.get_logger().info(f'page at {self._place}')
+        host, port = address.parse(address_text)[0], listening.getsockname()[1]
+        self._url = f'http://{f"[{host}]" if ":" in host else host}:{port}'
+        self.get_logger().info(f'page at {self._url}')
         if not address.is_local(host):
             self.get_logger().warning(
                 'everyone who reaches this machine can see the page and confirm rates'
             )
-        # not on the graph's clock: that may stand still
-        self.create_timer(
-            LOOK_AROUND_PERIOD, self._look_around, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        # the graph's clock may stand still
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(NODES_PERIOD, self._update_nodes, clock=steady)
 
     def _make_subscriptions(self) -> None:
         for message_type, topic, callback, profile in (
@@ -93,7 +95,7 @@ class PageNode(Node):
                 callback(message)
             except ValueError as error:
                 line = ' '.join(str(error).split())
-                self.get_logger().error(f'{topic} not shown: {line}')
+                self.get_logger().error(f'{topic} is not shown: {line}')
 
         return checked
 
@@ -102,14 +104,16 @@ class PageNode(Node):
         return now * 1e-9 if now > 0 else None
 
     def _on_rig(self, message: RigDescription) -> None:
-        self._board.apply(snapshot.with_rig, conversions.rig_from_msg(message))
+        self._store.update(graph_snapshot.with_rig, conversions.rig_from_msg(message))
 
-    def _map(self, message: TracerField) -> snapshot.Map:
+    def _map(self, message: TracerField) -> graph_snapshot.Map:
         concentration, grid = conversions.tracer_from_msg(message)
-        return snapshot.Map(conversions.time_from_msg(message.header.stamp), concentration, grid)
+        return graph_snapshot.Map(
+            conversions.time_from_msg(message.header.stamp), concentration, grid
+        )
 
     def _on_new_state(self, message: NewState) -> None:
-        observation = snapshot.Observation(
+        state = graph_snapshot.ObservedState(
             sequence=message.sequence,
             map=self._map(message.tracer),
             arrival=time.monotonic(),
@@ -118,25 +122,27 @@ class PageNode(Node):
             calibrated=message.calibrated,
             remarks=tuple(message.remarks),
         )
-        self._board.apply(snapshot.with_observation, observation)
+        self._store.update(graph_snapshot.with_observed_state, state)
 
     def _on_clean_state(self, message: CleanState) -> None:
-        at = conversions.time_from_msg(message.header.stamp)
+        time_s = conversions.time_from_msg(message.header.stamp)
         if message.cause == CleanState.START:
-            self._board.apply(snapshot.with_new_experiment, at)
+            self._store.update(graph_snapshot.with_new_experiment, time_s)
         elif message.cause == CleanState.FINISHED:
-            self._board.apply(snapshot.with_end, message.reason)
+            self._store.update(graph_snapshot.with_end, message.reason)
         else:
-            self._board.apply(snapshot.with_interruption, snapshot.Mark(at, message.reason))
+            self._store.update(
+                graph_snapshot.with_interruption, graph_snapshot.Mark(time_s, message.reason)
+            )
 
     def _on_predicted(self, message: TracerField) -> None:
-        self._board.apply(snapshot.with_predicted, self._map(message))
+        self._store.update(graph_snapshot.with_predicted, self._map(message))
 
     def _on_corrected(self, message: TracerField) -> None:
-        self._board.apply(snapshot.with_corrected, self._map(message))
+        self._store.update(graph_snapshot.with_corrected, self._map(message))
 
     def _on_setpoint(self, message: Setpoint) -> None:
-        setpoint = snapshot.Setpoint(
+        setpoint = graph_snapshot.Setpoint(
             sequence=message.sequence,
             time=conversions.time_from_msg(message.header.stamp),
             valid_until=conversions.time_from_msg(message.valid_until),
@@ -144,50 +150,59 @@ class PageNode(Node):
             reason=message.reason,
             arrival=self._graph_time(),
         )
-        self._board.apply(snapshot.with_setpoint, setpoint)
+        self._store.update(graph_snapshot.with_setpoint, setpoint)
 
     def _on_measured(self, message: WellRates) -> None:
         rates = conversions.rates_from_msg(message.wells)
         by_person = message.start == message.header.stamp
-        self._board.apply(snapshot.with_measured, rates, by_person=by_person)
+        self._store.update(graph_snapshot.with_measured, rates, by_person=by_person)
 
     def _on_cycle(self, message: CycleReport) -> None:
-        point = snapshot.CyclePoint(
+        point = graph_snapshot.CyclePoint(
             time=conversions.time_from_msg(message.header.stamp),
             prediction_error=message.prediction_error,
             corrected_error=message.corrected_error,
             disallowed_tracer=message.disallowed_tracer,
             cycle_duration=message.cycle_duration,
+            objective=message.objective,
+            objective_unchanged=message.objective_unchanged,
             corrected=message.corrected,
             correction_status=message.correction_status,
             remarks=tuple(message.remarks),
         )
-        self._board.apply(snapshot.with_cycle, point)
+        self._store.update(graph_snapshot.with_cycle, point)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now = time.monotonic()
         for status in message.status:
-            level = LEVELS.get(status.level, snapshot.Level.ERROR)
-            said = snapshot.Health(level, status.message, now)
-            self._board.apply(snapshot.with_health, status.name.rpartition('/')[2], said)
+            level = LEVELS.get(status.level, graph_snapshot.Level.ERROR)
+            report = graph_snapshot.Health(level, status.message, now)
+            self._store.update(graph_snapshot.with_health, status.name.rpartition('/')[2], report)
 
-    def _look_around(self) -> None:
+    def _update_nodes(self) -> None:
         names = [
             name
             for name, namespace in self.get_node_names_and_namespaces()
             if namespace == self.get_namespace() and not name.startswith('_')
         ]
-        self._board.apply(snapshot.with_nodes, names, time.monotonic())
+        self._store.update(graph_snapshot.with_nodes, names, time.monotonic())
         count = self._application.streams
         self._diagnostics.report(
-            DiagnosticStatus.OK, f'{self._place}, {count} {"browser" if count == 1 else "browsers"}'
+            DiagnosticStatus.OK, f'{self._url}, {count} {"browser" if count == 1 else "browsers"}'
         )
 
     def _confirm(self, given: Confirmation) -> str:
-        """Ask the operator node; runs in a thread of the server, never in the executor's."""
+        """Call the operator node and return one line; runs in a thread of the server.
+
+        Raises:
+            InputError: the operator node refused the confirmation.
+            ConfirmationUnavailable: the operator node is absent or does not answer.
+        """
         client = self._confirm_client
-        if not client.wait_for_service(timeout_sec=1.0):
-            raise ConfirmationUnavailable('nobody takes confirmations: the operator node is absent')
+        if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
+            raise ConfirmationUnavailable(
+                'nobody receives confirmations: the operator node is absent'
+            )
         answered = threading.Event()
         wells = conversions.rates_to_msg(given.rates)
         future = client.call_async(ConfirmRates.Request(sequence=given.sequence, wells=wells))
@@ -200,11 +215,11 @@ class PageNode(Node):
         outcome = future.result().outcome
         if outcome.code != Outcome.OK:
             raise InputError(outcome.message)
-        self._board.apply(snapshot.with_confirmation, given.sequence)
+        self._store.update(graph_snapshot.with_confirmation, given.sequence)
         return f'setpoint {given.sequence} confirmed'
 
     def destroy_node(self) -> None:
-        """End serving, then the node."""
+        """Stop the server, then destroy the node."""
         self._server.close()
         super().destroy_node()
 

@@ -1,7 +1,7 @@
-"""The page's server: one document, its maps, a stream of events, and the confirmation.
+"""The server of the page: its files, the maps, a stream of events, and the confirmation.
 
-Each browser's stream reads the newest snapshot when it is ready for one, so a slow browser skips
-moments and holds up nobody. Nothing is queued.
+The stream of every browser takes the newest snapshot when it is ready for one. A slow browser
+skips snapshots and delays nobody; there is no queue.
 """
 
 import asyncio
@@ -11,80 +11,110 @@ import socket
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, get_args
 
 from aiohttp import web
 
 from porotwin_core.errors import InputError
 from porotwin_page import confirmation
-from porotwin_page.board import Board
 from porotwin_page.confirmation import Confirmation
-from porotwin_page.document import document
-from porotwin_page.pictures import Kind, Theme, picture, scale
-from porotwin_page.view import history_view, state_view
-
-LOOK_PERIOD = 0.2
-"""How often a stream looks for news [s]."""
-
-HEARTBEAT = 1.0
-"""The longest time between two events [s]; the countdown and the browser's watchdog live on it."""
-
-SEND_TIMEOUT = 20.0
-"""A browser that takes nothing for so long [s] is let go; it comes back by itself."""
-
-MOST_STREAMS = 64
-"""Browsers served at once."""
+from porotwin_page.curve_history import history_view
+from porotwin_page.event import event_view
+from porotwin_page.map_pictures import Theme
+from porotwin_page.panel import MapPanel, Moment, Panel
+from porotwin_page.panel_registry import all_panels
+from porotwin_page.snapshot_store import SnapshotStore
+from porotwin_page.web_files import document, web_files
 
 SECURITY_HEADERS = {
     'Content-Security-Policy': (
         "default-src 'none'; img-src 'self' data:; connect-src 'self'; "
-        "style-src 'unsafe-inline'; script-src 'unsafe-inline'; frame-ancestors 'none'"
+        "style-src 'self' 'unsafe-inline'; script-src 'self'; frame-ancestors 'none'"
     ),
     'X-Content-Type-Options': 'nosniff',
     'Cache-Control': 'no-store',
 }
 
-ConfirmFn = Callable[[Confirmation], str]
-"""Passes a confirmation on, blocking; returns one line.
+MAX_CONFIRMATION = 64 * 1024
+"""Largest request of a browser [bytes]."""
 
-Raises InputError when it is refused, ConfirmationUnavailable when nobody takes it.
+ConfirmFn = Callable[[Confirmation], str]
+"""Passes a confirmation on; blocks and returns one line.
+
+Raises InputError if it is refused, ConfirmationUnavailable if nobody receives it.
 """
 
 ClockFn = Callable[[], float | None]
-"""Time on the graph's clock [s]; None while there is none."""
+"""Returns the time on the graph's clock [s]; None if it has not started."""
 
 
 class ConfirmationUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake
-    """Nobody takes confirmations; the message says what would mend it."""
+    """Nobody receives confirmations; the message names the remedy."""
 
 
-def _choice(request: web.Request, given: str, kind: Any) -> Any:
-    if given not in get_args(kind):
-        raise web.HTTPNotFound(text=f'{request.path}: choose one of {", ".join(get_args(kind))}\n')
-    return given
+@dataclass(frozen=True)
+class StreamSettings:
+    """Timing and number of the streams of events.
+
+    Attributes:
+        check_period: how often a stream looks for a new snapshot [s].
+        heartbeat: longest time between two events [s]; drives the countdown on the page, and its
+            detection of a lost connection.
+        send_timeout: a browser that accepts nothing for this time is disconnected [s]; it connects
+            again by itself.
+        limit: browsers that are served at the same time.
+    """
+
+    check_period: float = 0.2
+    heartbeat: float = 1.0
+    send_timeout: float = 20.0
+    limit: int = 64
 
 
 class PageApplication:
-    """The handlers, and what they share."""
+    """The handlers of all requests.
 
-    def __init__(self, board: Board, confirm: ConfirmFn, clock: ClockFn) -> None:
-        self._board = board
+    Args:
+        store: holds the newest snapshot.
+        confirm: passes confirmations on.
+        clock: returns the time on the graph's clock [s].
+        panels: panels by name; all panels of the registry by default.
+        settings: timing of the streams.
+
+    Attributes:
+        streams: number of browsers that are served now.
+    """
+
+    def __init__(
+        self,
+        store: SnapshotStore,
+        confirm: ConfirmFn,
+        clock: ClockFn,
+        *,
+        panels: Mapping[str, Panel] | None = None,
+        settings: StreamSettings | None = None,
+    ) -> None:
+        self.streams = 0
+        self._store = store
         self._confirm = confirm
         self._clock = clock
+        self._panels = all_panels() if panels is None else panels
+        self._settings = settings or StreamSettings()
         self._run = uuid.uuid4().hex[:8]
-        self.streams = 0
 
     def make(self) -> web.Application:
         """Return the aiohttp application."""
-        application = web.Application(client_max_size=64 * 1024)
+        application = web.Application(client_max_size=MAX_CONFIRMATION)
         application.on_response_prepare.append(self._add_headers)
         application.add_routes(
             [
                 web.get('/', self.page),
+                web.get('/{path:(?:web|panels)/[^/]+}', self.file),
                 web.get('/events', self.events),
-                web.get('/map/{kind}.png', self.map),
-                web.get('/scale/{kind}.png', self.scale),
+                web.get('/map/{panel}.png', self.map),
+                web.get('/scale/{panel}.png', self.scale),
                 web.post('/confirm', self.confirm),
             ]
         )
@@ -95,28 +125,40 @@ class PageApplication:
             response.headers.setdefault(name, value)
 
     async def page(self, _: web.Request) -> web.Response:
-        """Answer with the document."""
-        return web.Response(text=document(), content_type='text/html')
+        """Answer with the HTML document."""
+        return web.Response(text=document(self._panels), content_type='text/html')
+
+    async def file(self, request: web.Request) -> web.Response:
+        """Answer with a script or the style sheet; 404 for any other path."""
+        found = web_files().get(request.match_info['path'])
+        if found is None:
+            raise web.HTTPNotFound(text=f'{request.path}: no such file\n')
+        text, content_type = found
+        return web.Response(text=text, content_type=content_type)
 
     async def map(self, request: web.Request) -> web.Response:
-        """Answer with a map as PNG; 404 while there is none."""
-        kind: Kind = _choice(request, request.match_info['kind'], Kind)
-        theme: Theme = _choice(request, request.query.get('theme', 'light'), Theme)
-        data = await asyncio.to_thread(picture, self._board.snapshot, kind, theme)
+        """Answer with the map of a panel as PNG; 404 if there is none yet."""
+        panel, theme = self._map_panel(request), _theme(request)
+        data = await asyncio.to_thread(panel.picture, self._store.snapshot, theme)
         if data is None:
-            raise web.HTTPNotFound(text=f'there is no {kind} map yet\n')
+            name = request.match_info['panel']
+            raise web.HTTPNotFound(text=f'there is no {name} map yet\n')
         return web.Response(body=data, content_type='image/png')
 
     async def scale(self, request: web.Request) -> web.Response:
-        """Answer with the colours of a map's scale, least to most."""
-        kind: Kind = _choice(request, request.match_info['kind'], Kind)
-        theme: Theme = _choice(request, request.query.get('theme', 'light'), Theme)
-        return web.Response(body=scale(kind, theme), content_type='image/png')
+        """Answer with the colour scale of a panel as PNG, from its lowest value on."""
+        panel, theme = self._map_panel(request), _theme(request)
+        return web.Response(body=panel.scale(theme), content_type='image/png')
+
+    def _map_panel(self, request: web.Request) -> MapPanel:
+        maps = {name: p for name, p in self._panels.items() if isinstance(p, MapPanel)}
+        return _choice(request, request.match_info['panel'], maps)
 
     async def events(self, request: web.Request) -> web.StreamResponse:
-        """Stream the newest state as server-sent events until the browser leaves."""
-        if self.streams >= MOST_STREAMS:
-            raise web.HTTPServiceUnavailable(text=f'{MOST_STREAMS} browsers are served already\n')
+        """Stream events (server-sent events) until the browser disconnects."""
+        limit = self._settings.limit
+        if self.streams >= limit:
+            raise web.HTTPServiceUnavailable(text=f'{limit} browsers are served already\n')
         response = web.StreamResponse(headers={'Content-Type': 'text/event-stream'})
         self.streams += 1
         try:
@@ -130,31 +172,36 @@ class PageApplication:
         return response
 
     async def _stream(self, response: web.StreamResponse) -> None:
-        sent_revision, sent_at, next_point = -1, -HEARTBEAT, -1
+        settings = self._settings
+        sent_revision, sent_at, points_sent = -1, -settings.heartbeat, -1
         while True:
-            revision = self._board.revision
+            revision = self._store.revision
             now = time.monotonic()
-            if revision != sent_revision or now - sent_at >= HEARTBEAT:
-                snapshot = self._board.snapshot
-                history = history_view(snapshot, after=next_point)
-                event = state_view(snapshot, now=self._clock(), steady=now)
-                event |= {'run': self._run, 'history': history}
-                text = json.dumps(event, allow_nan=False, separators=(',', ':'))
-                async with asyncio.timeout(SEND_TIMEOUT):
+            if revision != sent_revision or now - sent_at >= settings.heartbeat:
+                text, points_sent = self._event(now, points_sent)
+                async with asyncio.timeout(settings.send_timeout):
                     await response.write(f'data: {text}\n\n'.encode())
-                sent_revision, sent_at, next_point = revision, now, history['end']
-            await asyncio.sleep(LOOK_PERIOD)
+                sent_revision, sent_at = revision, now
+            await asyncio.sleep(settings.check_period)
+
+    def _event(self, steady: float, points_sent: int) -> tuple[str, int]:
+        """Return the newest event as JSON, and the number of points sent after it."""
+        snapshot = self._store.snapshot
+        history = history_view(snapshot, self._panels, after=points_sent)
+        event = event_view(snapshot, Moment(self._clock(), steady), self._panels)
+        event |= {'run': self._run, 'history': history}
+        return json.dumps(event, allow_nan=False, separators=(',', ':')), history['end']
 
     async def confirm(self, request: web.Request) -> web.Response:
-        """Pass a confirmation on and answer in one line what came of it."""
+        """Pass a confirmation on and answer with one line."""
         origin = request.headers.get('Origin')
         if request.content_type != 'application/json' or (
             origin is not None and origin.partition('://')[2] != request.host
         ):
-            # other sites that a browser has open can only send other types or another origin
+            # other sites in the same browser can send only other types or another origin
             return web.json_response({'error': 'confirm from the page itself'}, status=403)
         try:
-            given = confirmation.parse(await request.json(), self._board.snapshot)
+            given = confirmation.parse(await request.json(), self._store.snapshot)
             message = await asyncio.to_thread(self._confirm, given)
         except json.JSONDecodeError:
             return web.json_response({'error': 'confirmation: not JSON'}, status=400)
@@ -165,8 +212,19 @@ class PageApplication:
         return web.json_response({'message': message})
 
 
+def _theme(request: web.Request) -> Theme:
+    themes: dict[str, Theme] = {theme: theme for theme in get_args(Theme)}
+    return _choice(request, request.query.get('theme', 'light'), themes)
+
+
+def _choice(request: web.Request, given: str, choices: Mapping[str, Any]) -> Any:
+    if given not in choices:
+        raise web.HTTPNotFound(text=f'{request.path}: choose one of {", ".join(choices)}\n')
+    return choices[given]
+
+
 class ServerThread:
-    """Serves an application on a socket from a thread and event loop of its own."""
+    """Serves an application on a listening socket, in a thread with an event loop of its own."""
 
     def __init__(self, application: web.Application, listening: socket.socket) -> None:
         self._loop = asyncio.new_event_loop()
@@ -176,10 +234,10 @@ class ServerThread:
 
     def _run(self) -> None:
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-            # leaving the runner ends the streams that are still open
-            runner.run(self._until_told())
+            # the end of the runner cancels all open streams
+            runner.run(self._until_cancelled())
 
-    async def _until_told(self) -> None:
+    async def _until_cancelled(self) -> None:
         with contextlib.suppress(asyncio.CancelledError):
             await self._serving
 
@@ -193,7 +251,7 @@ class ServerThread:
             await runner.cleanup()
 
     def close(self) -> None:
-        """End serving, streams included, and wait for it."""
+        """Stop serving, including all streams, and wait for the thread."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._serving.cancel)
             self._thread.join(5.0)

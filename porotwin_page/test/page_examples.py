@@ -1,4 +1,4 @@
-"""What arrives at the page in a short experiment on the paper's small rig."""
+"""Data that arrive at the page in a short experiment on the paper's small rig."""
 
 import math
 from functools import reduce
@@ -9,8 +9,17 @@ import numpy as np
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_page import snapshot
-from porotwin_page.snapshot import CyclePoint, Map, Observation, Setpoint, Snapshot
+from porotwin_page import graph_snapshot as snapshot
+from porotwin_page.graph_snapshot import (
+    CyclePoint,
+    GraphSnapshot,
+    Map,
+    ObservedState,
+    Setpoint,
+)
+from porotwin_page.json_values import Json
+from porotwin_page.panel import Moment
+from porotwin_page.panel_registry import all_panels
 
 RIG_FILE = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 RIG = load_rig(RIG_FILE)
@@ -36,10 +45,12 @@ def map_at(time: float, value: float = 0.25) -> Map:
     return Map(time, np.full(GRID.shape, value), GRID)
 
 
-def observation(sequence: int, *, value: float = 0.25, arrival: float | None = None) -> Observation:
-    """Return the state of photograph `sequence`, one every 30 s, arriving when it is taken."""
+def observed_state(
+    sequence: int, *, value: float = 0.25, arrival: float | None = None
+) -> ObservedState:
+    """Return the state of photograph `sequence`, one every 30 s; it arrives when it is taken."""
     after = 30.0 * (sequence - 1)
-    return Observation(
+    return ObservedState(
         sequence=sequence,
         map=map_at(START + after, value),
         arrival=after if arrival is None else arrival,
@@ -48,7 +59,7 @@ def observation(sequence: int, *, value: float = 0.25, arrival: float | None = N
 
 
 def setpoint(sequence: int, control1: float) -> Setpoint:
-    """Return the setpoint that follows from photograph `sequence`, arriving when it is taken."""
+    """Return the setpoint for photograph `sequence`; it arrives when the photograph is taken."""
     time = START + 30.0 * (sequence - 1)
     return Setpoint(sequence, time, time + 90.0, rates(control1), 'least tracer', arrival=time)
 
@@ -65,29 +76,36 @@ def point(sequence: int, error: float = 0.1) -> CyclePoint:
     )
 
 
-def after(*steps: tuple) -> Snapshot:
+def after(*steps: tuple) -> GraphSnapshot:
     """Return the empty snapshot after `steps`: (function, arguments..., optional dict)."""
 
-    def apply(now: Snapshot, step: tuple) -> Snapshot:
+    def apply(now: GraphSnapshot, step: tuple) -> GraphSnapshot:
         function, *arguments = step
         named = arguments.pop() if arguments and isinstance(arguments[-1], dict) else {}
         return function(now, *arguments, **named)
 
-    return reduce(apply, steps, Snapshot())
+    return reduce(apply, steps, GraphSnapshot())
 
 
-def two_cycles() -> Snapshot:
+def two_cycles() -> GraphSnapshot:
     """Return the snapshot after two photographs, the second 0.2 above its forecast."""
     return after(
         (snapshot.with_rig, RIG),
-        (snapshot.with_observation, observation(1)),
+        (snapshot.with_observed_state, observed_state(1)),
         (snapshot.with_predicted, map_at(START + 30.0, 0.30)),
         (snapshot.with_corrected, map_at(START + 30.0, 0.25)),
         (snapshot.with_setpoint, setpoint(1, 100.0)),
         (snapshot.with_cycle, point(1, math.nan)),
-        (snapshot.with_observation, observation(2, value=0.45)),
+        (snapshot.with_observed_state, observed_state(2, value=0.45)),
         (snapshot.with_predicted, map_at(START + 60.0, 0.5)),
         (snapshot.with_corrected, map_at(START + 60.0, 0.4)),
         (snapshot.with_setpoint, setpoint(2, 120.0)),
         (snapshot.with_cycle, point(2)),
     )
+
+
+def content(
+    panel: str, now: GraphSnapshot, *, graph: float | None = None, steady: float = 0.0
+) -> Json:
+    """Return the content of a panel at a time on the graph's and the machine's clock [s]."""
+    return all_panels()[panel].content(now, Moment(graph, steady))

@@ -1,4 +1,4 @@
-"""The page in a real browser, where there is one: what is drawn, the button, coming back."""
+"""Tests of the page in a browser: the drawing, the button, and a lost connection."""
 
 import asyncio
 import contextlib
@@ -12,16 +12,16 @@ import pytest
 from aiohttp import ClientSession, ClientWebSocketResponse
 from page_examples import START, rates, two_cycles
 
-from porotwin_page import snapshot
+from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.address import listen
-from porotwin_page.board import Board
 from porotwin_page.confirmation import Confirmation
 from porotwin_page.server import PageApplication, ServerThread
+from porotwin_page.snapshot_store import SnapshotStore
 
 NAMES = ('chromium', 'chromium-browser', 'google-chrome')
 BROWSER = next((found for name in NAMES if (found := shutil.which(name))), None)
-PATIENCE_S = 40.0
-CALM = [
+TIMEOUT_S = 40.0
+OPTIONS = [
     '--headless',
     '--no-sandbox',
     '--disable-gpu',
@@ -35,17 +35,17 @@ CALM = [
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(BROWSER is None, reason=f'no browser here: {", ".join(NAMES)}'),
+    pytest.mark.skipif(BROWSER is None, reason=f'needs one of {", ".join(NAMES)}'),
 ]
 
 
 class Tab:
-    """One page of the browser, spoken to over its DevTools protocol."""
+    """A tab of the browser, controlled by the DevTools protocol."""
 
     def __init__(self, socket: ClientWebSocketResponse) -> None:
         self._socket = socket
         self._calls = 0
-        self.exceptions: list[str] = []
+        self.faults: list[str] = []
 
     async def call(self, method: str, **parameters: Any) -> dict:
         self._calls += 1
@@ -53,10 +53,20 @@ class Tab:
         await self._socket.send_json(message)
         while True:
             answer = await self._socket.receive_json()
-            if answer.get('method') == 'Runtime.exceptionThrown':
-                self.exceptions.append(str(answer['params']))
+            self._collect_fault(answer)
             if answer.get('id') == message['id']:
                 return answer.get('result', {})
+
+    def _collect_fault(self, answer: dict) -> None:
+        """Keep exceptions and errors in the console, except those of a lost connection."""
+        parameters = answer.get('params', {})
+        if answer.get('method') == 'Runtime.exceptionThrown':
+            self.faults.append(str(parameters))
+        if answer.get('method') == 'Log.entryAdded':
+            entry = parameters['entry']
+            is_lost_stream = entry.get('url', '').endswith('/events')
+            if entry['level'] == 'error' and not is_lost_stream:
+                self.faults.append(str(entry))
 
     async def value(self, script: str) -> Any:
         result = await self.call('Runtime.evaluate', expression=script, returnByValue=True)
@@ -64,12 +74,12 @@ class Tab:
 
     async def until(self, script: str) -> None:
         """Return when `script` is true in the page."""
-        for _ in range(int(PATIENCE_S / 0.1)):
+        for _ in range(int(TIMEOUT_S / 0.1)):
             if await self.value(script):
                 return
             await asyncio.sleep(0.1)
-        seen = await self.value('document.body.innerText')
-        raise AssertionError(f'{script}: not within {PATIENCE_S:g} s; the page shows {seen}')
+        text = await self.value('document.body.innerText')
+        raise AssertionError(f'{script}: not within {TIMEOUT_S:g} s; the page shows {text}')
 
     async def resize(self, width: int, height: int) -> None:
         await self.call(
@@ -84,11 +94,11 @@ class Tab:
 @contextlib.asynccontextmanager
 async def browser(folder: Path) -> AsyncIterator[Tab]:
     assert BROWSER is not None
-    command = [BROWSER, *CALM, f'--user-data-dir={folder}', 'about:blank']
+    command = [BROWSER, *OPTIONS, f'--user-data-dir={folder}', 'about:blank']
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     try:
         written = folder / 'DevToolsActivePort'
-        for _ in range(int(PATIENCE_S / 0.1)):
+        for _ in range(int(TIMEOUT_S / 0.1)):
             if written.is_file() and (port := written.read_text().partition('\n')[0]):
                 break
             await asyncio.sleep(0.1)
@@ -99,6 +109,7 @@ async def browser(folder: Path) -> AsyncIterator[Tab]:
             async with session.ws_connect(address, max_msg_size=0) as socket:
                 tab = Tab(socket)
                 await tab.call('Runtime.enable')
+                await tab.call('Log.enable')
                 yield tab
     finally:
         process.terminate()
@@ -106,24 +117,24 @@ async def browser(folder: Path) -> AsyncIterator[Tab]:
 
 
 class Scene:
-    """A page served from a board, as the node does it."""
+    """A page that is served as the node does it."""
 
     def __init__(self) -> None:
-        self.board = Board()
-        self.board.apply(lambda _: two_cycles())
-        self.board.apply(snapshot.with_measured, rates(100.0), by_person=True)
+        self.store = SnapshotStore()
+        self.store.update(lambda _: two_cycles())
+        self.store.update(snapshot.with_measured, rates(100.0), by_person=True)
         self.confirmed: list[Confirmation] = []
         with listen('127.0.0.1:0') as free:
             self.port = free.getsockname()[1]
         self.serve()
 
     def serve(self) -> None:
-        application = PageApplication(self.board, self.confirm, lambda: START + 40.0)
+        application = PageApplication(self.store, self.confirm, lambda: START + 40.0)
         self.server = ServerThread(application.make(), listen(f'127.0.0.1:{self.port}'))
 
     def confirm(self, given: Confirmation) -> str:
         self.confirmed.append(given)
-        self.board.apply(snapshot.with_confirmation, given.sequence)
+        self.store.update(snapshot.with_confirmation, given.sequence)
         return f'setpoint {given.sequence} confirmed'
 
 
@@ -135,7 +146,7 @@ def in_browser(folder: Path, work: Callable[[Scene, Tab], Awaitable[None]]) -> N
                 await tab.call('Page.navigate', url=f'http://127.0.0.1:{scene.port}/')
                 await tab.until("document.querySelector('#live')?.textContent.startsWith('Stale')")
                 await work(scene, tab)
-                assert tab.exceptions == []
+                assert tab.faults == []
         finally:
             scene.server.close()
 
@@ -144,7 +155,7 @@ def in_browser(folder: Path, work: Callable[[Scene, Tab], Awaitable[None]]) -> N
 
 @pytest.mark.parametrize('size', [(1400, 1000), (390, 844)])
 @pytest.mark.parametrize('theme', ['light', 'dark'])
-def test_everything_is_drawn_and_fits_the_width(tmp_path, size, theme) -> None:
+def test_all_panels_are_drawn_and_fit_the_width(tmp_path, size, theme) -> None:
     async def work(_: Scene, tab: Tab) -> None:
         scheme = {'name': 'prefers-color-scheme', 'value': theme}
         await tab.call('Emulation.setEmulatedMedia', features=[scheme])
@@ -162,14 +173,14 @@ def test_everything_is_drawn_and_fits_the_width(tmp_path, size, theme) -> None:
         )
         assert await tab.value("document.querySelectorAll('#observed circle.well').length") == 5
         assert await tab.value("document.querySelectorAll('.zone').length") == 3
-        assert await tab.value("document.querySelectorAll('.chart path').length") == 9
+        assert await tab.value("document.querySelectorAll('.panel-chart path').length") == 9
         width = await tab.value('document.documentElement.scrollWidth')
         assert width <= size[0]
 
     in_browser(tmp_path, work)
 
 
-def test_done_confirms_and_other_rates_are_sent_along(tmp_path) -> None:
+def test_the_button_confirms_with_other_rates(tmp_path) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         await tab.until("!document.querySelector('#done').disabled")
         await tab.value(
@@ -187,13 +198,14 @@ def test_done_confirms_and_other_rates_are_sent_along(tmp_path) -> None:
     in_browser(tmp_path, work)
 
 
-def test_a_page_that_was_lost_is_found_again(tmp_path) -> None:
+def test_a_lost_connection_is_reported_and_made_again(tmp_path) -> None:
     async def work(scene: Scene, tab: Tab) -> None:
         scene.server.close()
         await tab.until("document.querySelector('#live').textContent.startsWith('Not connected')")
         assert await tab.value("document.querySelector('#done').disabled")
         scene.serve()
         await tab.until("document.querySelector('#live').textContent.startsWith('Stale')")
-        assert await tab.value('points.length') == 2
+        points = "document.querySelector('.panel-chart svg').dataset.points"
+        assert await tab.value(points) == '2'
 
     in_browser(tmp_path, work)

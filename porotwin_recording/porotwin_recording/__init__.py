@@ -1,6 +1,14 @@
-"""Experiments on disk: the folder a lab keeps, MCAP bags, and the way between them.
+"""Experiments on disk: the experiment folder of a laboratory, and MCAP bags.
 
-`recording.open_recording` reads either. `experiment` holds the folder (`rates`, `concentration`,
-`photos`), `bag_writer` and `bag_reader` the bag, `bag_recording` the experiment in a bag, `convert`
-turns one into the other. `recorder_node` and `player_node` connect bags to a running graph.
+`recording.open_recording` is the front door: it reads a folder as well as a bag.
+
+- Experiment folder: `experiment_folder`, with one module for each file in it (`rates`,
+  `concentration`, `photos`; `csv_table` for their common form).
+- Bag, as a file: `bag_reader` and `bag_writer` (`mcap_writer` below it), `bag_topic`,
+  `definitions` and `serialization` of the messages.
+- Bag, as an experiment: `bag` finds the experiment in the messages, `topic_names` names its
+  topics, `bag_conversion` turns a folder into a bag and back.
+- Running graph: `recorder` and `recorder_node` write a bag, `player` and `player_node` play one.
+
+docs/formats.md describes all files.
 """

@@ -1,40 +1,46 @@
-"""A bag as `ros2 bag` writes it: a folder of an MCAP file and metadata.yaml, or the file alone."""
+"""Writes bags in the format of `ros2 bag`: a folder with metadata.yaml, or one MCAP file."""
 
 import itertools
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import yaml
 
 from porotwin_core.errors import InputError
+from porotwin_recording.bag_records import Topic, TopicQos, qos_profiles
 from porotwin_recording.definitions import message_definition, type_hash
-from porotwin_recording.mcap_writer import McapWriter
-from porotwin_recording.topic import Topic, TopicQos, qos_profiles
+from porotwin_recording.mcap_writer import McapWriter, OpenFn, new_file
 
 METADATA = 'metadata.yaml'
 METADATA_VERSION = 9
 """Version of rosbag2's metadata that ROS 2 Jazzy writes."""
 
 
-def free_name(path: Path) -> Path:
-    """Return `path`, or where that exists the first of path_2, path_3, ... that does not."""
+def next_free_path(path: Path) -> Path:
+    """Return `path`, or if it exists the first free one of path_2, path_3, ..."""
     stem, suffix = (path.stem, path.suffix) if path.suffix == '.mcap' else (path.name, '')
-    later = (path.with_name(f'{stem}_{number}{suffix}') for number in itertools.count(2))
-    return next(place for place in itertools.chain([path], later) if not place.exists())
+    numbered = (path.with_name(f'{stem}_{number}{suffix}') for number in itertools.count(2))
+    return next(place for place in itertools.chain([path], numbered) if not place.exists())
 
 
 class BagWriter:
-    """Writes a new bag: `path` ending in .mcap is one file, any other a rosbag2 folder.
+    """Writes a new bag: one file if `path` ends in .mcap, otherwise a rosbag2 folder.
 
-    Every type's definition goes in with it. `flush` makes all messages so far survive the end of
-    this process; leaving the `with` block closes the bag.
+    The bag includes the definition of every message type. `flush` makes all messages so far
+    survive the end of this process. The end of the `with` block completes the bag.
+
+    Args:
+        path: the bag.
+        compress: compress chunks with zstd.
+        open_file: creates the MCAP file for unbuffered writing.
 
     Raises:
-        InputError: something of that name exists already, or the place cannot be written.
+        InputError: the path exists already, or cannot be written.
     """
 
-    def __init__(self, path: Path | str, *, compress: bool = True) -> None:
+    def __init__(
+        self, path: Path | str, *, compress: bool = True, open_file: OpenFn = new_file
+    ) -> None:
         self.path = Path(path)
         if self.path.exists():
             raise InputError(f'{self.path}: exists already; name another bag')
@@ -44,7 +50,7 @@ class BagWriter:
         self.file = self.path if is_file else folder / f'{folder.name}_0.mcap'
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._mcap = McapWriter(self.file, compress=compress)
+            self._mcap = McapWriter(self.file, compress=compress, open_file=open_file)
         except OSError as error:
             raise InputError(f'{self.path}: cannot be written ({error.strerror})') from None
         self._topics: dict[str, tuple[int, Topic]] = {}
@@ -52,13 +58,8 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Number of messages given so far."""
+        """Number of messages written so far, flushed or not."""
         return self._mcap.message_count
-
-    @property
-    def waiting(self) -> int:
-        """Size of what the next flush will write [bytes]."""
-        return self._mcap.waiting
 
     def add_topic(
         self,
@@ -68,12 +69,16 @@ class BagWriter:
         qos: TopicQos | None = None,
         definition: str | None = None,
     ) -> None:
-        """Add the topic `name` (absolute), which must come before its messages.
+        """Add the topic `name` (absolute); must precede its messages.
 
-        Without a `definition` the installed one of `type_name` (pkg/msg/Name) is taken.
+        Args:
+            name: absolute name of the topic.
+            type_name: message type as pkg/msg/Name.
+            qos: quality of service of its publisher.
+            definition: definition of the type (ros2msg); the installed one by default.
 
         Raises:
-            InputError: the topic is in the bag with another type, or the type is not installed.
+            InputError: the bag holds this topic with another type, or the type is not installed.
         """
         if name in self._topics:
             known = self._topics[name][1].type_name
@@ -99,10 +104,17 @@ class BagWriter:
         publish_time: int | None = None,
         sequence: int = 0,
     ) -> None:
-        """Add one serialized message (CDR) of an added topic; times in [ns].
+        """Add one serialized message (CDR) to a topic that was added before.
+
+        Args:
+            topic: absolute name.
+            data: the message.
+            log_time: when the recorder received it [ns].
+            publish_time: when it was published [ns]; the log time by default.
+            sequence: the publisher's count of its messages; 0 if unknown.
 
         Raises:
-            OSError: the disk refused; the message waits in memory for the next flush.
+            OSError: the disk refused the data; the message stays in memory for the next flush.
         """
         self._mcap.write(
             self._topics[topic][0],
@@ -113,10 +125,10 @@ class BagWriter:
         )
 
     def flush(self) -> None:
-        """Write what waits.
+        """Write all messages in memory to disk.
 
         Raises:
-            OSError: the disk refused; everything waits in memory for the next flush.
+            OSError: the disk refused; all messages stay in memory for the next flush.
         """
         self._mcap.flush()
 
@@ -124,7 +136,7 @@ class BagWriter:
         """Complete the bag.
 
         Raises:
-            OSError: the end could not be written; what was flushed before is safe.
+            OSError: the end could not be written; flushed messages are safe.
         """
         self._mcap.close()
         if self._folder is not None:
@@ -134,49 +146,47 @@ class BagWriter:
             partial.replace(self._folder / METADATA)
 
     def _metadata(self) -> dict[str, Any]:
-        mcap = self._mcap
-
-        def span() -> dict[str, Any]:
-            return {
-                'duration': {'nanoseconds': mcap.end_time - mcap.start_time},
-                'starting_time': {'nanoseconds_since_epoch': mcap.start_time},
-                'message_count': mcap.message_count,
-            }
-
-        topics = [
-            {
-                'topic_metadata': {
-                    'name': topic.name,
-                    'type': topic.type_name,
-                    'serialization_format': 'cdr',
-                    'offered_qos_profiles': qos_profiles(topic.qos),
-                    'type_description_hash': type_hash(topic.type_name, topic.definition),
-                },
-                'message_count': mcap.message_counts[channel],
-            }
-            for channel, topic in self._topics.values()
-        ]
         information = {
             'version': METADATA_VERSION,
             'storage_identifier': 'mcap',
-            **span(),
-            'topics_with_message_count': topics,
+            **self._extent(),
+            'topics_with_message_count': [
+                self._topic_metadata(channel, topic) for channel, topic in self._topics.values()
+            ],
             'compression_format': '',
             'compression_mode': '',
             'relative_file_paths': [self.file.name],
-            'files': [{'path': self.file.name, **span()}],
+            'files': [{'path': self.file.name, **self._extent()}],
             'custom_data': None,
             'ros_distro': 'jazzy',
         }
         return {'rosbag2_bagfile_information': information}
 
+    def _extent(self) -> dict[str, Any]:
+        """Return duration, start and number of messages.
+
+        Every call returns new dictionaries: YAML would replace a repeated one by an alias.
+        """
+        return {
+            'duration': {'nanoseconds': self._mcap.end_time - self._mcap.start_time},
+            'starting_time': {'nanoseconds_since_epoch': self._mcap.start_time},
+            'message_count': self._mcap.message_count,
+        }
+
+    def _topic_metadata(self, channel: int, topic: Topic) -> dict[str, Any]:
+        return {
+            'topic_metadata': {
+                'name': topic.name,
+                'type': topic.type_name,
+                'serialization_format': 'cdr',
+                'offered_qos_profiles': qos_profiles(topic.qos),
+                'type_description_hash': type_hash(topic.type_name, topic.definition),
+            },
+            'message_count': self._mcap.message_counts[channel],
+        }
+
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -1,10 +1,9 @@
-"""Tracer maps on disk: `concentration.nc`, written and read frame by frame."""
+"""Tracer maps of an experiment folder: `concentration.nc`, read and written map by map."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self, overload
+from typing import Final, Self, overload
 
 import netCDF4
 import numpy as np
@@ -17,21 +16,36 @@ from porotwin_core.rig import Rig
 Maps = NDArray[np.float32]
 
 CELL_TOLERANCE = 0.05
-"""How far a cell centre may lie from where the rig's grid has it, as a share of the cell."""
+"""Largest accepted distance between a cell centre and the rig's grid, as a fraction of a cell."""
 
 PACKED_STEP = 0.004
-"""Step of a packed map: 8 bits reach from 0 to 1.016, 255 is NaN."""
+"""Resolution of packed maps [-]. The codes 0 to 254 cover 0 to 1.016."""
 
-_BLOCK = 16
+PACKED_NAN = 255
+"""Code of NaN in packed maps."""
+
+_MAPS_AT_ONCE = 16
+"""Maps in memory during iteration: 14 MB at 750 x 300 cells."""
+
+_TIMES_PER_CHUNK = 4096
+"""A NetCDF chunk of one time would cost a kilobyte of memory per map."""
+
+_COMPRESSION_LEVEL: Final = 4
+"""Level of zlib, from 1 (fastest) to 9 (smallest)."""
 
 
 @dataclass(frozen=True)
 class ConcentrationMaps:
-    """A series of tracer maps that stays on disk until it is asked for.
+    """A series of tracer maps that is read from disk on demand.
 
-    `times` [s] since the start of the experiment, shape (nt,), ascending. Indexing with a number
-    gives a map (nz, nx), with a slice a series (nt, nz, nx), in float32; 1 is the tracer stock,
-    NaN means the image says nothing there. Iterating reads a few frames at a time.
+    An index selects one map (nz, nx), a slice a series (nt, nz, nx), both float32. The value 1 is
+    the tracer stock; NaN marks cells without information in the photograph. Iteration holds a few
+    maps in memory at a time.
+
+    Attributes:
+        times: seconds since the start of the experiment, ascending, shape (nt,).
+        grid: grid of the maps.
+        read: returns the maps from a first index up to, not including, a last one.
     """
 
     times: NDArray[np.float64]
@@ -55,8 +69,8 @@ class ConcentrationMaps:
         return self.read(number, number + 1)[0]
 
     def __iter__(self) -> Iterator[Maps]:
-        for start in range(0, len(self), _BLOCK):
-            yield from self.read(start, min(start + _BLOCK, len(self)))
+        for start in range(0, len(self), _MAPS_AT_ONCE):
+            yield from self.read(start, min(start + _MAPS_AT_ONCE, len(self)))
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> NDArray:
         maps = self[:]
@@ -64,10 +78,11 @@ class ConcentrationMaps:
 
 
 def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
-    """Return the maps of `path`, a NetCDF file over the whole of `rig`, without loading them.
+    """Return the maps in the NetCDF file `path` without loading them.
 
     Raises:
-        InputError: the file, its dimensions, coordinates or times are not those of the contract.
+        InputError: the file is not readable, its dimensions or coordinates do not fit the grid
+            over the whole `rig`, or its times do not increase.
     """
     with _dataset(path) as dataset:
         variable = _variable(dataset, path, 'concentration', ('time', 'z', 'x'))
@@ -110,7 +125,7 @@ def _variable(
     variable = dataset.variables[name]
     if variable.dimensions != dimensions:
         raise InputError(
-            f'{path}: {name} lies over ({", ".join(variable.dimensions)}); '
+            f'{path}: {name} has the dimensions ({", ".join(variable.dimensions)}); '
             f'needs ({", ".join(dimensions)})'
         )
     return variable
@@ -126,26 +141,31 @@ def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.f
     return filled
 
 
-def _check_coordinate(path: Path, name: str, found: NDArray, wanted: NDArray, extent: str) -> None:
-    cell = 2 * wanted[0]
-    if np.abs(found - wanted).max() > CELL_TOLERANCE * cell:
+def _check_coordinate(
+    path: Path, name: str, found: NDArray, expected: NDArray, extent: str
+) -> None:
+    cell = 2 * expected[0]
+    if np.abs(found - expected).max() > CELL_TOLERANCE * cell:
         raise InputError(
             f'{path}: {name} runs from {found[0]:.6g} to {found[-1]:.6g} m in {len(found)} cells, '
-            f'but with {extent} in rig.yaml the cell centres run from {wanted[0]:.6g} to '
-            f'{wanted[-1]:.6g} m; correct the one that is wrong'
+            f'but with {extent} in rig.yaml the cell centres run from {expected[0]:.6g} to '
+            f'{expected[-1]:.6g} m; correct the one that is wrong'
         )
 
 
 class ConcentrationWriter:
-    """Writes `concentration.nc` one map at a time, so that memory does not grow with the length.
+    """Writes `concentration.nc` map by map; memory use does not depend on their number.
 
-    The file appears under its name when it is complete. With `packed` the values are rounded to
-    steps of 0.004 in 8 bits, clipped to 0..1.016; else they are kept as float32, bit for bit.
+    The file gets its name when it is complete. Values are stored as float32, bit for bit. With
+    `packed` they are clipped to 0..1.016 and rounded to steps of 0.004 in 8 bits.
 
     ```
     with ConcentrationWriter(path, grid) as writer:
         writer.append(time, concentration)
     ```
+
+    Raises:
+        InputError: the file cannot be created.
     """
 
     def __init__(self, path: Path, grid: Grid, *, packed: bool = False) -> None:
@@ -157,42 +177,45 @@ class ConcentrationWriter:
             self._dataset = netCDF4.Dataset(self._partial, 'w')
         except OSError as error:
             raise InputError(f'{path}: cannot be written ({error.strerror})') from None
-        self._define(packed)
+        self._packed = packed
+        self._define_coordinates()
+        self._define_concentration()
 
-    def _define(self, packed: bool) -> None:
+    def _define_coordinates(self) -> None:
         dataset = self._dataset
         dataset.createDimension('time', None)
         for name, size in (('z', self.grid.nz), ('x', self.grid.nx)):
             dataset.createDimension(name, size)
-        # A chunk of one time step is a kilobyte of memory per frame; one of 4096 is shared by all.
-        time = dataset.createVariable('time', 'f8', ('time',), chunksizes=(4096,))
+        time = dataset.createVariable('time', 'f8', ('time',), chunksizes=(_TIMES_PER_CHUNK,))
         time.setncatts({'units': 's', 'long_name': 'time since the start of the experiment'})
         for name, centres in (('z', self.grid.z), ('x', self.grid.x)):
             coordinate = dataset.createVariable(name, 'f8', (name,))
             coordinate.setncatts({'units': 'm', 'long_name': f'cell centres, {name}'})
             coordinate[:] = centres
-        variable = dataset.createVariable(
+
+    def _define_concentration(self) -> None:
+        packed = self._packed
+        variable = self._dataset.createVariable(
             'concentration',
             'u1' if packed else 'f4',
             ('time', 'z', 'x'),
             zlib=True,
-            complevel=4,
+            complevel=_COMPRESSION_LEVEL,
             shuffle=not packed,
             chunksizes=(1, self.grid.nz, self.grid.nx),
-            fill_value=255 if packed else np.float32(np.nan),
+            fill_value=PACKED_NAN if packed else np.float32(np.nan),
         )
         variable.setncatts({'units': '1', 'long_name': 'tracer concentration, 1 = stock'})
         if packed:
             variable.setncatts(
                 {'scale_factor': np.float32(PACKED_STEP), 'add_offset': np.float32(0)}
             )
-        self._packed = packed
 
     def append(self, time: float, concentration: NDArray) -> None:
-        """Write the map (nz, nx) seen at `time` [s]; times must increase.
+        """Write the map (nz, nx) [-] at `time` [s].
 
         Raises:
-            InputError: the map has another shape than the grid, or the time does not increase.
+            InputError: the shape is not the one of the grid, or `time` does not increase.
         """
         if concentration.shape != self.grid.shape:
             raise InputError(
@@ -208,27 +231,22 @@ class ConcentrationWriter:
         values = np.asarray(concentration, dtype=np.float32)
         if self._packed:
             unseen = np.isnan(values)
-            values = np.clip(np.where(unseen, 0, values), 0, 254 * PACKED_STEP)
+            values = np.clip(np.where(unseen, 0, values), 0, (PACKED_NAN - 1) * PACKED_STEP)
             values = np.ma.array(values, mask=unseen)
         self._dataset.variables['concentration'][number] = values
         self._dataset.variables['time'][number] = time
         self._last = time
 
     def close(self) -> None:
-        """Complete the file and give it its name."""
+        """Complete the file and rename it to its final name."""
         self._dataset.close()
         self._partial.replace(self.path)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
             self.close()
         else:
             self._dataset.close()

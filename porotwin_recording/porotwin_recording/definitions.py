@@ -1,4 +1,4 @@
-"""Message definitions, so that a bag explains itself and is read without a ROS installation."""
+"""Definitions of message types. A bag holds them and needs no ROS installation to be read."""
 
 import os
 import re
@@ -21,7 +21,7 @@ _SEPARATOR = '=' * 80
 
 
 def _folders() -> Iterator[Path]:
-    """Yield where the definitions of packages may lie: installed ones, then the source tree."""
+    """Yield the folders of installed packages, then the one of the source tree."""
     for prefix in (*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix):
         if prefix:
             yield Path(prefix) / 'share'
@@ -49,9 +49,9 @@ def _field_types(definition: str, package: str) -> Iterator[str]:
 
 @cache
 def message_definition(type_name: str) -> str:
-    """Return the definition of `type_name` (pkg/msg/Name) and of all types in it, as ros2msg.
+    """Return the definition of `type_name` (pkg/msg/Name), including all nested types.
 
-    Comments are kept: units and conventions travel with the bag.
+    The format is ros2msg, with comments: units and conventions become part of the bag.
 
     Raises:
         InputError: a definition is not installed.
@@ -78,7 +78,7 @@ def message_definition(type_name: str) -> str:
 
 
 def register_definition(store: Typestore, type_name: str, definition: str) -> None:
-    """Teach `store` the types in `definition` that it does not know yet.
+    """Add the types in `definition` to `store`, except those that it holds already.
 
     Raises:
         InputError: the definition cannot be parsed.
@@ -93,13 +93,15 @@ def register_definition(store: Typestore, type_name: str, definition: str) -> No
 
 
 def new_typestore() -> Typestore:
-    """Return a store that knows no types yet."""
+    """Return an empty store of message types."""
     return get_typestore(Stores.EMPTY)
 
 
 @cache
 def type_hash(type_name: str, definition: str) -> str:
-    """Return the RIHS01 hash by which ROS 2 tells versions of an interface apart (REP-2016).
+    """Return the RIHS01 hash of a message definition (REP-2016).
+
+    ROS 2 compares these hashes to detect different versions of an interface.
 
     Raises:
         InputError: the definition cannot be parsed.

@@ -1,4 +1,4 @@
-"""Generated ROS 2 message classes by their names."""
+"""Access to generated ROS 2 message classes by name."""
 
 import importlib
 from typing import Any
@@ -7,10 +7,10 @@ from porotwin_core.errors import InputError
 
 
 def message_class(type_name: str) -> type[Any]:
-    """Return the class of `type_name` (pkg/msg/Name).
+    """Return the message class of `type_name` (pkg/msg/Name).
 
     Raises:
-        InputError: it is not installed.
+        InputError: the type is not installed.
     """
     package, _, name = type_name.partition('/msg/')
     try:

@@ -1,15 +1,17 @@
-"""An MCAP file written so that a crash, a kill or a full disk costs nothing written before it.
+"""Writes MCAP files that survive a crash, a kill and a full disk.
 
-Specification: https://mcap.dev/spec. Messages gather in a chunk; `flush` writes the chunk with one
-append. A file cut off at any byte can be read up to its last whole chunk.
+Specification: https://mcap.dev/spec. Messages are collected in a chunk, and `flush` appends the
+chunk to the file. A file that is cut off at any byte can be read up to its last complete chunk.
 
-The writers of the `mcap` and `rosbags` packages do not serve here: neither can close a chunk before
-it is full (a setpoint every half minute would wait for hours), and after a failed write both go on
-behind the debris. The records themselves are those of `mcap.records`.
+The writers of the packages `mcap` and `rosbags` lack two properties. They cannot close a chunk
+before it is full, so a setpoint every half minute would stay in memory for hours. After a failed
+write they continue behind the incomplete chunk. The records are written by `mcap.records`.
 """
 
+import io
 import os
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import zstandard
@@ -35,26 +37,53 @@ PROFILE = 'ros2'
 LIBRARY = 'porotwin'
 
 CHUNK_SIZE = 1 << 20
-"""Size at which a chunk is written without being asked [bytes]."""
+"""Size at which a chunk is written without a call of `flush` [bytes]."""
+
+_FASTEST = 1
+"""Level of zstd: recording must keep up with the graph."""
+
+OpenFn = Callable[[Path], io.FileIO]
+"""Creates a file for unbuffered writing.
+
+Raises OSError if the file exists already or cannot be created.
+"""
+
+
+def new_file(path: Path) -> io.FileIO:
+    """Create the file `path` for unbuffered writing.
+
+    Raises:
+        OSError: the file exists already or cannot be created.
+    """
+    return path.open('xb', buffering=0)
 
 
 class McapWriter:
     """Appends schemas, channels and messages to a new MCAP file at `path`.
 
-    With `compress`, chunks go through zstd. Between two chunks the file is not touched.
+    The file changes only when a chunk is written.
+
+    Args:
+        path: the file.
+        compress: compress chunks with zstd.
+        open_file: creates the file for unbuffered writing.
+
+    Attributes:
+        message_counts: number of messages of every channel.
+        start_time: earliest log time [ns]; 0 without messages.
+        end_time: latest log time [ns]; 0 without messages.
 
     Raises:
-        OSError: the file exists already or cannot be made.
+        OSError: the file exists already or cannot be created.
     """
 
-    def __init__(self, path: Path, *, compress: bool = True) -> None:
-        self.path = path
+    def __init__(self, path: Path, *, compress: bool = True, open_file: OpenFn = new_file) -> None:
         self.message_counts: dict[int, int] = {}
         self.start_time = 0
         self.end_time = 0
-        self._file = path.open('xb', buffering=0)
+        self._file = open_file(path)
         self._size = 0
-        self._compressor = zstandard.ZstdCompressor(level=1) if compress else None
+        self._compressor = zstandard.ZstdCompressor(level=_FASTEST) if compress else None
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._records = RecordBuilder()
@@ -64,13 +93,8 @@ class McapWriter:
 
     @property
     def message_count(self) -> int:
-        """Number of messages given so far."""
+        """Number of messages written so far, flushed or not."""
         return sum(self.message_counts.values())
-
-    @property
-    def waiting(self) -> int:
-        """Size of what the next flush will write [bytes]."""
-        return self._records.count
 
     def add_schema(self, name: str, definition: str) -> int:
         """Add a message type with its `definition` (ros2msg) and return the id of its schema."""
@@ -90,12 +114,19 @@ class McapWriter:
     def write(
         self, channel_id: int, data: bytes, *, log_time: int, publish_time: int, sequence: int = 0
     ) -> None:
-        """Add a serialized message; times in [ns], `sequence` as its publisher counted it.
+        """Add a serialized message.
 
-        MCAP has no times before zero: an earlier one counts as zero.
+        Args:
+            channel_id: its topic, see `add_channel`.
+            data: the message.
+            log_time: when the recorder received it [ns]; negative times, which MCAP lacks,
+                become 0.
+            publish_time: when it was published [ns]; treated in the same way.
+            sequence: the publisher's count of its messages.
 
         Raises:
-            OSError: the chunk was full and could not be written; the message waits, see `flush`.
+            OSError: the chunk was full and could not be written; the message stays in memory for
+                the next flush.
         """
         log_time, publish_time = max(0, log_time), max(0, publish_time)
         first = self.message_count == 0
@@ -109,10 +140,10 @@ class McapWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Write all messages that wait; afterwards they survive the end of this process.
+        """Write all messages in memory; then they survive the end of this process.
 
         Raises:
-            OSError: nothing was written; the messages wait for the next flush.
+            OSError: nothing was written; the messages stay in memory for the next flush.
         """
         if not self._entries:
             return
@@ -151,7 +182,7 @@ class McapWriter:
         self._chunk_indexes.append(_bytes(index))
 
     def _append(self, data: bytes) -> None:
-        """Write all of `data`, or leave the file as it was."""
+        """Append all of `data`, or restore the file and raise OSError."""
         rest = memoryview(data)
         try:
             while rest:
@@ -163,10 +194,10 @@ class McapWriter:
         self._size += len(data)
 
     def close(self) -> None:
-        """Write what waits, the index and the end of the file.
+        """Write the messages in memory, the index and the end of the file.
 
         Raises:
-            OSError: the end could not be written; the file holds every chunk before it.
+            OSError: the end could not be written; flushed messages are safe.
         """
         try:
             self.flush()
@@ -176,7 +207,7 @@ class McapWriter:
             self._file.close()
 
     def _end(self) -> bytes:
-        """Return everything behind the last chunk."""
+        """Return the bytes behind the last chunk: the index, its index, and the footer."""
         data_end = _bytes(DataEnd(0))
         summary_start = self._size + len(data_end)
         groups = {

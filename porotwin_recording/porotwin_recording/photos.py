@@ -1,4 +1,4 @@
-"""Photographs with their times and roles: `imaging.csv` beside the files it names."""
+"""Photographs of an experiment folder, with the times and roles in its `imaging.csv`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,18 +6,23 @@ from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
 from porotwin_core.errors import InputError
-from porotwin_recording.table import number, number_text, read_table, write_table
+from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
 
+IMAGING_FILE = 'imaging.csv'
 HEADER = ('time_s', 'path', 'role')
 Role = Literal['baseline', 'state']
 
 
 @dataclass(frozen=True)
 class Photo:
-    """A photograph taken at `time` [s]: a `baseline` without tracer, or a `state`.
+    """A photograph on disk, in a file of its own or in a bag.
 
-    `name` is its path relative to the experiment folder; `read` gives the bytes of the file as
-    the camera wrote it. `path` is set where the photograph is a file of its own.
+    Attributes:
+        time: exposure, in seconds since the start of the experiment.
+        role: `baseline` (sand and water only) or `state` (with tracer).
+        name: path relative to the experiment folder.
+        read: returns the bytes of the camera's file.
+        path: the file; None for a photograph in a bag.
     """
 
     time: float
@@ -28,19 +33,19 @@ class Photo:
 
 
 def read_photos(folder: Path) -> tuple[Photo, ...]:
-    """Return the photographs that `imaging.csv` in `folder` names, in the order of their times.
+    """Return the photographs that are listed in `imaging.csv` of `folder`, ordered by time.
 
     Raises:
-        InputError: one line naming file, line, value and what would mend it.
+        InputError: one line that names file, line, value and remedy.
     """
-    lines = read_table(folder / 'imaging.csv', HEADER, 'the time of each photograph')
+    lines = read_table(folder / IMAGING_FILE, HEADER, 'the time of each photograph')
     photos = [_photo(words, where, folder) for where, words in lines]
     return tuple(sorted(photos, key=lambda photo: photo.time))
 
 
 def _photo(words: list[str], where: str, folder: Path) -> Photo:
     time_s, name, role = words
-    time = number(time_s, f'{where}: time_s')
+    time = parse_number(time_s, f'{where}: time_s')
     if role not in get_args(Role):
         raise InputError(f"{where}: role is '{role}'; write {' or '.join(get_args(Role))}")
     if not _stays_inside(name):
@@ -57,12 +62,12 @@ def _stays_inside(name: str) -> bool:
 
 
 def write_photos(folder: Path, photos: Sequence[Photo]) -> None:
-    """Write `photos` byte for byte under `folder`, and `imaging.csv` with their times and roles.
+    """Write `photos` byte for byte below `folder`, and their times and roles as `imaging.csv`.
 
-    A photograph keeps its name; the folder in its name is made when it is missing.
+    Every photograph keeps its name. Missing folders are created.
 
     Raises:
-        InputError: two photographs have the same name, or a name leads out of the folder.
+        InputError: two photographs have the same name, or a name leads out of `folder`.
     """
     names = set[str]()
     for photo in photos:
@@ -77,4 +82,4 @@ def write_photos(folder: Path, photos: Sequence[Photo]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(photo.read())
     rows = ((number_text(photo.time), photo.name, photo.role) for photo in photos)
-    write_table(folder / 'imaging.csv', HEADER, rows)
+    write_table(folder / IMAGING_FILE, HEADER, rows)

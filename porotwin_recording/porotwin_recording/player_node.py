@@ -1,8 +1,9 @@
-"""Plays a bag into a graph, with /clock, as if it happened now."""
+"""Plays a bag into a running graph, with /clock, as if the recorded events happened now."""
 
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
@@ -14,33 +15,248 @@ from rosgraph_msgs.msg import Clock
 
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, run
-from porotwin_recording import topics
-from porotwin_recording.bag_reader import BagMessage, BagReader
+from porotwin_recording import topic_names
+from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.bag_records import BagMessage, Topic
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.interfaces import message_class
 from porotwin_recording.player import (
     CLOCK,
     LATCHED_LIMIT,
-    Pace,
     as_measured,
     latched_before,
     played_topics,
 )
+from porotwin_recording.replay_clock import ReplayClock
 from porotwin_recording.serialization import SECOND, Serializer, stamp_of
-from porotwin_recording.topic import Topic
 
 QUEUE_DEPTH = 1000
+"""The player waits for its subscribers after so many messages of one topic."""
+
 QUEUE_SIZE = 64 << 20
-"""Messages of one topic, and their bytes, after which the player waits for its subscribers."""
+"""The player waits for its subscribers after messages of this size on one topic [bytes]."""
 
 ACKNOWLEDGE_TIMEOUT = 10.0
-"""Longest wait for a subscriber [s]; Fast DDS asks every 3 s what has arrived."""
+"""Longest wait for a subscriber [s]; Fast DDS requests acknowledgements every 3 s."""
 
 CLOCK_PERIOD = 0.05
-"""How often /clock goes on between two messages [s of wall time]."""
+"""Period of /clock between two messages, in wall time [s]."""
 
-_DRIVING = (f'/{topics.IMAGE}', f'/{topics.STATE_REFRESHED}')
-"""Topics whose messages the graph answers with a cycle each."""
+DISCOVERY_PERIOD = 0.05
+"""Period of the search for subscribers and publishers [s]."""
+
+_DRIVING = (f'/{topic_names.IMAGE}', f'/{topic_names.STATE_REFRESHED}')
+"""Topics that start a cycle of the graph with every message."""
+
+OpenBagFn = Callable[[str], BagReader]
+"""Opens the bag at a path; raises InputError if that fails."""
+
+
+class PlayerNode(Node):
+    """Publishes the messages of a bag, byte for byte, at their log times.
+
+    The process ends with the bag unless the parameter `loop` is set. The parameter `lockstep`
+    names a topic whose messages begin with a header, for example hub/cycle. Then the player waits
+    after every photograph (or refreshed state) for a message there with the same or a later stamp,
+    so that a slow graph receives all of them.
+
+    Args:
+        open_bag: opens the bag.
+        kwargs: passed on to `Node`.
+
+    Attributes:
+        failed: whether playing ended with an error.
+
+    Raises:
+        InputError: a parameter is wrong, the bag cannot be read, or no topic can be played.
+    """
+
+    def __init__(self, open_bag: OpenBagFn = BagReader, **kwargs: Any) -> None:
+        super().__init__('player', enable_rosout=False, **kwargs)
+        self.failed = False
+        self._bag = open_bag(declare(self, 'bag', '', 'bag to play: folder or .mcap file'))
+        selection = declare(
+            self, 'topics', 'inputs', "names, 'inputs' (data from the asset), or 'all'"
+        )
+        rate = declare(self, 'rate', 1.0, 'speed relative to the recording; 0: without waiting')
+        start_s = declare(self, 'start_s', 0.0, 'where in the bag to start [s]')
+        self._loop = declare(self, 'loop', False, 'start again at the end')
+        self._discovery = declare(self, 'discovery_s', 3.0, 'longest wait for subscribers [s]')
+        lockstep = declare(
+            self, 'lockstep', '', 'topic of the answer to wait for after every photograph'
+        )
+        self._lockstep = self.resolve_topic_name(lockstep) if lockstep else ''
+        self._lockstep_timeout = declare(
+            self, 'lockstep_timeout_s', 60.0, 'longest wait for that answer [s]'
+        )
+        self._replay_clock = ReplayClock(rate)
+        self._start = self._checked_start(start_s)
+        self._serializer = Serializer()
+        self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
+        self._publishers_by_topic = self._make_publishers(selection)
+        self._last_answer = -1
+        self._answers = threading.Condition()
+        self._stopping = threading.Event()
+        self._unacknowledged: dict[str, tuple[int, int]] = {}
+        self._thread = threading.Thread(target=self._run, name='player')
+        self._thread.start()
+
+    def _checked_start(self, start_s: float) -> int:
+        """Return the log time [ns] that lies `start_s` after the first message."""
+        start = self._bag.start_time + round(start_s * SECOND)
+        if start > self._bag.end_time:
+            length = (self._bag.end_time - self._bag.start_time) / SECOND
+            raise InputError(f'{self._bag.path}: lasts {length:g} s; start before its end')
+        return start
+
+    def _make_publishers(self, selection: str) -> dict[str, Publisher]:
+        """Return the publisher of every topic to play, by recorded name; warn about the others."""
+        publishers: dict[str, Publisher] = {}
+        for name in played_topics(self._bag, selection):
+            topic = self._bag.topics[name]
+            try:
+                publishers[name] = self._make_publisher(topic, inputs=selection == 'inputs')
+            except InputError as error:
+                self.get_logger().warning(f'{name} is not played: {error}')
+        if not publishers:
+            raise InputError(
+                f'{self._bag.path}: none of the chosen topics can be played, for their interfaces '
+                'are not installed as they were recorded; choose others'
+            )
+        return publishers
+
+    def _make_publisher(self, topic: Topic, *, inputs: bool) -> Publisher:
+        """Return the publisher of a recorded topic; as an input, a setpoint becomes a measurement.
+
+        Raises:
+            InputError: the recorded version of the type is not installed.
+        """
+        qos = _publisher_qos(topic)
+        if inputs and topic.name.endswith(f'/{topic_names.SETPOINT}'):
+            kind = message_class('porotwin_msgs/msg/WellRates')
+            measured = topic.name.removesuffix(topic_names.SETPOINT) + topic_names.MEASURED
+            return self.create_publisher(kind, measured, qos)
+        return self.create_publisher(_installed_class(topic), topic.name, qos)
+
+    def _run(self) -> None:
+        try:
+            self._subscribe_to_answers()
+            self._await_subscribers()
+            count = len(self._publishers_by_topic)
+            self.get_logger().info(f'playing {count} topics of {self._bag.path}')
+            while not self._stopping.is_set():
+                self._play_once()
+                if not self._loop:
+                    break
+        except InputError as error:
+            self.failed = True
+            self.get_logger().error(str(error))
+        except Exception as error:
+            # during a shutdown the context disappears while this thread still publishes
+            if self.context.ok():
+                self.failed = True
+                self.get_logger().fatal(f'playing failed: {error!r}')
+        finally:
+            if not self._stopping.is_set():
+                rclpy.try_shutdown(context=self.context)
+
+    def _subscribe_to_answers(self) -> None:
+        """Subscribe to the answers of the lock-step; the running graph knows their type."""
+        if not self._lockstep:
+            return
+        deadline = time.monotonic() + self._discovery
+        while time.monotonic() < deadline and not self._stopping.wait(DISCOVERY_PERIOD):
+            for name, types in self.get_topic_names_and_types():
+                if name == self._lockstep and self.count_publishers(name):
+                    self.create_subscription(
+                        message_class(types[0]), name, self._on_answer, QUEUE_DEPTH, raw=True
+                    )
+                    return
+        self.get_logger().warning(f'nobody publishes {self._lockstep}; playing without lock-step')
+        self._lockstep = ''
+
+    def _on_answer(self, data: bytes) -> None:
+        with self._answers:
+            self._last_answer = max(self._last_answer, stamp_of(data))
+            self._answers.notify_all()
+
+    def _await_subscribers(self) -> None:
+        """Wait until every played topic has a subscriber, at most `discovery_s`."""
+        publishers = self._publishers_by_topic.values()
+        deadline = time.monotonic() + self._discovery
+        while time.monotonic() < deadline and not self._stopping.wait(DISCOVERY_PERIOD):
+            if all(publisher.get_subscription_count() for publisher in publishers):
+                return
+
+    def _play_once(self) -> None:
+        names = list(self._publishers_by_topic)
+        self._replay_clock.set(self._start)
+        self._publish_clock(self._start)
+        count = 0
+        for message in latched_before(self._bag, names, self._start):
+            self._publish(message)
+            count += 1
+        self._last_answer = -1
+        for message in self._bag.messages(names, start=self._start):
+            self._wait_until(message.log_time)
+            if self._stopping.is_set():
+                return
+            self._publish_clock(message.log_time)
+            self._publish(message)
+            count += 1
+            if self._lockstep and message.topic.endswith(_DRIVING):
+                self._await_answer(message)
+        self._await_acknowledgements()
+        self.get_logger().info(f'{self._bag.path}: {count} messages played')
+
+    def _wait_until(self, log_time: int) -> None:
+        """Wait for `log_time` [ns] and publish the clock meanwhile."""
+        while (wait := self._replay_clock.wait_for(log_time)) > 0:
+            if self._stopping.wait(min(wait, CLOCK_PERIOD)):
+                return
+            self._publish_clock(min(self._replay_clock.now(), log_time))
+
+    def _publish_clock(self, nanoseconds: int) -> None:
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
+        self._clock_publisher.publish(message)
+
+    def _publish(self, message: BagMessage) -> None:
+        publisher = self._publishers_by_topic[message.topic]
+        converted = publisher.topic_name != message.topic
+        data = as_measured(self._bag, message, self._serializer) if converted else message.data
+        publisher.publish(data)
+        count, size = self._unacknowledged.get(message.topic, (0, 0))
+        self._unacknowledged[message.topic] = (count + 1, size + len(data))
+        if count + 1 >= _depth(self._bag.topics[message.topic]) or size + len(data) > QUEUE_SIZE:
+            self._await_acknowledgements()
+
+    def _await_acknowledgements(self) -> None:
+        """Wait until the subscribers have received all messages; a full queue would drop some."""
+        for publisher in self._publishers_by_topic.values():
+            publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
+        self._unacknowledged.clear()
+
+    def _await_answer(self, message: BagMessage) -> None:
+        """Wait until the graph has answered a photograph or state; a timeout is a warning."""
+        stamp = stamp_of(message.data)
+        deadline = time.monotonic() + self._lockstep_timeout
+        with self._answers:
+            while self._last_answer < stamp and not self._stopping.is_set():
+                if not self._answers.wait(timeout=0.1) and time.monotonic() > deadline:
+                    self.get_logger().warning(
+                        f'no message on {self._lockstep} for the one at {stamp / SECOND:.3f} s '
+                        f'within {self._lockstep_timeout:g} s; going on'
+                    )
+                    return
+        # the wait is not part of the recording
+        self._replay_clock.set(message.log_time)
+
+    def destroy_node(self) -> None:
+        """Stop playing, then destroy the node."""
+        self._stopping.set()
+        self._thread.join()
+        super().destroy_node()
 
 
 def _depth(topic: Topic) -> int:
@@ -57,7 +273,11 @@ def _publisher_qos(topic: Topic) -> QoSProfile:
 
 
 def _installed_class(topic: Topic) -> type[Any]:
-    """Return the class of a recorded topic, whose type must be the same here as in the bag."""
+    """Return the message class of a recorded topic.
+
+    Raises:
+        InputError: its type is not installed, or in another version than the recorded one.
+    """
     kind = message_class(topic.type_name)
     installed = message_definition(topic.type_name)
     if topic.definition and type_hash(topic.type_name, topic.definition) != type_hash(
@@ -67,189 +287,12 @@ def _installed_class(topic: Topic) -> type[Any]:
     return kind
 
 
-class PlayerNode(Node):
-    """Publishes the messages of a bag, byte for byte, at the pace of their log times.
-
-    The process ends with the bag, unless it is told to loop. With `lockstep`, the topic of an
-    answer whose message begins with a header, a photograph (or refreshed state) is followed by
-    nothing until an answer with its stamp or a later one is there: the graph sees them all, no
-    matter how slow it is.
-    """
-
-    failed = False
-
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__('player', enable_rosout=False, **kwargs)
-        self._bag = BagReader(declare(self, 'bag', '', 'bag to play: folder or .mcap file'))
-        wanted = declare(self, 'topics', 'inputs', "names, or 'inputs' of the twin, or 'all'")
-        rate = declare(self, 'rate', 1.0, 'times as fast as recorded; 0: as fast as possible')
-        start_s = declare(self, 'start_s', 0.0, 'where in the bag to start [s]')
-        self._loop = declare(self, 'loop', False, 'begin again at the end')
-        self._discovery = declare(self, 'discovery_s', 3.0, 'longest wait for subscribers [s]')
-        lockstep = declare(self, 'lockstep', '', 'topic whose message the next photograph awaits')
-        self._patience = declare(self, 'lockstep_timeout_s', 60.0, 'longest wait for it [s]')
-        self._pace = Pace(rate)
-        self._start = self._bag.start_time + round(start_s * SECOND)
-        if self._start > self._bag.end_time:
-            length = (self._bag.end_time - self._bag.start_time) / SECOND
-            raise InputError(f'{self._bag.path}: lasts {length:g} s; start before its end')
-        self._serializer = Serializer()
-        self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
-        self._targets: dict[str, Publisher] = {}
-        for name in played_topics(self._bag, wanted):
-            self._add(name, told_as_measured=wanted == 'inputs')
-        if not self._targets:
-            raise InputError(
-                f'{self._bag.path}: none of the chosen topics can be played, for their interfaces '
-                'are not installed as they were recorded; choose others'
-            )
-        self._answered = -1
-        self._answers = threading.Condition()
-        self._lockstep = self.resolve_topic_name(lockstep) if lockstep else ''
-        self._stopping = threading.Event()
-        self._unacknowledged: dict[str, tuple[int, int]] = {}
-        self._thread = threading.Thread(target=self._run, name='player')
-        self._thread.start()
-
-    def _add(self, name: str, *, told_as_measured: bool) -> None:
-        """Make the publisher of a recorded topic, or say why there is none."""
-        topic = self._bag.topics[name]
-        qos = _publisher_qos(topic)
-        if told_as_measured and name.endswith(f'/{topics.SETPOINT}'):
-            kind = message_class('porotwin_msgs/msg/WellRates')
-            measured = name.removesuffix(topics.SETPOINT) + topics.MEASURED
-            self._targets[name] = self.create_publisher(kind, measured, qos)
-            return
-        try:
-            self._targets[name] = self.create_publisher(_installed_class(topic), name, qos)
-        except InputError as error:
-            self.get_logger().warning(f'{name} is not played: {error}')
-
-    def _run(self) -> None:
-        try:
-            self._listen()
-            self._await_subscribers()
-            self.get_logger().info(f'playing {len(self._targets)} topics of {self._bag.path}')
-            while not self._stopping.is_set():
-                self._play_once()
-                if not self._loop:
-                    break
-        except InputError as error:
-            self.failed = True
-            self.get_logger().error(str(error))
-        except Exception as error:
-            # told to end, the context goes while this thread still publishes
-            if self.context.ok():
-                self.failed = True
-                self.get_logger().fatal(f'playing failed: {error!r}')
-        finally:
-            if not self._stopping.is_set():
-                rclpy.try_shutdown(context=self.context)
-
-    def _listen(self) -> None:
-        """Subscribe to the answers of the lock-step, whose type the running graph knows."""
-        if not self._lockstep:
-            return
-        deadline = time.monotonic() + self._discovery
-        while time.monotonic() < deadline and not self._stopping.wait(0.1):
-            for name, types in self.get_topic_names_and_types():
-                if name == self._lockstep and self.count_publishers(name):
-                    self.create_subscription(
-                        message_class(types[0]), name, self._on_answer, QUEUE_DEPTH, raw=True
-                    )
-                    return
-        self.get_logger().warning(f'nobody publishes {self._lockstep}; playing without lock-step')
-        self._lockstep = ''
-
-    def _on_answer(self, data: bytes) -> None:
-        with self._answers:
-            self._answered = max(self._answered, stamp_of(data))
-            self._answers.notify_all()
-
-    def _await_subscribers(self) -> None:
-        """Wait until every played topic has a subscriber, no longer than `discovery_s`."""
-        deadline = time.monotonic() + self._discovery
-        while time.monotonic() < deadline and not self._stopping.wait(0.05):
-            if all(target.get_subscription_count() for target in self._targets.values()):
-                return
-
-    def _play_once(self) -> None:
-        names = list(self._targets)
-        self._pace.begin(self._start)
-        self._publish_clock(self._start)
-        count = 0
-        for message in latched_before(self._bag, names, self._start):
-            self._publish(message)
-            count += 1
-        self._answered = -1
-        for message in self._bag.messages(names, start=self._start):
-            self._wait_until(message.log_time)
-            if self._stopping.is_set():
-                return
-            self._publish_clock(message.log_time)
-            self._publish(message)
-            count += 1
-            if self._lockstep and message.topic.endswith(_DRIVING):
-                self._await_answer(message)
-        self._acknowledge()
-        self.get_logger().info(f'{self._bag.path}: {count} messages played')
-
-    def _wait_until(self, log_time: int) -> None:
-        """Let the clock run until `log_time` [ns] is due."""
-        while (wait := self._pace.wait_for(log_time)) > 0:
-            if self._stopping.wait(min(wait, CLOCK_PERIOD)):
-                return
-            self._publish_clock(min(self._pace.now(), log_time))
-
-    def _publish_clock(self, nanoseconds: int) -> None:
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(nanoseconds, SECOND)
-        self._clock_publisher.publish(message)
-
-    def _publish(self, message: BagMessage) -> None:
-        target = self._targets[message.topic]
-        told = target.topic_name != message.topic
-        data = as_measured(self._bag, message, self._serializer) if told else message.data
-        target.publish(data)
-        count, size = self._unacknowledged.get(message.topic, (0, 0))
-        self._unacknowledged[message.topic] = (count + 1, size + len(data))
-        if count + 1 >= _depth(self._bag.topics[message.topic]) or size + len(data) > QUEUE_SIZE:
-            self._acknowledge()
-
-    def _acknowledge(self) -> None:
-        """Wait until all subscribers have what was sent, so that none is overwritten unseen."""
-        for target in self._targets.values():
-            target.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
-        self._unacknowledged.clear()
-
-    def _await_answer(self, message: BagMessage) -> None:
-        """Wait until the graph has answered for the time of a photograph or state."""
-        wanted = stamp_of(message.data)
-        deadline = time.monotonic() + self._patience
-        with self._answers:
-            while self._answered < wanted and not self._stopping.is_set():
-                if not self._answers.wait(timeout=0.1) and time.monotonic() > deadline:
-                    self.get_logger().warning(
-                        f'no message on {self._lockstep} for the one at {wanted / SECOND:.3f} s '
-                        f'within {self._patience:g} s; going on'
-                    )
-                    return
-        # the wait is not part of the recording
-        self._pace.begin(message.log_time)
-
-    def destroy_node(self) -> None:
-        """Stop playing before the node goes."""
-        self._stopping.set()
-        self._thread.join()
-        super().destroy_node()
-
-
-def main() -> None:
-    """Run the node."""
+def main(open_bag: OpenBagFn = BagReader) -> None:
+    """Run the node; the exit status is 1 if playing failed."""
     nodes: list[PlayerNode] = []
 
     def make() -> PlayerNode:
-        nodes.append(PlayerNode())
+        nodes.append(PlayerNode(open_bag))
         return nodes[0]
 
     run(make)

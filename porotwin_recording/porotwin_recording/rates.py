@@ -1,4 +1,4 @@
-"""What the pumps were told: `rates.csv` to a schedule and back."""
+"""Pump rates over time: `rates.csv` and `rates_measured.csv` of an experiment folder."""
 
 import math
 from collections.abc import Iterable
@@ -7,22 +7,24 @@ from pathlib import Path
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_recording.table import number, number_text, read_table, write_table
+from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
 
 HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')
 
 
 def read_rates(path: Path, wells: Iterable[str]) -> Schedule:
-    """Return the schedule in the file `path`; its wells must be among `wells`, those of the rig.
+    """Return the schedule in the file `path`, converted to SI units.
 
-    Times in [s] since the start of the experiment, rates in ml/h, as the experiment folder says.
+    Args:
+        path: table with the columns of `HEADER`.
+        wells: names of the rig's wells; the table may use no others.
 
     Raises:
-        InputError: one line naming file, line, value and what would mend it.
+        InputError: one line that names file, line, value and remedy.
     """
     known = tuple(wells)
     rows: list[ScheduleRow] = []
-    for where, words in read_table(path, HEADER, 'what the pumps were told'):
+    for where, words in read_table(path, HEADER, 'the pump rates'):
         row = _row(words, where, known)
         if rows and row.time < rows[-1].time:
             raise InputError(
@@ -33,19 +35,19 @@ def read_rates(path: Path, wells: Iterable[str]) -> Schedule:
 
 
 def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
-    time = number(words[0], f'{where}: time_s')
+    time = parse_number(words[0], f'{where}: time_s')
     if time < 0:
         raise InputError(f'{where}: time_s {time:g} is negative; times count from the start')
     well = words[1]
     if well not in wells:
         raise InputError(f"{where}: unknown well '{well}'; the rig has {', '.join(wells)}")
-    rate_ml_h = number(words[2], f'{where}: rate_ml_h')
+    rate_ml_h = parse_number(words[2], f'{where}: rate_ml_h')
     if rate_ml_h > 0 and not words[3]:
         raise InputError(
             f"{where}: well '{well}' injects but its concentration is empty; "
             'write 0 for water, 1 for tracer stock'
         )
-    concentration = number(words[3], f'{where}: concentration') if words[3] else 0.0
+    concentration = parse_number(words[3], f'{where}: concentration') if words[3] else 0.0
     if not 0.0 <= concentration <= 1.0:
         raise InputError(
             f'{where}: concentration {concentration:g}; must lie between 0 (water) and 1 (stock)'
@@ -56,9 +58,9 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
 
 
 def write_rates(path: Path, schedule: Schedule) -> None:
-    """Write `schedule` as `rates.csv`; read_rates returns the same schedule.
+    """Write `schedule` as a table that `read_rates` reads back.
 
-    A rate that no number of ml/h stands for exactly comes back within its last binary digit.
+    Rates are written in ml/h. The unit conversion may change the last binary digit of a rate.
     """
     write_table(
         path,
@@ -76,7 +78,7 @@ def write_rates(path: Path, schedule: Schedule) -> None:
 
 
 def _rate_ml_h(rate: float) -> str:
-    """Return the shortest number of ml/h that reads back as `rate` [m^3/s]."""
+    """Return the shortest decimal number in ml/h that reads back as `rate` [m^3/s]."""
     near = to_ml_h(rate)
     candidates = [float(f'{near:.{digits}g}') for digits in range(1, 18)]
     candidates += [math.nextafter(near, end) for end in (-math.inf, math.inf)]

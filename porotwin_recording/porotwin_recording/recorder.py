@@ -1,4 +1,4 @@
-"""What a recorder does with messages: to disk in a thread of its own, every loss counted."""
+"""Writes received messages to a bag in a thread of its own, and counts every loss."""
 
 import queue
 import threading
@@ -7,20 +7,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from porotwin_recording.bag_records import TopicQos
 from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.topic import TopicQos
 
 FLUSH_PERIOD = 1.0
-"""Longest time that a message waits before it survives a kill of the process [s]."""
+"""Longest time until a received message survives a kill of the process [s]."""
 
 BACKLOG_LIMIT = 256 << 20
-"""Messages that wait while the disk is slow or full, beyond which they are dropped [bytes]."""
+"""Largest size of messages in memory while the disk is slow or full [bytes]; more are dropped."""
 
-Say = Callable[[str], None]
+LogFn = Callable[[str], None]
+"""Reports one line to the user."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Waiting:
+class _Received:
     topic: str
     data: bytes
     log_time: int
@@ -28,24 +29,34 @@ class _Waiting:
     sequence: int
 
 
-_NOTHING = _Waiting('', b'', 0, 0, 0)
+_NOTHING = _Received('', b'', 0, 0, 0)
+"""Stands for the end of a waiting time without a message."""
 
 
 class LossCounter:
-    """Finds lost messages of topics whose publisher counts them."""
+    """Detects lost messages from gaps in their publishers' counts.
+
+    Attributes:
+        lost: number of lost messages by topic.
+    """
 
     def __init__(self) -> None:
         self.lost: dict[str, int] = {}
         self._last: dict[str, int] = {}
 
-    def see(self, topic: str, sequence: int, *, alone: bool) -> None:
-        """Take note of a message's number (0: not counted) on a topic.
+    def observe(self, topic: str, sequence: int, *, single_publisher: bool) -> None:
+        """Take the count of one message into account.
 
-        Gaps mean losses only where one publisher is `alone` on the topic; a number that falls
-        back means that it started anew.
+        A count that decreases belongs to a restarted publisher and is no loss.
+
+        Args:
+            topic: absolute name.
+            sequence: the publisher's count; 0 if unknown.
+            single_publisher: whether the topic has one publisher; counts of several are not
+                comparable.
         """
         last = self._last.get(topic)
-        if sequence == 0 or not alone:
+        if sequence == 0 or not single_publisher:
             self._last.pop(topic, None)
             return
         self._last[topic] = sequence
@@ -59,14 +70,24 @@ class LossCounter:
 
 
 class Recorder:
-    """Writes a bag from messages given by `record`, which never waits for the disk.
+    """Writes messages to a new bag; `record` never waits for the disk.
 
-    When the disk refuses, `warn` is told in one line, writing is tried again every second, and
-    messages beyond the backlog are dropped and counted; when it takes data again, recording goes
-    on. What was flushed survives the end of the process.
+    If the disk refuses data, the recorder warns once and tries again every second. Messages beyond
+    the backlog limit are dropped and counted meanwhile.
+
+    Args:
+        bag: the bag, a new folder or a file .mcap.
+        compress: compress the bag with zstd.
+        say: receives the final report.
+        warn: receives warnings.
+        backlog_limit: largest size of messages in memory [bytes].
+
+    Attributes:
+        losses: messages that were lost on the way here.
+        dropped: messages that were dropped here.
 
     Raises:
-        InputError: the bag exists already or cannot be made.
+        InputError: the bag exists already or cannot be created.
     """
 
     def __init__(
@@ -74,8 +95,8 @@ class Recorder:
         bag: Path,
         *,
         compress: bool = True,
-        say: Say = print,
-        warn: Say = print,
+        say: LogFn = print,
+        warn: LogFn = print,
         backlog_limit: int = BACKLOG_LIMIT,
     ) -> None:
         self.losses = LossCounter()
@@ -85,24 +106,29 @@ class Recorder:
         self._warn = warn
         self._backlog_limit = backlog_limit
         self._backlog = 0
-        self._queue: queue.SimpleQueue[_Waiting | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[_Received | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._stopping = threading.Event()
-        self._refused = False
-        self._told_lost = 0
+        self._disk_refuses = False
+        self._reported_losses = 0
         self._thread = threading.Thread(target=self._work, name='recorder')
         self._thread.start()
 
     @property
     def message_count(self) -> int:
-        """Number of messages taken so far."""
+        """Number of messages in the bag, flushed or not."""
         return self._writer.message_count
 
+    @property
+    def lost_count(self) -> int:
+        """Number of messages that are not in the bag: lost or dropped."""
+        return self.losses.total + self.dropped
+
     def add_topic(self, name: str, type_name: str, qos: TopicQos) -> None:
-        """Announce a topic before its messages.
+        """Add a topic (absolute name) of the type pkg/msg/Name; must precede its messages.
 
         Raises:
-            InputError: the type is not installed, or the topic is known with another type.
+            InputError: the type is not installed, or the topic has another type already.
         """
         with self._lock:
             self._writer.add_topic(name, type_name, qos=qos)
@@ -115,18 +141,18 @@ class Recorder:
         log_time: int,
         publish_time: int,
         sequence: int = 0,
-        alone: bool = True,
+        single_publisher: bool = True,
     ) -> None:
-        """Take a serialized message; `sequence` is its publisher's count, see LossCounter."""
-        self.losses.see(topic, sequence, alone=alone)
+        """Accept a serialized message (CDR); see `BagWriter.write` and `LossCounter.observe`."""
+        self.losses.observe(topic, sequence, single_publisher=single_publisher)
         if self._backlog + len(data) > self._backlog_limit:
             self.dropped += 1
             return
         self._backlog += len(data)
-        self._queue.put(_Waiting(topic, data, log_time, publish_time, sequence))
+        self._queue.put(_Received(topic, data, log_time, publish_time, sequence))
 
     def stop(self) -> None:
-        """Write what waits, complete the bag, and say what became of the recording."""
+        """Write all messages in memory, complete the bag and report the numbers."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -138,72 +164,74 @@ class Recorder:
             except OSError as error:
                 self._warn(
                     f'{self._writer.path}: the end could not be written ({error.strerror}); '
-                    'what was recorded before can be read all the same'
+                    'earlier messages remain readable'
                 )
-        lost = self.losses.total + self.dropped
-        self._say(
-            f'{self._writer.path}: {self._writer.message_count} messages recorded, {lost} lost'
-        )
+        count = self._writer.message_count
+        self._say(f'{self._writer.path}: {count} messages recorded, {self.lost_count} lost')
 
     def _work(self) -> None:
         due = time.monotonic() + FLUSH_PERIOD
         while True:
-            try:
-                waiting = self._queue.get(timeout=max(0.0, due - time.monotonic()))
-            except queue.Empty:
-                waiting = _NOTHING
-            if waiting is None or (self._refused and self._stopping.is_set()):
-                self.dropped += 0 if waiting is None else 1 + self._queue.qsize()
+            received = self._next(due - time.monotonic())
+            if received is None or (self._disk_refuses and self._stopping.is_set()):
+                self.dropped += 0 if received is None else 1 + self._queue.qsize()
                 return
             try:
-                if waiting is not _NOTHING:
-                    self._write(waiting)
+                if received is not _NOTHING:
+                    self._write(received)
                 if time.monotonic() >= due:
                     self._flush()
                     due = time.monotonic() + FLUSH_PERIOD
             except OSError as error:
-                self._outlast(error)
+                self._wait_for_disk(error)
             except Exception as error:
-                # one message that cannot be written must not end the recording
+                # one faulty message must not end the recording
                 self.dropped += 1
-                self._warn(f'{self._writer.path}: a message on {waiting.topic} is lost: {error!r}')
+                self._warn(f'{self._writer.path}: a message on {received.topic} is lost: {error!r}')
 
-    def _write(self, message: _Waiting) -> None:
-        self._backlog -= len(message.data)
+    def _next(self, timeout: float) -> _Received | None:
+        """Return the next message, None at the end, or `_NOTHING` after `timeout` [s]."""
+        try:
+            return self._queue.get(timeout=max(0.0, timeout))
+        except queue.Empty:
+            return _NOTHING
+
+    def _write(self, received: _Received) -> None:
+        self._backlog -= len(received.data)
         with self._lock:
             self._writer.write(
-                message.topic,
-                message.data,
-                log_time=message.log_time,
-                publish_time=message.publish_time,
-                sequence=message.sequence,
+                received.topic,
+                received.data,
+                log_time=received.log_time,
+                publish_time=received.publish_time,
+                sequence=received.sequence,
             )
 
     def _flush(self) -> None:
         with self._lock:
             self._writer.flush()
-        self._tell_losses()
+        self._report_losses()
 
-    def _outlast(self, error: OSError) -> None:
-        """Wait until the disk takes data again, or the recording is stopped."""
-        self._refused = True
+    def _wait_for_disk(self, error: OSError) -> None:
+        """Wait until the disk accepts data again, or until `stop`."""
+        self._disk_refuses = True
         self._warn(
-            f'{self._writer.path}: the disk refuses more ({error.strerror}); free some space, '
-            'recording goes on by itself'
+            f'{self._writer.path}: the disk refuses data ({error.strerror}); free some space, '
+            'then recording continues'
         )
         while not self._stopping.wait(FLUSH_PERIOD):
             try:
                 self._flush()
             except OSError:
                 continue
-            self._refused = False
-            self._warn(f'{self._writer.path}: the disk takes data again, recording goes on')
+            self._disk_refuses = False
+            self._warn(f'{self._writer.path}: the disk accepts data again, recording continues')
             return
 
-    def _tell_losses(self) -> None:
-        lost = self.losses.total + self.dropped
-        if lost > self._told_lost:
+    def _report_losses(self) -> None:
+        lost = self.lost_count
+        if lost > self._reported_losses:
             worst = max(self.losses.lost, key=lambda topic: self.losses.lost[topic], default='')
             where = f', most on {worst}' if worst else ''
-            self._warn(f'{lost - self._told_lost} messages lost{where}; {lost} in all')
-            self._told_lost = lost
+            self._warn(f'{lost - self._reported_losses} messages lost{where}; {lost} in total')
+            self._reported_losses = lost

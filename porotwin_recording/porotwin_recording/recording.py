@@ -1,4 +1,4 @@
-"""A recording as everything that reads one sees it, whether a folder or a bag holds it."""
+"""A recording of one experiment, whether a folder or a bag holds it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,73 +11,76 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
+from porotwin_recording.bag import read_bag
 from porotwin_recording.bag_reader import is_bag
-from porotwin_recording.bag_recording import read_bag
 from porotwin_recording.concentration import ConcentrationMaps, Maps
-from porotwin_recording.experiment import read_experiment
-from porotwin_recording.photos import Photo
+from porotwin_recording.experiment_folder import RIG_FILE, read_folder
+from porotwin_recording.recorded_data import RecordedData
 
 
-@dataclass(frozen=True)
-class Recording:
-    """One experiment: the rig as its owner believes it to be, what was told, what was seen.
+@dataclass(frozen=True, kw_only=True)
+class Recording(RecordedData):
+    """The data of one experiment and the place they come from.
 
-    `told` is what the pumps were told, `measured` what they delivered, where somebody measured it;
-    `maps` the tracer maps, read from disk as they are asked for; `photos` in the order of their
-    times. Times in [s] since the start of the experiment. None or empty where the recording holds
-    nothing of the kind; `schedule`, `pumped`, `times`, `grid` and `concentration` insist. `remarks`
-    says in a line each what is wrong with a recording that could be read all the same.
+    The attributes of `RecordedData` are None or empty where the recording lacks something. The
+    properties `schedule`, `delivered`, `times`, `grid` and `concentration` raise InputError then.
     """
 
     source: Path
-    rig: Rig
-    told: Schedule | None = None
-    measured: Schedule | None = None
-    maps: ConcentrationMaps | None = None
-    photos: tuple[Photo, ...] = ()
-    remarks: tuple[str, ...] = ()
 
     @property
     def schedule(self) -> Schedule:
-        """What the pumps were told.
+        """Commanded rates.
 
         Raises:
-            InputError: the recording does not say.
+            InputError: the recording holds none.
         """
-        if self.told is None:
-            raise InputError(f'{self.source}: does not say what the pumps were told; add rates.csv')
-        return self.told
+        if self.commanded is None:
+            raise InputError(f'{self.source}: holds no commanded pump rates; add rates.csv')
+        return self.commanded
 
     @cached_property
-    def pumped(self) -> Schedule:
-        """What the pumps did: as measured, and before anybody measured as told.
+    def delivered(self) -> Schedule:
+        """Measured rates, and the commanded rates before the first measurement.
 
         Raises:
-            InputError: the recording does not say.
+            InputError: the recording holds neither.
         """
         if self.measured is None or not self.measured.rows:
             return self.schedule
         begin = min(row.time for row in self.measured.rows)
-        told = self.told.rows if self.told is not None else ()
-        return Schedule((*(row for row in told if row.time < begin), *self.measured.rows))
+        commanded = self.commanded.rows if self.commanded is not None else ()
+        return Schedule((*(row for row in commanded if row.time < begin), *self.measured.rows))
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Times of the tracer maps [s], shape (nt,)."""
-        return self._maps.times
+        """Times of the tracer maps [s], shape (nt,).
+
+        Raises:
+            InputError: the recording holds no maps.
+        """
+        return self._present_maps.times
 
     @property
     def grid(self) -> Grid:
-        """Grid of the tracer maps."""
-        return self._maps.grid
+        """Grid of the tracer maps.
+
+        Raises:
+            InputError: the recording holds no maps.
+        """
+        return self._present_maps.grid
 
     @cached_property
     def concentration(self) -> Maps:
-        """All tracer maps in memory, float32, shape (nt, nz, nx); prefer `maps` for long runs."""
-        return self._maps[:]
+        """All tracer maps in memory, float32, shape (nt, nz, nx); prefer `maps` for long runs.
+
+        Raises:
+            InputError: the recording holds no maps.
+        """
+        return self._present_maps[:]
 
     @property
-    def _maps(self) -> ConcentrationMaps:
+    def _present_maps(self) -> ConcentrationMaps:
         if self.maps is None:
             raise InputError(
                 f'{self.source}: holds no concentration maps; make them with ./porotwin image'
@@ -88,24 +91,16 @@ class Recording:
 def open_recording(path: Path | str, *, rig: Rig | Path | str | None = None) -> Recording:
     """Return the recording at `path`: an experiment folder, a rosbag2 folder or an .mcap file.
 
-    A given `rig` (or the path of a rig.yaml) takes the place of the one in the recording.
+    A `rig`, or the path of a rig.yaml, replaces the rig of the recording.
 
     Raises:
-        InputError: one line naming the recording, what is wrong with it and what would mend it.
+        InputError: one line that names the recording, the fault and the remedy.
     """
     path = Path(path)
     if isinstance(rig, Path | str):
         rig = load_rig(rig)
     if not path.exists():
         raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
-    is_folder = path.is_dir() and ((path / 'rig.yaml').is_file() or not is_bag(path))
-    experiment = read_experiment(path, rig) if is_folder else read_bag(path, rig)
-    return Recording(
-        path,
-        experiment.rig,
-        experiment.told,
-        experiment.measured,
-        experiment.maps,
-        experiment.photos,
-        experiment.remarks,
-    )
+    is_folder = path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))
+    data = read_folder(path, rig) if is_folder else read_bag(path, rig)
+    return Recording(source=path, **vars(data))

@@ -1,9 +1,10 @@
-"""What is played of a bag, and when."""
+"""Tests of the selection of messages for a replay."""
 
 from pathlib import Path
 
 import pytest
 from rclpy.serialization import deserialize_message
+from recording_examples import write_string_bag
 
 from porotwin_core.conversions import rates_from_msg, rates_to_msg
 from porotwin_core.errors import InputError
@@ -11,23 +12,8 @@ from porotwin_core.wells import WellRate
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.player import Pace, as_measured, latched_before, played_topics
+from porotwin_recording.player import as_measured, latched_before, played_topics
 from porotwin_recording.serialization import SECOND, Serializer
-from porotwin_recording.topic import TopicQos
-
-STRING = 'std_msgs/msg/String'
-
-
-def bag_of(path: Path, names: list[str], *, latched: tuple[str, ...] = ()) -> BagReader:
-    with BagWriter(path) as bag:
-        for name in names:
-            durability = 'transient_local' if name in latched else 'volatile'
-            bag.add_topic(name, STRING, qos=TopicQos(durability=durability))
-        for number in range(10):
-            for name in names:
-                bag.write(name, b'%d' % number, log_time=number * SECOND)
-    return BagReader(path)
-
 
 PHOTOS = ['/p/camera/image/compressed', '/p/camera/baseline/compressed']
 STATES = ['/p/asset/new_state', '/p/asset/state_refreshed', '/p/asset/clean_state']
@@ -35,22 +21,22 @@ OTHERS = ['/clock', '/p/rig/description', '/p/wells/setpoint', '/p/tracer/predic
 
 
 def test_photographs_and_measured_rates_are_the_inputs(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / 'run', [*PHOTOS, *STATES, *OTHERS, '/p/wells/measured'])
+    bag = write_string_bag(tmp_path / 'run', [*PHOTOS, *STATES, *OTHERS, '/p/wells/measured'])
     assert sorted(played_topics(bag, 'inputs')) == sorted([*PHOTOS, '/p/wells/measured'])
 
 
-def test_states_and_setpoints_stand_in_for_what_was_not_recorded(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / 'run', [*STATES, *OTHERS])
+def test_states_and_setpoints_replace_missing_photographs_and_measurements(tmp_path: Path) -> None:
+    bag = write_string_bag(tmp_path / 'run', [*STATES, *OTHERS])
     assert sorted(played_topics(bag, 'inputs')) == sorted([*STATES, '/p/wells/setpoint'])
 
 
 def test_everything_but_the_clock_can_be_played(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / 'run', [*STATES, *OTHERS])
+    bag = write_string_bag(tmp_path / 'run', [*STATES, *OTHERS])
     assert sorted(played_topics(bag, 'all')) == sorted([*STATES, *OTHERS[1:]])
 
 
 def test_topics_are_named_absolute_or_relative(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / 'run', [*STATES, *OTHERS])
+    bag = write_string_bag(tmp_path / 'run', [*STATES, *OTHERS])
     assert played_topics(bag, 'asset/new_state /p/rig/description') == [
         '/p/asset/new_state',
         '/p/rig/description',
@@ -59,14 +45,14 @@ def test_topics_are_named_absolute_or_relative(tmp_path: Path) -> None:
         played_topics(bag, 'state')
 
 
-def test_a_bag_without_inputs_says_so(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / 'run', ['/chatter'])
+def test_a_bag_without_inputs_is_refused(tmp_path: Path) -> None:
+    bag = write_string_bag(tmp_path / 'run', ['/chatter'])
     with pytest.raises(InputError, match='no photographs or states to play'):
         played_topics(bag, 'inputs')
 
 
 def test_latched_messages_from_before_the_start_come_first(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / 'run', ['/a', '/b'], latched=('/a',))
+    bag = write_string_bag(tmp_path / 'run', ['/a', '/b'], latched=('/a',))
     before = list(latched_before(bag, ['/a', '/b'], 4 * SECOND))
     assert [(message.topic, message.data) for message in before] == [
         ('/a', b'%d' % number) for number in range(4)
@@ -86,13 +72,3 @@ def test_setpoints_become_rates_that_hold_from_their_stamp_on(tmp_path: Path) ->
     rates = deserialize_message(as_measured(bag, message, serializer), WellRates)
     assert rates.start == rates.header.stamp == setpoint.header.stamp
     assert rates_from_msg(rates.wells) == rates_from_msg(setpoint.wells)
-
-
-def test_pace_divides_the_time_between_messages_by_the_rate() -> None:
-    pace = Pace(100.0)
-    pace.begin(5 * SECOND)
-    # an hour of bag at 100 times as fast takes 36 s of wall time, less what has passed since
-    assert 30 < pace.wait_for(3605 * SECOND) <= 36
-    assert pace.wait_for(4 * SECOND) == 0
-    assert pace.now() >= 5 * SECOND
-    assert Pace(0.0).wait_for(10**18) == 0

@@ -13,8 +13,9 @@ from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import ConcentrationWriter
-from porotwin_recording.experiment import write_experiment
+from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.photos import Photo, write_photos
+from porotwin_recording.recorded_data import RecordedData
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.observation import MapCamera, MapNoise, signal_seen
@@ -96,7 +97,7 @@ def make_experiment(
         camera = camera_before(rig, photo_width, round(photo_width * 0.625))
         photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
         rig = photographer.rig
-    write_experiment(folder, rig=rig, told=told)
+    write_folder(folder, RecordedData(rig, commanded=told))
     camera_of_maps = MapCamera(grid, noise or _PERFECT, seed=seed)
     times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
     photos: list[Photo] = []

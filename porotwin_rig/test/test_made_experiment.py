@@ -10,7 +10,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import open_maps
-from porotwin_recording.experiment import read_experiment
+from porotwin_recording.experiment_folder import read_folder
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.effects import parse_effects
 from porotwin_rig.experiment import make_experiment, signals
@@ -35,11 +35,11 @@ def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
         photo_width=320,
         truth=tmp_path / 'truth.nc',
     )
-    found = read_experiment(tmp_path / 'run')
+    found = read_folder(tmp_path / 'run')
     assert found.rig.effects == ()  # the effects stay untold
     assert found.rig.wells == rig.wells
     assert found.rig.camera is not None
-    assert found.told == TOLD
+    assert found.commanded == TOLD
     assert found.maps is not None
     np.testing.assert_array_equal(found.maps.times, np.arange(0.0, 301.0, 60.0))
     assert [photo.role for photo in found.photos] == ['baseline'] + ['state'] * 5
@@ -61,7 +61,7 @@ def test_without_noise_maps_are_the_truth(tmp_path: Path) -> None:
         truth=tmp_path / 'truth.nc',
     )
     assert made.noise_floor == 0.0
-    maps = read_experiment(tmp_path / 'run').maps
+    maps = read_folder(tmp_path / 'run').maps
     assert maps is not None
     np.testing.assert_array_equal(maps[:], open_maps(tmp_path / 'truth.nc', make_rig())[:])
 

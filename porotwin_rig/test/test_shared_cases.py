@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from porotwin_core.rig import EffectDescription
-from porotwin_recording.experiment import read_experiment
+from porotwin_recording.experiment_folder import read_folder
 from porotwin_rig.asset import VirtualRig
 from porotwin_rig.experiment import signals
 
@@ -24,9 +24,9 @@ def test_recording_is_matched_down_to_its_noise(number: int) -> None:
     """Over the last 30 %, where the noise floor is stated; the limit is that of a sharp model."""
     folder = CASES / f'case_{number:03d}'
     truth = yaml.safe_load((folder / 'truth.yaml').read_text())
-    recorded = read_experiment(folder)
+    recorded = read_folder(folder)
     assert recorded.maps is not None
-    assert recorded.told is not None
+    assert recorded.commanded is not None
     effects = [
         EffectDescription(name=effect['name'], parameters=effect['parameters'])
         for effect in truth['effects']
@@ -35,7 +35,7 @@ def test_recording_is_matched_down_to_its_noise(number: int) -> None:
     times = recorded.maps.times
     error = size = 0.0
     for (time, signal), seen in zip(
-        signals(asset, recorded.told, times=times, grid=recorded.maps.grid),
+        signals(asset, recorded.commanded, times=times, grid=recorded.maps.grid),
         recorded.maps,
         strict=True,
     ):

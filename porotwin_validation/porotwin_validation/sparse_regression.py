@@ -105,7 +105,7 @@ def _one_steps(recording: Recording, grid: Grid) -> _Steps:
     steps = zip(pairwise(times), pairwise(maps), strict=True)
     for index, ((start, end), (before, after)) in enumerate(steps):
         predicted = before
-        for low, high, rates in recording.pumped.intervals(start, end):
+        for low, high, rates in recording.delivered.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
         modelled[:, :, index] = (predicted - before) / (end - start)
         missing[:, :, index] = after - predicted

@@ -42,7 +42,7 @@ def command(
         recording.rig,
         baselines,
         states,
-        schedule=recording.measured or recording.told,
+        schedule=recording.measured or recording.commanded,
         source=folder.name,
         progress=say,
     )

@@ -18,6 +18,6 @@ def command(
 
     Example: ./porotwin export bags/sample sample_experiment
     """
-    from porotwin_recording.convert import export_bag
+    from porotwin_recording.bag_conversion import export_bag
 
     convert(export_bag, bag, folder, as_json=as_json)

@@ -18,6 +18,6 @@ def command(
 
     Example: ./porotwin import experiment experiment_bag
     """
-    from porotwin_recording.convert import import_experiment
+    from porotwin_recording.bag_conversion import import_experiment
 
     convert(import_experiment, folder, bag, as_json=as_json)

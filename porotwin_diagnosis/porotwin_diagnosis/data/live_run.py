@@ -11,7 +11,8 @@ from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
 from porotwin_recording.concentration import ConcentrationMaps
-from porotwin_recording.experiment import write_experiment
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.recorded_data import RecordedData
 from porotwin_solver.physics import nominal_physics
 
 MOST_MAPS = 400
@@ -127,7 +128,7 @@ class LiveRun:
         maps = ConcentrationMaps(
             np.array(self._times) - begin, self._grid, lambda start, stop: stack[start:stop]
         )
-        write_experiment(folder, rig=self._rig, told=schedule, maps=maps)
+        write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
 
     def _refuse_unexplained_tracer(self, schedule: Schedule, first: float) -> None:
         """Refuse a run with more tracer in its first map, at `first` [s], than was injected."""

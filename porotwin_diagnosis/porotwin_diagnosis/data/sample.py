@@ -246,7 +246,7 @@ def read_sample(recording: Recording) -> Sample:
     )
     return Sample(
         rig=recording.rig,
-        schedule=recording.pumped,
+        schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
         observed=maps[chosen].astype(float),
@@ -266,7 +266,7 @@ def _initial_tracer(recording: Recording) -> FloatArray | None:
     and must be able to compete.
     """
     start, first = recording.times[0], recording.concentration[0]
-    rows = recording.pumped.rows
+    rows = recording.delivered.rows
     pumped = any(row.rate.rate and row.time < start for row in rows)
     injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
     if pumped or injects or tracer_share(first) < FILLED_SHARE:

@@ -128,7 +128,7 @@ def map_gap(*recordings: Recording, preset: str = 'fast') -> GapMap:
             for recording, (_, own, _) in zip(recordings, parts, strict=True)
         ),
         spots=_hot_spots(strength, grid),
-        phases=operating_phases([steps for *_, steps in parts], [r.pumped for r in recordings]),
+        phases=operating_phases([steps for *_, steps in parts], [r.delivered for r in recordings]),
     )
 
 
@@ -149,7 +149,7 @@ def _one_step_residuals(
     pairs = zip(pairwise(maps), pairwise(seen), pairwise(times), strict=True)
     for (before, after), (seen_before, seen_after), (start, end) in pairs:
         predicted = before
-        for low, high, rates in recording.pumped.intervals(start, end):
+        for low, high, rates in recording.delivered.intervals(start, end):
             predicted = model.predict(predicted, rates, high - low)
         residual = (after - predicted) * seen_before * seen_after
         weak = gaussian_filter(residual, TEST_FUNCTION_WIDTH) / (end - start)

@@ -1,0 +1,34 @@
+"""The event for a browser: a snapshot in the units and words of people, ready for JSON.
+
+Numbers that are not finite become null, which the page shows as a dash.
+"""
+
+from collections.abc import Mapping
+
+from porotwin_core.rig import Rig
+from porotwin_page.graph_snapshot import GraphSnapshot
+from porotwin_page.header import header_view
+from porotwin_page.json_values import Json, rates_ml_h
+from porotwin_page.panel import Moment, Panel
+
+
+def rig_view(rig: Rig) -> Json:
+    """Return the geometry that is drawn over maps, in metres."""
+    return {
+        'width_m': rig.width_m,
+        'height_m': rig.height_m,
+        'wells': [{'name': name, 'x_m': w.x_m, 'z_m': w.z_m} for name, w in rig.wells.items()],
+        'zone_m': [list(point) for point in rig.control.disallowed_zone_m] if rig.control else [],
+    }
+
+
+def event_view(snapshot: GraphSnapshot, moment: Moment, panels: Mapping[str, Panel]) -> Json:
+    """Return everything but the curves: header, rig, rates, interruptions, contents of panels."""
+    return {
+        'start_s': snapshot.start,
+        'header': header_view(snapshot, moment.steady),
+        'rig': rig_view(snapshot.rig) if snapshot.rig else None,
+        'rates_ml_h': rates_ml_h(snapshot.setpoint.rates) if snapshot.setpoint else {},
+        'marks': [{'time_s': mark.time, 'reason': mark.reason} for mark in snapshot.marks],
+        'panels': {name: panel.content(snapshot, moment) for name, panel in panels.items()},
+    }

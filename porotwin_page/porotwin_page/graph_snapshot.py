@@ -1,0 +1,386 @@
+"""The newest data of the graph at one moment, and the change by every message.
+
+A snapshot is immutable: every `with_...` function returns a new one. A browser's view is made from
+one snapshot, so it never mixes two moments.
+"""
+
+import math
+import statistics
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import Rig
+from porotwin_core.wells import WellRates
+
+HISTORY_LENGTH = 2000
+"""Cycles in the curves: more than 16 hours of a photograph every 30 s."""
+
+# Bounds of everything else, so that memory does not grow with the length of a run.
+SETPOINTS_KEPT = 20
+MARKS_KEPT = 50
+NODES_KEPT = 64
+ARRIVALS_KEPT = 8
+FORECASTS_KEPT = 3
+REMARKS_KEPT = 6
+
+TIME_TOLERANCE = 0.5
+"""Largest difference between the times of one photograph in several messages [s]."""
+
+
+@dataclass(frozen=True)
+class Map:
+    """A concentration map.
+
+    Attributes:
+        time: when it is valid [s].
+        concentration: values (nz, nx) [-], row 0 at the bottom; NaN where nothing was seen.
+        grid: its grid.
+        number: increases with every map of a snapshot.
+    """
+
+    time: float
+    concentration: FloatArray
+    grid: Grid
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class ObservedState:
+    """A state of the asset, from one photograph.
+
+    Attributes:
+        sequence: its number.
+        map: the concentration map.
+        arrival: when it arrived, on this machine's steady clock [s].
+        time_step: time since the state before [s]; 0 for the first one.
+        noise: standard deviation of the map's noise [-]; NaN if unknown.
+        calibrated: False if the scale of the concentration is a default.
+        remarks: lines about the map for people.
+    """
+
+    sequence: int
+    map: Map
+    arrival: float
+    time_step: float = 0.0
+    noise: float = math.nan
+    calibrated: bool = True
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Setpoint:
+    """Commanded rates of the wells.
+
+    Attributes:
+        sequence: its number.
+        time: time of its photograph, on the camera's clock [s].
+        valid_until: end of its validity, on the camera's clock [s].
+        rates: commanded rates [m^3/s].
+        reason: one line for people.
+        arrival: when it arrived, on the graph's clock [s]; None if that clock had not started.
+    """
+
+    sequence: int
+    time: float
+    valid_until: float
+    rates: WellRates
+    reason: str
+    arrival: float | None = None
+
+
+@dataclass(frozen=True)
+class CyclePoint:
+    """The report of one cycle, a point of the curves; NaN where there is no number.
+
+    Attributes:
+        time: time of its photograph [s].
+        prediction_error: relative L2 error of the physics-based prediction [-].
+        corrected_error: relative L2 error of the corrected prediction [-].
+        disallowed_tracer: observed tracer in the disallowed zone [m^3].
+        cycle_duration: from the state to the setpoint [s].
+        corrected: whether the prediction was corrected.
+        correction_status: why it was not.
+        remarks: lines for people.
+        rates: commanded rates [m^3/s].
+        objective: cost f with the new setpoint [m^3].
+        objective_unchanged: cost f with unchanged rates [m^3].
+    """
+
+    time: float
+    prediction_error: float
+    corrected_error: float
+    disallowed_tracer: float
+    cycle_duration: float
+    corrected: bool = False
+    correction_status: str = ''
+    remarks: tuple[str, ...] = ()
+    rates: WellRates = field(default_factory=dict)
+    objective: float = math.nan
+    objective_unchanged: float = math.nan
+
+
+@dataclass(frozen=True)
+class Mark:
+    """An interruption of the sequence of photographs, at `time` [s]."""
+
+    time: float
+    reason: str
+
+
+class Level(Enum):
+    """Health of a node, from best to worst; the values are names of colours on the page."""
+
+    OK = 'ok'
+    QUIET = 'quiet'
+    """The node runs but has not reported yet."""
+    WARN = 'warn'
+    ERROR = 'error'
+
+
+@dataclass(frozen=True)
+class Health:
+    """The last report of a node.
+
+    Attributes:
+        level: its health.
+        message: one line.
+        arrival: when it arrived, on this machine's steady clock [s].
+        present: whether the graph shows the node; None if it never did.
+    """
+
+    level: Level
+    message: str
+    arrival: float
+    present: bool | None = None
+
+
+@dataclass(frozen=True)
+class GraphSnapshot:
+    """Everything that the page shows; None or empty until it arrives.
+
+    Attributes:
+        rig: description of the rig.
+        observed: the newest state.
+        difference: newest observed map minus its forecast (nz, nx) [-].
+        predicted: newest physics-based forecasts.
+        corrected: newest corrected forecasts.
+        setpoints: newest setpoints.
+        set_rates: rates [m^3/s] that a person has reported; None if nobody did.
+        measured: newest rates at the pumps [m^3/s].
+        pumps_report: whether the pumps measure, so that nobody has to report.
+        confirmed: number of the setpoint that this page confirmed last.
+        history: points of the curves.
+        history_end: number of points ever added; `history` ends with number `history_end` - 1.
+        history_start: number of the first point of this experiment.
+        marks: interruptions.
+        finished: why the experiment is over; None while it runs.
+        health: last report of every node by name.
+        arrivals: when the newest states arrived, on this machine's steady clock [s].
+        start: time of the first photograph of the experiment [s].
+        maps_made: number of maps ever added.
+    """
+
+    rig: Rig | None = None
+    observed: ObservedState | None = None
+    difference: FloatArray | None = None
+    predicted: tuple[Map, ...] = ()
+    corrected: tuple[Map, ...] = ()
+    setpoints: tuple[Setpoint, ...] = ()
+    set_rates: WellRates | None = None
+    measured: WellRates | None = None
+    pumps_report: bool = False
+    confirmed: int | None = None
+    history: tuple[CyclePoint, ...] = ()
+    history_end: int = 0
+    history_start: int = 0
+    marks: tuple[Mark, ...] = ()
+    finished: str | None = None
+    health: dict[str, Health] = field(default_factory=dict)
+    arrivals: tuple[float, ...] = ()
+    start: float | None = None
+    maps_made: int = 0
+
+    @property
+    def setpoint(self) -> Setpoint | None:
+        """The newest setpoint."""
+        return self.setpoints[-1] if self.setpoints else None
+
+    @property
+    def forecast(self) -> Map | None:
+        """The newest forecast; the corrected one if there are two of the same time."""
+        predicted = self.predicted[-1] if self.predicted else None
+        corrected = self.corrected[-1] if self.corrected else None
+        if predicted is None or corrected is None:
+            return predicted or corrected
+        return corrected if corrected.time >= predicted.time else predicted
+
+    @property
+    def photo_interval(self) -> float | None:
+        """Expected time between photographs [s]; None before the second one.
+
+        The longer of the recorded interval and the interval between arrivals: a replay may be
+        faster or slower than its clock, and neither makes it stale.
+        """
+        gaps = [b - a for a, b in zip(self.arrivals, self.arrivals[1:], strict=False)]
+        recorded = self.observed.time_step if self.observed else 0.0
+        if not gaps and not recorded > 0:
+            return None
+        return max(recorded, statistics.median(gaps) if gaps else 0.0)
+
+
+def matching(maps: Iterable[Map], time: float) -> Map | None:
+    """Return the last of `maps` that is valid at `time` [s]; None if there is none."""
+    found = None
+    for candidate in maps:
+        if abs(candidate.time - time) <= TIME_TOLERANCE:
+            found = candidate
+    return found
+
+
+def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
+    """Return the snapshot with a description of the rig."""
+    return replace(now, rig=rig)
+
+
+def _numbered(now: GraphSnapshot, map_: Map) -> tuple[GraphSnapshot, Map]:
+    number = now.maps_made + 1
+    return replace(now, maps_made=number), replace(map_, number=number)
+
+
+def _minus_forecast(observed: Map, now: GraphSnapshot) -> FloatArray | None:
+    forecast = matching(now.corrected, observed.time) or matching(now.predicted, observed.time)
+    if forecast is None:
+        return None
+    values = observed.concentration
+    return values - conservative_resample(forecast.concentration, values.shape)
+
+
+def with_observed_state(now: GraphSnapshot, state: ObservedState) -> GraphSnapshot:
+    """Return the snapshot with a new state and its difference from the forecast.
+
+    A state that is older than the last one begins a new experiment: a bag was restarted, or a
+    clock was set back.
+    """
+    time = state.map.time
+    if now.observed is not None and time < now.observed.map.time:
+        now = with_new_experiment(now, time)
+    now, map_ = _numbered(now, state.map)
+    return replace(
+        now,
+        observed=replace(state, map=map_),
+        difference=_minus_forecast(map_, now),
+        arrivals=(*now.arrivals, state.arrival)[-ARRIVALS_KEPT:],
+        start=time if now.start is None else now.start,
+        finished=None,
+    )
+
+
+def with_predicted(now: GraphSnapshot, map_: Map) -> GraphSnapshot:
+    """Return the snapshot with a physics-based forecast."""
+    now, map_ = _numbered(now, map_)
+    return replace(now, predicted=(*now.predicted, map_)[-FORECASTS_KEPT:])
+
+
+def with_corrected(now: GraphSnapshot, map_: Map) -> GraphSnapshot:
+    """Return the snapshot with a corrected forecast."""
+    now, map_ = _numbered(now, map_)
+    return replace(now, corrected=(*now.corrected, map_)[-FORECASTS_KEPT:])
+
+
+def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:
+    """Return the snapshot with a new setpoint.
+
+    A restarted hub counts from one again; then the confirmation of an old setpoint is dropped.
+    Topics keep no order between them: the report of the cycle may have arrived before its
+    setpoint, and receives the rates here.
+    """
+    restarted = now.setpoints and setpoint.sequence <= now.setpoints[-1].sequence
+    kept = () if restarted else now.setpoints
+    history = now.history
+    if history and history[-1].time == setpoint.time and not history[-1].rates:
+        history = (*history[:-1], replace(history[-1], rates=setpoint.rates))
+    return replace(
+        now,
+        history=history,
+        setpoints=(*kept, setpoint)[-SETPOINTS_KEPT:],
+        confirmed=None if restarted else now.confirmed,
+    )
+
+
+def with_measured(now: GraphSnapshot, rates: WellRates, *, by_person: bool) -> GraphSnapshot:
+    """Return the snapshot with rates [m^3/s] that a person reported or the pumps measured."""
+    if by_person:
+        return replace(now, set_rates=rates, measured=rates)
+    return replace(now, measured=rates, pumps_report=True)
+
+
+def with_confirmation(now: GraphSnapshot, sequence: int) -> GraphSnapshot:
+    """Return the snapshot in which the setpoint with this number is confirmed."""
+    return replace(now, confirmed=sequence)
+
+
+def with_cycle(now: GraphSnapshot, point: CyclePoint) -> GraphSnapshot:
+    """Return the snapshot with a new point of the curves; the oldest is dropped if it is full."""
+    if now.history and point.time < now.history[-1].time:
+        now = replace(now, history=(), history_start=now.history_end, marks=())
+    rates = next((s.rates for s in reversed(now.setpoints) if s.time == point.time), {})
+    history = (*now.history, replace(point, rates=rates, remarks=point.remarks[:REMARKS_KEPT]))
+    return replace(now, history=history[-HISTORY_LENGTH:], history_end=now.history_end + 1)
+
+
+def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
+    """Return the snapshot without the data of experiments that began before `time` [s].
+
+    Rig, pumps and nodes remain. So does the first photograph of the new experiment, which may
+    arrive before this message.
+    """
+    is_first = now.observed is not None and now.observed.map.time == now.start
+    if is_first and now.start is not None and abs(now.start - time) <= TIME_TOLERANCE:
+        return now
+    return replace(
+        now,
+        observed=None,
+        difference=None,
+        predicted=(),
+        corrected=(),
+        history=(),
+        history_start=now.history_end,
+        marks=(),
+        finished=None,
+        arrivals=(),
+        start=None,
+    )
+
+
+def with_interruption(now: GraphSnapshot, mark: Mark) -> GraphSnapshot:
+    """Return the snapshot after an interruption: forecasts are void."""
+    return replace(now, marks=(*now.marks, mark)[-MARKS_KEPT:], predicted=(), corrected=())
+
+
+def with_end(now: GraphSnapshot, reason: str) -> GraphSnapshot:
+    """Return the snapshot of a finished experiment."""
+    return replace(now, finished=reason or 'the experiment is over')
+
+
+def _newest_nodes(health: dict[str, Health]) -> dict[str, Health]:
+    newest = sorted(health, key=lambda name: health[name].arrival)[-NODES_KEPT:]
+    return {name: health[name] for name in sorted(newest)}
+
+
+def with_health(now: GraphSnapshot, name: str, report: Health) -> GraphSnapshot:
+    """Return the snapshot with the report of a node."""
+    before = now.health.get(name)
+    report = replace(report, present=before.present if before else None)
+    return replace(now, health=_newest_nodes({**now.health, name: report}))
+
+
+def with_nodes(now: GraphSnapshot, names: Iterable[str], arrival: float) -> GraphSnapshot:
+    """Return the snapshot with the names of all nodes in the graph, seen at `arrival` [s]."""
+    shown = set(names)
+    health = {name: Health(Level.QUIET, 'running', arrival) for name in shown} | now.health
+    for name, report in health.items():
+        if name in shown or report.present:
+            health[name] = replace(report, present=name in shown)
+    return replace(now, health=_newest_nodes(health))

@@ -1,0 +1,41 @@
+"""The header of the page: rig, newest photograph, end of the experiment, worst node."""
+
+from porotwin_page.graph_snapshot import GraphSnapshot, ObservedState
+from porotwin_page.health import nodes_view, worst_view
+from porotwin_page.json_values import Json, finite
+
+STALE_AFTER_INTERVALS = 3
+"""Intervals without a photograph after which the page warns."""
+
+DEFAULT_INTERVAL = 30.0
+"""Time between photographs until the second one arrives [s]."""
+
+
+def photo_view(snapshot: GraphSnapshot, state: ObservedState, steady: float) -> Json:
+    """Return number, times and age of the newest photograph.
+
+    Args:
+        snapshot: the snapshot.
+        state: its observed state.
+        steady: present time on this machine's steady clock [s].
+    """
+    interval = snapshot.photo_interval or DEFAULT_INTERVAL
+    age = steady - state.arrival
+    return {
+        'sequence': state.sequence,
+        'time_s': state.map.time,
+        'age_s': finite(age),
+        'interval_s': finite(interval),
+        'stale': snapshot.finished is None and age > STALE_AFTER_INTERVALS * interval,
+    }
+
+
+def header_view(snapshot: GraphSnapshot, steady: float) -> Json:
+    """Return the content of the header; `steady` as in `photo_view`."""
+    state = snapshot.observed
+    return {
+        'rig_name': snapshot.rig.name if snapshot.rig else '',
+        'photo': photo_view(snapshot, state, steady) if state else None,
+        'finished': snapshot.finished,
+        'nodes': worst_view(nodes_view(snapshot, steady)),
+    }

@@ -1,0 +1,22 @@
+"""The error of every forecast, with and without correction."""
+
+import math
+
+from porotwin_page.graph_snapshot import CyclePoint
+from porotwin_page.panel import ChartPanel, Region
+
+
+def errors(cycle: CyclePoint) -> dict[str, float]:
+    """Return the relative errors in percent; the corrected one is NaN without a correction."""
+    corrected = cycle.corrected_error if cycle.corrected else math.nan
+    return {'corrected': 100 * corrected, 'model alone': 100 * cycle.prediction_error}
+
+
+PANEL = ChartPanel(
+    title='Forecast error',
+    region=Region.CURVES,
+    order=10,
+    values=errors,
+    unit='%',
+    dashed=('model alone',),
+)

@@ -1,0 +1,34 @@
+/* Short forms for reading and changing the document. */
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+export const find = (selector, root = document) => root.querySelector(selector);
+
+/* Sets a text only if it differs, so that a selection in it survives. */
+export function setText(target, text) {
+  if (target.textContent !== text) target.textContent = text;
+}
+
+/* A new element with properties and children, which are elements or texts. */
+export function element(name, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+}
+
+/* A new SVG element at the end of `parent`. */
+export function draw(parent, name, attributes, text) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text !== undefined) made.textContent = text;
+  parent.append(made);
+  return made;
+}
+
+/* Returns whether `value` differs from the last call with this element, and remembers it. */
+export function hasChanged(target, value) {
+  const key = JSON.stringify(value);
+  if (target.dataset.key === key) return false;
+  target.dataset.key = key;
+  return true;
+}

@@ -1,0 +1,13 @@
+/* A panel with lines of text. */
+
+import { element, hasChanged } from './dom.js';
+
+export function create(root) {
+  const list = element('ul');
+  root.append(list);
+  return (lines) => {
+    root.hidden = lines.length === 0;
+    if (!hasChanged(list, lines)) return;
+    list.replaceChildren(...lines.map((text) => element('li', { textContent: text })));
+  };
+}

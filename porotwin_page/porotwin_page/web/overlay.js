@@ -1,0 +1,68 @@
+/* The drawing over a map: disallowed zone, wells, labels and a scale bar; no document needed. */
+
+import { number } from './formatting.js';
+
+const LARGE_RIG_M = 2;  // larger rigs have a longer scale bar
+const BAR_M = { small: 0.1, large: 0.5 };
+const EDGE_PX = 2;  // an outline on the edge of the rig would be cut in half
+const RADIUS_PX = { labelled: 7, plain: 4.5 };
+const LABEL_SIDE = 0.72;  // wells right of this part of the width have their labels on the left
+
+/* A shape is [name of the SVG element, attributes, text]. */
+export function overlayShapes(rig, rates, { width, height, id, labelled }) {
+  const x = (metres) => metres / rig.width_m * width;
+  const y = (metres) => height - metres / rig.height_m * height;
+  return [
+    ...zoneShapes(rig, { x, y, width, height, id, labelled }),
+    ...rig.wells.flatMap((well) => wellShapes(well, rates[well.name], x, y, width, labelled)),
+    ...(labelled ? barShapes(rig, x, width, height) : []),
+  ];
+}
+
+function zoneShapes(rig, { x, y, width, height, id, labelled }) {
+  if (!rig.zone_m.length) return [];
+  const inside = (value, most) => Math.min(Math.max(value, EDGE_PX), most - EDGE_PX);
+  const points = rig.zone_m
+    .map(([px, pz]) => `${inside(x(px), width)},${inside(y(pz), height)}`).join(' ');
+  const shapes = [
+    ['polygon', { points, class: 'zone-halo' }],
+    ['polygon', { points, class: 'zone', style: `fill: url(#${id})` }],
+  ];
+  if (labelled) {
+    const top = Math.max(...rig.zone_m.map((point) => point[1]));
+    const place = { x: 12, y: y(top) + 22, class: 'overlay-text zone-text' };
+    shapes.push(['text', place, 'disallowed zone']);
+  }
+  return shapes;
+}
+
+function wellShapes(well, rate, x, y, width, labelled) {
+  const cx = x(well.x_m);
+  const cy = y(well.z_m);
+  const r = labelled ? RADIUS_PX.labelled : RADIUS_PX.plain;
+  const shapes = [
+    ['circle', { cx, cy, r, class: 'well-halo' }],
+    ['circle', { cx, cy, r, class: 'well' }],
+  ];
+  if (!labelled) return shapes;
+  const onRight = cx < width * LABEL_SIDE;
+  const place = {
+    x: cx + (onRight ? 14 : -14), 'text-anchor': onRight ? 'start' : 'end', class: 'overlay-text',
+  };
+  shapes.push(['text', { ...place, y: cy - 1 }, well.name]);
+  if (rate !== undefined) {
+    shapes.push(['text', { ...place, y: cy + 14 }, `${number(rate, 1)} ml/h`]);
+  }
+  return shapes;
+}
+
+function barShapes(rig, x, width, height) {
+  const length = rig.width_m > LARGE_RIG_M ? BAR_M.large : BAR_M.small;
+  const right = width - 14;
+  const low = height - 12;
+  const text = { x: right, y: low - 7, 'text-anchor': 'end', class: 'overlay-text' };
+  return [
+    ['line', { x1: right - x(length), x2: right, y1: low, y2: low, class: 'bar' }],
+    ['text', text, `${length * 100} cm`],
+  ];
+}

@@ -1,0 +1,57 @@
+"""Tests of the health of the nodes."""
+
+import pytest
+from page_examples import after
+
+from porotwin_page import graph_snapshot as snapshot
+from porotwin_page.graph_snapshot import Health, Level
+from porotwin_page.health import LONGEST_TEXT, nodes_view, worst_view
+
+
+def test_errors_and_warnings_come_first_and_an_absent_node_is_an_error() -> None:
+    now = after(
+        (snapshot.with_health, 'hub', Health(Level.OK, 'state 2 done', 10.0)),
+        (snapshot.with_health, 'costa', Health(Level.WARN, 'no model', 10.0)),
+        (snapshot.with_health, 'solver', Health(Level.OK, 'fast', 10.0)),
+        (snapshot.with_nodes, ['hub', 'costa', 'solver', 'camera'], 11.0),
+        (snapshot.with_nodes, ['hub', 'costa', 'camera'], 13.0),
+    )
+    lines = nodes_view(now, 20.0)
+    assert [(line['name'], line['level']) for line in lines] == [
+        ('solver', 'error'),
+        ('costa', 'warn'),
+        ('camera', 'quiet'),
+        ('hub', 'ok'),
+    ]
+    assert lines[0]['message'] == 'not running'
+    assert lines[1]['age_s'] == pytest.approx(10.0)
+
+
+def test_after_the_experiment_a_node_may_end() -> None:
+    now = after(
+        (snapshot.with_nodes, ['camera'], 0.0),
+        (snapshot.with_nodes, [], 1.0),
+        (snapshot.with_end, 'done'),
+    )
+    (line,) = nodes_view(now, 2.0)
+    assert (line['level'], line['message']) == ('quiet', 'ended')
+
+
+def node(name: str, level: str, message: str = 'fast') -> dict:
+    return {'name': name, 'level': level, 'message': message, 'age_s': 1.0}
+
+
+def test_the_worst_node_is_named_with_the_number_of_others() -> None:
+    nodes = [node('camera', 'error', 'gone'), node('hub', 'error'), node('costa', 'warn')]
+    assert worst_view(nodes) == {'level': 'error', 'text': '✖ camera: gone (+1)'}
+
+
+def test_healthy_nodes_are_counted() -> None:
+    nodes = [node('camera', 'ok'), node('hub', 'quiet')]
+    assert worst_view(nodes) == {'level': 'ok', 'text': '✔ 2 nodes'}
+
+
+def test_a_long_message_is_cut() -> None:
+    text = worst_view([node('camera', 'error', 'x' * 200)])['text']
+    assert len(text) <= LONGEST_TEXT + len('✖ ')
+    assert text.endswith('x…')

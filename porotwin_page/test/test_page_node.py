@@ -1,0 +1,312 @@
+"""Tests of the page node in a running graph: messages are shown, confirmations arrive."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from page_examples import GRID, RIG, RIG_FILE, map_at, rates
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from porotwin_core import conversions, qos
+from porotwin_core.units import to_ml_h
+from porotwin_msgs.msg import (
+    CleanState,
+    CycleReport,
+    NewState,
+    RigDescription,
+    Setpoint,
+    TracerField,
+    WellRates,
+)
+from porotwin_msgs.srv import ConfirmRates
+from porotwin_page.address import listen
+
+pytestmark = pytest.mark.graph
+
+ENVIRONMENT = {**os.environ, 'PYTHONUNBUFFERED': '1'}
+TIMEOUT_S = 60.0
+
+
+def free_address() -> str:
+    with listen('127.0.0.1:0') as taken:
+        return f'127.0.0.1:{taken.getsockname()[1]}'
+
+
+def start_page(address: str, *parameters: str) -> subprocess.Popen:
+    command = [
+        sys.executable,
+        '-m',
+        'porotwin_page.page_node',
+        '--ros-args',
+        '-r',
+        '__ns:=/porotwin',
+    ]
+    for parameter in (f'address:={address}', *parameters):
+        command += ['-p', parameter]
+    return subprocess.Popen(
+        command, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+
+
+@contextlib.contextmanager
+def page(address: str, *parameters: str) -> Iterator[subprocess.Popen]:
+    process = start_page(address, *parameters)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)
+
+
+def until(condition: Callable[[], Any], what: str) -> Any:
+    end = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError):
+            if found := condition():
+                return found
+        time.sleep(0.1)
+    raise AssertionError(f'{what} did not happen within {TIMEOUT_S:g} s')
+
+
+def newest_event(address: str) -> dict:
+    with urllib.request.urlopen(f'http://{address}/events', timeout=5) as response:
+        return json.loads(response.readline().removeprefix(b'data: '))
+
+
+def post(address: str, body: dict) -> tuple[int, dict]:
+    request = urllib.request.Request(
+        f'http://{address}/confirm',
+        json.dumps(body).encode(),
+        {'Content-Type': 'application/json'},
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=20) as response:
+            return response.status, json.load(response)
+    except urllib.error.HTTPError as error:
+        return error.code, json.load(error)
+
+
+class Hub(Node):
+    """The rest of the graph: publishes data for the page and receives its confirmations."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        super().__init__('hub', namespace='/porotwin', context=context)
+        self.requests: list[ConfirmRates.Request] = []
+        self.publishers_by_topic = {
+            topic: self.create_publisher(kind, topic, profile)
+            for topic, kind, profile in (
+                ('rig/description', RigDescription, qos.CONFIG),
+                ('asset/new_state', NewState, qos.FIELD),
+                ('asset/clean_state', CleanState, qos.FIELD),
+                ('tracer/predicted', TracerField, qos.FIELD),
+                ('tracer/corrected', TracerField, qos.FIELD),
+                ('wells/setpoint', Setpoint, qos.SETPOINT),
+                ('wells/measured', WellRates, qos.FIELD),
+                ('hub/cycle', CycleReport, qos.FIELD),
+                ('/diagnostics', DiagnosticArray, 10),
+            )
+        }
+
+    def offer_confirmation(self) -> None:
+        self.create_service(ConfirmRates, 'operator/confirm', self._confirm)
+
+    def _confirm(
+        self, request: ConfirmRates.Request, response: ConfirmRates.Response
+    ) -> ConfirmRates.Response:
+        self.requests.append(request)
+        response.outcome = conversions.ok()
+        now = self.get_clock().now().to_msg()
+        message = WellRates(start=now, wells=conversions.rates_to_msg(rates(118.0)))
+        message.header.stamp = now
+        self.send('wells/measured', message)
+        return response
+
+    def send(self, topic: str, message: Any) -> None:
+        self.publishers_by_topic[topic].publish(message)
+
+    def all_topics_have_subscribers(self) -> bool:
+        return all(
+            publisher.get_subscription_count() > 0
+            for publisher in self.publishers_by_topic.values()
+        )
+
+    def publish_cycle(self, now: float) -> None:
+        """Publish a photograph of the time `now` [s] and all messages of its cycle."""
+
+        def tracer(value: float) -> TracerField:
+            return conversions.tracer_to_msg(map_at(0, value).concentration, GRID, now)
+
+        self.send('tracer/predicted', tracer(0.3))
+        self.send('tracer/corrected', tracer(0.2))
+        # the topics keep no order between them
+        time.sleep(0.5)
+        header = conversions.header_at(now)
+        self.send(
+            'asset/new_state',
+            NewState(
+                header=header, sequence=7, time_step=30.0, tracer=tracer(0.25), calibrated=True
+            ),
+        )
+        self.send(
+            'wells/setpoint',
+            Setpoint(
+                header=header,
+                sequence=3,
+                valid_until=conversions.time_to_msg(now + 90.0),
+                wells=conversions.rates_to_msg(rates(120.0)),
+                reason='least tracer',
+            ),
+        )
+        time.sleep(0.5)
+        self.send(
+            'hub/cycle',
+            CycleReport(
+                header=header,
+                sequence=7,
+                prediction_error=0.2,
+                corrected_error=float('nan'),
+                disallowed_tracer=1e-6,
+                cycle_duration=1.25,
+                correction_status='no model loaded',
+            ),
+        )
+        status = DiagnosticStatus(level=DiagnosticStatus.WARN, name='hub', message='state 7 done')
+        self.send('/diagnostics', DiagnosticArray(status=[status]))
+
+
+@pytest.fixture
+def hub() -> Iterator[Hub]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = Hub(context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    spinning = threading.Thread(target=executor.spin, daemon=True)
+    spinning.start()
+    yield node
+    executor.shutdown()
+    spinning.join(10)
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub) -> None:
+    address = free_address()
+    hub.send('rig/description', conversions.rig_to_msg(RIG))
+    with page(address):
+        until(lambda: newest_event(address)['rig'], 'the latched rig description')
+        until(hub.all_topics_have_subscribers, 'subscriptions of the page to all topics')
+        hub.publish_cycle(time.time())
+        shown = until(
+            lambda: (event := newest_event(address))['history']['points'] and event, 'a cycle'
+        )
+        panels = shown['panels']
+        wells = {well['name']: well for well in panels['pump_settings']['wells']}
+        assert shown['header']['rig_name'] == RIG.name
+        assert shown['header']['photo']['sequence'] == 7
+        assert wells['control1']['rate_ml_h'] == pytest.approx(120.0)
+        assert 0 < panels['pump_settings']['remaining_s'] <= 90
+        assert panels['difference']['high'] == 0.05
+        errors = shown['history']['points'][0]['values']['forecast_error']
+        assert errors['model alone'] == pytest.approx(20.0)
+        assert errors['corrected'] is None
+        with urllib.request.urlopen(f'http://{address}/map/difference.png', timeout=5) as response:
+            assert response.read().startswith(b'\x89PNG')
+        health = until(
+            lambda: (
+                {
+                    line['name']: line['level']
+                    for line in newest_event(address)['panels']['node_health']
+                    if line['name'] in ('hub', 'page')
+                }
+                == {'hub': 'warn', 'page': 'ok'}
+            ),
+            'health of both nodes',
+        )
+        assert health
+
+        status, answer = post(address, {'sequence': 3})
+        assert status == 503
+        assert 'the operator node is absent' in answer['error']
+
+        hub.offer_confirmation()
+        status, answer = until(
+            lambda: (
+                (given := post(address, {'sequence': 3, 'rates_ml_h': {'control1': 118.0}}))[0]
+                == 200
+                and given
+            ),
+            'a confirmation',
+        )
+        assert answer == {'message': 'setpoint 3 confirmed'}
+        request = hub.requests[-1]
+        assert request.sequence == 3
+        assert [(well.well, round(to_ml_h(well.rate), 6)) for well in request.wells] == [
+            ('control1', 118.0)
+        ]
+        setpoint = until(
+            lambda: (
+                (shown := newest_event(address)['panels']['pump_settings'])
+                and shown['wells'][2]['before_ml_h']
+                and shown
+            ),
+            'the reported rates',
+        )
+        assert setpoint['confirmed']
+        assert setpoint['wells'][2]['before_ml_h'] == pytest.approx(118.0)
+
+
+def test_a_port_in_use_is_one_line_and_status_2() -> None:
+    with listen('127.0.0.1:0') as taken:
+        port = taken.getsockname()[1]
+        process = start_page(f'127.0.0.1:{port}')
+        output, _ = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 2
+    (line,) = output.strip().splitlines()
+    assert line.startswith(f'error: page address 127.0.0.1:{port} is in use')
+    assert '--page HOST:PORT' in line
+
+
+def test_a_wrong_rig_is_one_line_and_status_2(tmp_path: Path) -> None:
+    broken = tmp_path / 'rig.yaml'
+    broken.write_text(RIG_FILE.read_text().replace('producer: producer', 'producer: pump9'))
+    process = start_page(free_address(), f'rig:={broken}')
+    output, _ = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 2
+    (line,) = output.strip().splitlines()
+    assert "unknown well 'pump9'" in line
+
+
+def test_an_interrupt_while_browsers_watch_ends_the_page_with_status_0() -> None:
+    address = free_address()
+    process = start_page(address, f'rig:={RIG_FILE}')
+    until(lambda: newest_event(address)['panels']['node_health'], 'the names of the nodes')
+    with urllib.request.urlopen(f'http://{address}/events', timeout=5) as watching:
+        watching.readline()
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 0, output
+    (line,) = output.strip().splitlines()
+    assert f'page at http://{address}' in line
+
+
+def test_the_port_is_free_after_the_end_of_a_page() -> None:
+    address = free_address()
+    for _ in range(2):
+        with page(address, f'rig:={RIG_FILE}'):
+            event = until(lambda: newest_event(address), 'an event')
+            assert event['header']['rig_name'] == RIG.name

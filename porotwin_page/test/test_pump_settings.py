@@ -1,0 +1,72 @@
+"""Tests of the pump settings: units, changes and validity."""
+
+from dataclasses import replace
+
+import pytest
+from page_examples import START, content, rates, setpoint, two_cycles
+
+from porotwin_page import graph_snapshot as snapshot
+from porotwin_page.graph_snapshot import GraphSnapshot
+
+
+def settings(now: GraphSnapshot, graph: float | None = START) -> dict:
+    return content('pump_settings', now, graph=graph)
+
+
+def wells(now: GraphSnapshot) -> dict[str, dict]:
+    return {well['name']: well for well in settings(now)['wells']}
+
+
+def changed(now: GraphSnapshot) -> list[str]:
+    return [name for name, well in wells(now).items() if well['changed']]
+
+
+def test_rates_are_shown_in_ml_h_with_their_sign() -> None:
+    shown = wells(two_cycles())
+    assert shown['control1']['rate_ml_h'] == pytest.approx(120.0)
+    assert shown['producer']['rate_ml_h'] == pytest.approx(-620.0)
+    assert shown['injector']['tracer'] == 1.0
+    assert shown['producer']['tracer'] == 0.0
+
+
+def test_before_the_first_report_every_pump_is_to_be_set() -> None:
+    assert len(changed(two_cycles())) == 5
+    assert wells(two_cycles())['control1']['before_ml_h'] is None
+
+
+def test_changes_are_relative_to_the_reported_rates_not_to_the_last_setpoint() -> None:
+    now = snapshot.with_measured(two_cycles(), rates(90.0), by_person=True)
+    assert changed(now) == ['producer', 'control1']
+    assert wells(now)['control1']['before_ml_h'] == pytest.approx(90.0)
+    # a setpoint that the person missed makes no difference
+    now = snapshot.with_setpoint(now, setpoint(3, 120.0))
+    assert changed(now) == ['producer', 'control1']
+
+
+def test_pumps_that_report_follow_by_themselves() -> None:
+    now = snapshot.with_measured(two_cycles(), rates(119.0), by_person=False)
+    assert settings(now)['pumps_report'] is True
+    assert wells(now)['control1']['before_ml_h'] == pytest.approx(100.0)
+    assert wells(now)['control1']['measured_ml_h'] == pytest.approx(119.0)
+
+
+def test_the_validity_counts_down_on_the_graphs_clock_and_below_zero() -> None:
+    def remaining(graph: float | None) -> float | None:
+        return settings(two_cycles(), graph)['remaining_s']
+
+    assert remaining(START + 40.0) == pytest.approx(80.0)
+    assert remaining(START + 130.0) == pytest.approx(-10.0)
+    assert remaining(None) is None
+
+
+def test_the_validity_counts_from_the_arrival_whatever_the_cameras_clock_says() -> None:
+    hours_off = replace(setpoint(3, 0.0), arrival=START + 7260.0)
+    now = snapshot.with_setpoint(two_cycles(), hours_off)
+    assert settings(now, START + 7270.0)['remaining_s'] == pytest.approx(80.0)
+    no_time = snapshot.with_setpoint(two_cycles(), replace(hours_off, arrival=None))
+    assert settings(no_time)['remaining_s'] is None
+
+
+def test_a_confirmed_setpoint_is_marked() -> None:
+    assert not settings(two_cycles())['confirmed']
+    assert settings(snapshot.with_confirmation(two_cycles(), 2))['confirmed']

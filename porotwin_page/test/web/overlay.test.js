@@ -1,0 +1,44 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+import { overlayShapes } from '../../porotwin_page/web/overlay.js';
+
+const RIG = {
+  width_m: 1,
+  height_m: 0.5,
+  wells: [{ name: 'injector', x_m: 0.25, z_m: 0.1 }, { name: 'producer', x_m: 0.9, z_m: 0.1 }],
+  zone_m: [[0, 0.4], [1, 0.4], [1, 0.5], [0, 0.5]],
+};
+const SIZE = { width: 400, height: 200, id: 'hatch' };
+const shapes = (labelled, rig = RIG) => overlayShapes(rig, { injector: 500 }, { ...SIZE, labelled });
+const texts = (drawn) => drawn.filter(([name]) => name === 'text').map(([, , text]) => text);
+
+test('wells lie where the rig says, with z upward', () => {
+  const [, circle] = shapes(false).filter(([name]) => name === 'circle');
+  assert.deepEqual([circle[1].cx, circle[1].cy], [100, 160]);
+});
+
+test('a large map has labels, rates and a scale bar', () => {
+  assert.deepEqual(texts(shapes(true)),
+    ['disallowed zone', 'injector', '500.0 ml/h', 'producer', '10 cm']);
+  assert.deepEqual(texts(shapes(false)), []);
+});
+
+test('labels of wells at the right edge lie on their left', () => {
+  const labels = shapes(true).filter(([, , text]) => text === 'injector' || text === 'producer');
+  assert.deepEqual(labels.map(([, attributes]) => attributes['text-anchor']), ['start', 'end']);
+});
+
+test('the outline of the zone stays inside the picture', () => {
+  const [, { points }] = shapes(false).find(([name]) => name === 'polygon');
+  assert.equal(points, '2,40 398,40 398,2 2,2');
+});
+
+test('a rig without a zone has none', () => {
+  const drawn = shapes(true, { ...RIG, zone_m: [] });
+  assert.equal(drawn.some(([name]) => name === 'polygon'), false);
+});
+
+test('a large rig has a longer bar', () => {
+  assert.ok(texts(shapes(true, { ...RIG, width_m: 2.8 })).includes('50 cm'));
+});

@@ -1,0 +1,80 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+import {
+  asSteps, curvePath, curvesOf, frame, niceStep, ticks, tickText, timeAxis, valueAxis,
+} from '../../porotwin_page/web/plot.js';
+
+const same = (value) => value;
+const point = (time_s, values) => ({ time_s, values: { error: values } });
+
+test('steps are 1, 2 or 5 times a power of ten', () => {
+  assert.deepEqual([niceStep(10, 5), niceStep(11, 5), niceStep(0.9, 3), niceStep(60, 5)],
+    [2, 5, 0.5, 20]);
+});
+
+test('ticks cover the range', () => {
+  assert.deepEqual(ticks(0, 6, 5), [0, 2, 4, 6]);
+  assert.deepEqual(ticks(-1000, 500, 3), [-1000, -500, 0, 500]);
+});
+
+test('ticks have the digits of their step', () => {
+  assert.equal(tickText(0.5, 0.5), '0.5');
+  assert.equal(tickText(-20, 20), '−20');
+});
+
+test('a path has gaps, and a single point becomes a dot', () => {
+  const times = [0, 1, 2, 3, 4];
+  assert.equal(curvePath(times, [1, 2, null, 3, null], same, same),
+    'M0.0,1.0L1.0,2.0M3.0,3.0h0.01');
+});
+
+test('steps hold a value until the next time', () => {
+  assert.deepEqual(asSteps([0, 10], [1, 2]), [[0, 10, 10], [1, 1, 2]]);
+});
+
+test('short runs count in minutes from the start', () => {
+  const axis = timeAxis([{ time_s: 100 }, { time_s: 400 }], 100, false);
+  assert.deepEqual(axis.times, [0, 5]);
+  assert.deepEqual([axis.from, axis.to], [0, 5]);
+  assert.match(axis.label, /minutes/);
+});
+
+test('long runs count in hours', () => {
+  const axis = timeAxis([{ time_s: 0 }, { time_s: 36000 }], 0, false);
+  assert.deepEqual(axis.times, [0, 10]);
+  assert.match(axis.label, /hours/);
+});
+
+test('the first minutes have an axis of two minutes', () => {
+  assert.deepEqual(timeAxis([{ time_s: 0 }], 0, false).to, 2);
+  assert.deepEqual(timeAxis([], null, false).to, 2);
+});
+
+test('a history that was cut begins at its first point', () => {
+  assert.equal(timeAxis([{ time_s: 600 }, { time_s: 1200 }], 0, true).from, 10);
+});
+
+test('the value axis contains zero and ends at ticks', () => {
+  const axis = valueAxis([3, 7]);
+  assert.deepEqual([axis.low, axis.high], [0, 10]);
+  assert.deepEqual(valueAxis([0, 0]).high, 1);
+  assert.deepEqual(valueAxis([-820, 500]).low, -1000);
+});
+
+test('the frame maps the ranges to pixels', () => {
+  const box = frame(300, 200, { from: 0, to: 10 }, { low: 0, high: 1 });
+  assert.deepEqual([box.x(0), box.x(10)], [box.left, box.right]);
+  assert.deepEqual([box.y(0), box.y(1)], [box.bottom, box.top]);
+});
+
+test('curves keep their position when another one has no values', () => {
+  const points = [point(0, { corrected: null, alone: 1 }), point(1, { corrected: null, alone: 2 })];
+  assert.deepEqual(curvesOf(points, 'error'), [{ name: 'alone', position: 1, values: [1, 2] }]);
+});
+
+test('a curve that begins later has gaps', () => {
+  const points = [point(0, {}), point(1, { well: 3 })];
+  assert.deepEqual(curvesOf(points, 'error')[0].values, [null, 3]);
+  assert.deepEqual(curvesOf(points, 'other'), []);
+});

@@ -1,0 +1,231 @@
+"""Converts an experiment folder to a bag, and a bag to an experiment folder.
+
+Exact in both directions: tracer maps as float32, photographs byte for byte, times to the
+nanosecond, every change of a rate, and the rig with its maps. Packed maps become float32 with the
+same values. Photographs get names from role and number; a map file of the rig gets its name from
+the quantity. The folder of a live bag holds the experiment only, without predictions, reports and
+diagnostics.
+"""
+
+import array
+import heapq
+import math
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Header
+
+from porotwin_core.conversions import CAMERA_FRAME, RIG_FRAME, grid_to_msg, rates_to_msg, rig_to_msg
+from porotwin_core.errors import InputError
+from porotwin_core.wells import Schedule, WellRate
+from porotwin_msgs.msg import (
+    CleanState,
+    NewState,
+    Setpoint,
+    StateRefreshed,
+    TracerField,
+    WellRates,
+)
+from porotwin_recording import topic_names
+from porotwin_recording.bag_records import TopicQos
+from porotwin_recording.bag_writer import BagWriter
+from porotwin_recording.experiment_folder import Progress, write_folder
+from porotwin_recording.photos import Photo
+from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.recording import open_recording
+from porotwin_recording.serialization import SECOND, Serializer, message_type
+
+IMPORT_START = 1_000_000_000 * SECOND
+"""Start of every imported experiment [ns], 2001-09-09 01:46:40 UTC; equal folders, equal bags."""
+
+_QOS = {
+    topic_names.RIG: TopicQos(depth=1, durability='transient_local'),
+    topic_names.BASELINE: TopicQos(durability='transient_local'),
+    topic_names.SETPOINT: TopicQos(depth=1),
+}
+
+_COUNTED = (topic_names.NEW_STATE, topic_names.IMAGE, topic_names.BASELINE)
+"""Topics whose messages count as progress."""
+
+
+class _StampedMessage(NamedTuple):
+    """A message, its stamp [ns], and its topic relative to the namespace."""
+
+    stamp: int
+    topic: str
+    message: Any
+
+
+def import_experiment(
+    folder: Path | str, bag: Path | str, *, progress: Progress | None = None
+) -> None:
+    """Write the experiment in `folder` as a bag, as if it had been recorded live.
+
+    The bag appears when it is complete, and not at all after an error.
+
+    Args:
+        folder: the experiment folder.
+        bag: the new bag, a folder or a file .mcap.
+        progress: receives the number of finished maps and photographs, and their total.
+
+    Raises:
+        InputError: one line that names a fault in the folder, or the bag exists.
+    """
+    recording = open_recording(folder)
+    serializer = Serializer()
+    counts: dict[str, int] = {}
+    total = len(recording.photos) + (len(recording.maps) if recording.maps else 0)
+    done = 0
+    with _complete_or_absent(Path(bag)) as path, BagWriter(path) as writer:
+        for stamp, topic, message in _messages(recording):
+            name = f'{topic_names.NAMESPACE}/{topic}'
+            writer.add_topic(name, message_type(message), qos=_QOS.get(topic))
+            counts[name] = counts.get(name, 0) + 1
+            writer.write(name, serializer.to_cdr(message), log_time=stamp, sequence=counts[name])
+            if progress and topic in _COUNTED:
+                done += 1
+                progress(done, total)
+
+
+def export_bag(bag: Path | str, folder: Path | str, *, progress: Progress | None = None) -> None:
+    """Write the experiment in `bag` as an experiment folder.
+
+    The folder appears when it is complete, and not at all after an error.
+
+    Args:
+        bag: the bag, a folder or a file .mcap.
+        folder: the new experiment folder.
+        progress: receives the number of finished maps and photographs, and their total.
+
+    Raises:
+        InputError: one line that names a fault in the bag, or the folder exists.
+    """
+    recording = open_recording(bag)
+    with _complete_or_absent(Path(folder)) as path:
+        write_folder(path, recording, progress=progress)
+
+
+@contextmanager
+def _complete_or_absent(target: Path) -> Iterator[Path]:
+    """Yield a temporary path that is renamed to `target` at the end, or removed after an error."""
+    if target.exists():
+        raise InputError(f'{target}: exists already; name another or remove it')
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = tempfile.TemporaryDirectory(prefix=f'.{target.name}-', dir=target.parent)
+    except OSError as error:
+        raise InputError(f'{target}: cannot be written ({error.strerror})') from None
+    with temporary as folder:
+        path = Path(folder, target.name)
+        yield path
+        path.rename(target)
+
+
+def _messages(data: RecordedData) -> Iterator[_StampedMessage]:
+    """Yield all messages of an experiment, ordered by stamp."""
+    streams = [_opening(data), _setpoints(data), _measured(data), _images(data), _states(data)]
+    yield from heapq.merge(*streams, key=lambda item: item.stamp)
+
+
+def _stamp(time: float) -> int:
+    return IMPORT_START + round(time * SECOND)
+
+
+def _time(stamp: int) -> Time:
+    return Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
+
+
+def _header(stamp: int, frame: str = RIG_FRAME) -> Header:
+    return Header(stamp=_time(stamp), frame_id=frame)
+
+
+def _opening(data: RecordedData) -> Iterator[_StampedMessage]:
+    first = min([0.0, *(photo.time for photo in data.photos)])
+    yield _StampedMessage(_stamp(first), topic_names.RIG, rig_to_msg(data.rig))
+    start = CleanState(
+        header=_header(IMPORT_START), cause=CleanState.START, reason='imported experiment begins'
+    )
+    yield _StampedMessage(IMPORT_START, topic_names.CLEAN_STATE, start)
+
+
+def _changes(schedule: Schedule) -> Iterator[tuple[float, dict[str, WellRate]]]:
+    """Yield the rates of all wells at the time of every change, changed wells first."""
+    for time in dict.fromkeys(row.time for row in schedule.rows):
+        rates = schedule.at(time)
+        changed = [row.well for row in schedule.rows if row.time == time]
+        yield time, {well: rates[well] for well in dict.fromkeys((*changed, *rates))}
+
+
+def _setpoints(data: RecordedData) -> Iterator[_StampedMessage]:
+    if data.commanded is None:
+        return
+    times = [row.time for row in data.commanded.rows]
+    times += [] if data.maps is None else [data.maps.times[-1]]
+    end = max([*times, *(photo.time for photo in data.photos)], default=0.0)
+    changes = list(_changes(data.commanded))
+    ends = [*(time for time, _ in changes[1:]), end]
+    for number, ((time, rates), until) in enumerate(zip(changes, ends, strict=False)):
+        message = Setpoint(
+            header=_header(_stamp(time)),
+            sequence=number + 1,
+            valid_until=_time(_stamp(until)),
+            wells=rates_to_msg(rates),
+            reason='imported',
+        )
+        yield _StampedMessage(_stamp(time), topic_names.SETPOINT, message)
+
+
+def _measured(data: RecordedData) -> Iterator[_StampedMessage]:
+    if data.measured is None:
+        return
+    for time, rates in _changes(data.measured):
+        stamp = _stamp(time)
+        message = WellRates(header=_header(stamp), start=_time(stamp), wells=rates_to_msg(rates))
+        yield _StampedMessage(stamp, topic_names.MEASURED, message)
+
+
+def _images(data: RecordedData) -> Iterator[_StampedMessage]:
+    for photo in data.photos:
+        topic = topic_names.BASELINE if photo.role == 'baseline' else topic_names.IMAGE
+        yield _StampedMessage(_stamp(photo.time), topic, _image(photo))
+
+
+def _image(photo: Photo) -> CompressedImage:
+    suffix = Path(photo.name).suffix.lower().lstrip('.')
+    return CompressedImage(
+        header=_header(_stamp(photo.time), CAMERA_FRAME),
+        format='jpeg' if suffix == 'jpg' else suffix,
+        data=array.array('B', photo.read()),
+    )
+
+
+def _states(data: RecordedData) -> Iterator[_StampedMessage]:
+    if data.maps is None:
+        return
+    grid = grid_to_msg(data.maps.grid)
+    previous = data.maps.times[0]
+    for sequence, (time, frame) in enumerate(zip(data.maps.times, data.maps, strict=True), start=1):
+        stamp = _stamp(time)
+        header = _header(stamp)
+        values = np.ascontiguousarray(frame, dtype=np.float32)
+        tracer = TracerField(
+            header=header, grid=grid, concentration=array.array('f', values.tobytes())
+        )
+        state = NewState(
+            header=header,
+            sequence=sequence,
+            time_step=float(time - previous),
+            tracer=tracer,
+            noise=math.nan,
+            calibrated=True,
+        )
+        yield _StampedMessage(stamp, topic_names.NEW_STATE, state)
+        refreshed = StateRefreshed(header=header, sequence=sequence)
+        yield _StampedMessage(stamp, topic_names.STATE_REFRESHED, refreshed)
+        previous = time

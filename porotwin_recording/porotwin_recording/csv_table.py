@@ -1,0 +1,79 @@
+"""CSV tables of an experiment folder: an exact header and finite numbers."""
+
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+
+EXACT_INTEGERS = 1e15
+"""Integers below this are written in full; float64 holds all of them exactly."""
+
+
+def read_table(
+    path: Path, header: tuple[str, ...], purpose: str
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield (location, words) for every line below the header; empty lines are skipped.
+
+    The location is `file:line`, for messages.
+
+    Args:
+        path: the file, UTF-8 with or without a byte order mark.
+        header: required words of the first line.
+        purpose: the content of the table, for the message about a missing file.
+
+    Raises:
+        InputError: the file is missing or not a table, or its header or a number of columns is
+            wrong.
+    """
+    try:
+        with path.open(encoding='utf-8-sig', newline='') as file:
+            lines = csv.reader(file)
+            found = tuple(word.strip() for word in next(lines, ()))
+            if found != header:
+                raise InputError(
+                    f"{path}: first line is '{','.join(found)}'; write {','.join(header)}"
+                )
+            for line in lines:
+                words = [word.strip() for word in line]
+                if not any(words):
+                    continue
+                where = f'{path}:{lines.line_num}'
+                if len(words) != len(header):
+                    raise InputError(f'{where}: has {len(words)} values; needs {",".join(header)}')
+                yield where, words
+    except FileNotFoundError:
+        raise InputError(f'{path}: no such file; it holds {purpose}') from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f'{path}: not readable as CSV: {error}') from None
+
+
+def write_table(path: Path, header: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> None:
+    """Write `rows` below `header`, in UTF-8 with Unix line ends."""
+    with path.open('w', encoding='utf-8', newline='') as file:
+        lines = csv.writer(file, lineterminator='\n')
+        lines.writerow(header)
+        lines.writerows(rows)
+
+
+def parse_number(text: str, label: str) -> float:
+    """Return the finite number in `text`.
+
+    Raises:
+        InputError: `text` is no finite number; `label` opens the message.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{label} is '{text}'; write a finite number")
+    return value
+
+
+def number_text(value: float) -> str:
+    """Return the shortest text that reads back as `value`; integers have no decimal point."""
+    number = float(value)  # int has no is_integer in Python 3.11
+    exact = number.is_integer() and abs(number) < EXACT_INTEGERS
+    return str(int(number)) if exact else repr(number)

@@ -1,0 +1,98 @@
+"""The experiment folder: rig.yaml, rates.csv, concentration.nc, imaging.csv and photographs."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
+from porotwin_recording.photos import IMAGING_FILE, read_photos, write_photos
+from porotwin_recording.rates import read_rates, write_rates
+from porotwin_recording.recorded_data import RecordedData
+
+RIG_FILE = 'rig.yaml'
+COMMANDED_FILE = 'rates.csv'
+MEASURED_FILE = 'rates_measured.csv'
+MAPS_FILE = 'concentration.nc'
+
+FILES = (RIG_FILE, COMMANDED_FILE, MEASURED_FILE, MAPS_FILE, IMAGING_FILE)
+"""All files of an experiment folder; photographs lie where imaging.csv says."""
+
+Progress = Callable[[int, int], None]
+"""Receives the number of finished maps and photographs, and their total."""
+
+
+def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
+    """Return the experiment in `folder`; a given `rig` replaces its rig.yaml.
+
+    Maps and photographs stay on disk until they are read.
+
+    Raises:
+        InputError: one line that names the file, the line or value, and the remedy.
+    """
+    if not folder.is_dir():
+        raise InputError(f'{folder}: no such folder; name an experiment folder')
+    if rig is None:
+        rig = load_rig(folder)
+    commanded, measured = folder / COMMANDED_FILE, folder / MEASURED_FILE
+    maps, imaging = folder / MAPS_FILE, folder / IMAGING_FILE
+    if not (commanded.exists() or maps.exists() or imaging.exists()):
+        raise InputError(
+            f'{folder}: not an experiment folder; it has none of {COMMANDED_FILE}, {MAPS_FILE}, '
+            f'{IMAGING_FILE}'
+        )
+    if not imaging.exists() and (folder / 'photos').is_dir():
+        raise InputError(f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times')
+    return RecordedData(
+        rig,
+        commanded=read_rates(commanded, rig.wells) if commanded.exists() else None,
+        measured=read_rates(measured, rig.wells) if measured.exists() else None,
+        maps=open_maps(maps, rig) if maps.exists() else None,
+        photos=read_photos(folder) if imaging.exists() else (),
+    )
+
+
+def write_folder(
+    folder: Path,
+    data: RecordedData,
+    *,
+    packed: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Write `data` as an experiment folder; files are left out where there are no data.
+
+    Maps are written one by one, as float32, or in 8 bits with `packed` (steps of 0.004).
+
+    Raises:
+        InputError: the folder already holds an experiment, or a file cannot be written.
+    """
+    if any((folder / name).exists() for name in FILES):
+        raise InputError(f'{folder}: holds an experiment already; name another folder')
+    total = len(data.photos) + (len(data.maps) if data.maps is not None else 0)
+    report = progress or _ignore
+    folder.mkdir(parents=True, exist_ok=True)
+    write_rig(data.rig, folder / RIG_FILE)
+    if data.commanded is not None:
+        write_rates(folder / COMMANDED_FILE, data.commanded)
+    if data.measured is not None:
+        write_rates(folder / MEASURED_FILE, data.measured)
+    if data.maps is not None:
+        _write_maps(
+            folder / MAPS_FILE, data.maps, packed=packed, done=lambda count: report(count, total)
+        )
+    if data.photos:
+        write_photos(folder, data.photos)
+        report(total, total)
+
+
+def _ignore(*_: int) -> None:
+    """Ignore the progress."""
+
+
+def _write_maps(
+    path: Path, maps: ConcentrationMaps, *, packed: bool, done: Callable[[int], None]
+) -> None:
+    with ConcentrationWriter(path, maps.grid, packed=packed) as writer:
+        for count, (time, frame) in enumerate(zip(maps.times, maps, strict=True), start=1):
+            writer.append(time, frame)
+            done(count)

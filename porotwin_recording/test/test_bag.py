@@ -1,0 +1,154 @@
+"""Tests of the experiment in a bag: a live bag is read, and its faults are named."""
+
+from pathlib import Path
+
+import pytest
+from recording_examples import controlled_rig, write_live_bag
+
+from porotwin_core.conversions import rates_to_msg, rig_to_msg
+from porotwin_core.errors import InputError
+from porotwin_core.rig import write_rig
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_recording.recording import open_recording
+from porotwin_recording.serialization import SECOND
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    write_rig(controlled_rig(), tmp_path / 'rig.yaml')
+    return tmp_path / 'rig.yaml'
+
+
+def stamped(message: object, stamp: int) -> object:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
+    return message
+
+
+def state(stamp: int, value: float) -> NewState:
+    message = stamped(NewState(), stamp)
+    message.tracer.grid.nx = message.tracer.grid.nz = 2
+    message.tracer.grid.width, message.tracer.grid.height = 0.4, 0.3
+    message.tracer.concentration = [value] * 4
+    return message
+
+
+def test_a_live_bag_counts_time_from_its_clean_start(tmp_path: Path) -> None:
+    begin = 50 * SECOND
+    start = stamped(CleanState(cause=CleanState.START), begin)
+    setpoint = stamped(Setpoint(wells=rates_to_msg({'in': WellRate(1e-7, 1.0)})), begin - SECOND)
+    measured = WellRates(wells=rates_to_msg({'in': WellRate(0.9e-7, 1.0)}))
+    measured.start.sec = 50
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [
+            ('/lab/rig/description', rig_to_msg(controlled_rig())),
+            ('/lab/wells/setpoint', setpoint),
+            ('/lab/asset/clean_state', start),
+            ('/lab/asset/new_state', state(begin, 0.0)),
+            ('/lab/asset/new_state', state(begin + 2 * SECOND, 0.5)),
+            ('/lab/wells/measured', stamped(measured, begin + 2 * SECOND)),
+            ('/lab/asset/new_state', state(begin + SECOND, 0.25)),
+            ('/lab/asset/new_state', state(begin + 2 * SECOND, 0.75)),
+        ],
+    )
+    recording = open_recording(tmp_path / 'run.mcap')
+    assert recording.times.tolist() == [0.0, 1.0, 2.0]
+    assert recording.concentration[:, 0, 0].tolist() == [0.0, 0.25, 0.75]
+    assert recording.schedule.rows == (ScheduleRow(0.0, 'in', WellRate(1e-7, 1.0)),)
+    assert recording.measured == Schedule((ScheduleRow(0.0, 'in', WellRate(0.9e-7, 1.0)),))
+
+
+def test_only_the_first_of_two_experiments_is_read(tmp_path: Path) -> None:
+    messages = [('/lab/rig/description', rig_to_msg(controlled_rig()))]
+    for value in (0.25, 0.75):
+        messages += [
+            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
+            ('/lab/asset/new_state', state(SECOND, value)),
+            ('/lab/asset/new_state', state(2 * SECOND, value)),
+        ]
+    write_live_bag(tmp_path / 'run.mcap', messages)
+    recording = open_recording(tmp_path / 'run.mcap')
+    assert recording.concentration[:, 0, 0].tolist() == [0.25, 0.25]
+    assert 'a second experiment' in recording.remarks[0]
+
+
+def test_a_bag_without_a_rig_asks_for_one(rig_file: Path, tmp_path: Path) -> None:
+    write_live_bag(tmp_path / 'run.mcap', [('/lab/asset/new_state', state(SECOND, 0.5))])
+    with pytest.raises(InputError, match=r'holds no rig description; name its rig\.yaml'):
+        open_recording(tmp_path / 'run.mcap')
+    assert open_recording(tmp_path / 'run.mcap', rig=rig_file).times.tolist() == [0.0]
+    other = controlled_rig().model_copy(update={'width_m': 0.9})
+    with pytest.raises(InputError, match=r'maps cover 0.4 x 0.3 m, the rig 0.9 x 0.3 m'):
+        open_recording(tmp_path / 'run.mcap', rig=other)
+
+
+def test_a_bag_of_something_else_is_named(tmp_path: Path) -> None:
+    from std_msgs.msg import String
+
+    write_live_bag(tmp_path / 'run.mcap', [('/chatter', String(data='hello'))])
+    with pytest.raises(InputError, match='holds no topic of a PoroTwin experiment'):
+        open_recording(tmp_path / 'run.mcap')
+
+
+def test_a_bag_of_two_rigs_is_named(tmp_path: Path) -> None:
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [('/a/asset/new_state', state(SECOND, 0.5)), ('/b/asset/new_state', state(SECOND, 0.5))],
+    )
+    with pytest.raises(InputError, match='holds two rigs'):
+        open_recording(tmp_path / 'run.mcap')
+
+
+def test_a_bag_with_an_unknown_well_is_named(tmp_path: Path) -> None:
+    rates = rates_to_msg({'inn': WellRate(1e-7, 1.0)})
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [
+            ('/lab/rig/description', rig_to_msg(controlled_rig())),
+            ('/lab/wells/setpoint', stamped(Setpoint(wells=rates), SECOND)),
+        ],
+    )
+    with pytest.raises(InputError, match="unknown well 'inn'; the rig has in, out, water"):
+        open_recording(tmp_path / 'run.mcap')
+
+
+def measured(stamp: int, well: str, rate: float) -> WellRates:
+    message = stamped(WellRates(wells=rates_to_msg({well: WellRate(1e-7)})), stamp)
+    message.start = message.header.stamp
+    message.wells[0].rate = rate
+    return message
+
+
+def test_rates_that_the_hub_ignored_are_left_out(tmp_path: Path) -> None:
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [
+            ('/lab/rig/description', rig_to_msg(controlled_rig())),
+            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
+            ('/lab/wells/measured', measured(SECOND, 'in', 1e-7)),
+            ('/lab/wells/measured', measured(2 * SECOND, 'in', float('nan'))),
+            ('/lab/wells/measured', measured(3 * SECOND, 'inn', 2e-7)),
+            ('/lab/wells/measured', measured(4 * SECOND, 'in', 3e-7)),
+            ('/lab/asset/new_state', state(4 * SECOND, 0.5)),
+        ],
+    )
+    recording = open_recording(tmp_path / 'run.mcap')
+    assert recording.measured is not None
+    assert [(row.time, row.rate.rate) for row in recording.measured.rows] == [(0, 1e-7), (3, 3e-7)]
+    assert len(recording.remarks) == 1
+    assert "2 messages of rates left out: well 'in': well rate nan" in recording.remarks[0]
+
+
+def test_a_wrong_rig_description_is_named_and_a_rig_yaml_replaces_it(
+    rig_file: Path, tmp_path: Path
+) -> None:
+    description = rig_to_msg(controlled_rig())
+    description.wells[0].radius = -1.0
+    write_live_bag(
+        tmp_path / 'run.mcap',
+        [('/lab/rig/description', description), ('/lab/asset/new_state', state(SECOND, 0.5))],
+    )
+    with pytest.raises(InputError, match=r'wells\.in\.radius_m = -1\.0.*name its rig\.yaml'):
+        open_recording(tmp_path / 'run.mcap')
+    assert open_recording(tmp_path / 'run.mcap', rig=rig_file).times.tolist() == [0.0]

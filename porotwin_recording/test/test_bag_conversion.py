@@ -1,0 +1,233 @@
+"""Tests of the conversion: folder to bag and back, no map, rate or photograph is changed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recording_examples import SHARED, controlled_rig
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import write_rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.bag_conversion import export_bag, import_experiment
+from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.bag_writer import BagWriter
+from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.photos import Photo
+from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.recording import Recording, open_recording
+
+
+def without_repetitions(schedule: Schedule | None) -> Schedule | None:
+    """Return the schedule without rows that do not change a rate."""
+    if schedule is None:
+        return None
+    rates: dict[str, WellRate] = {}
+    kept = []
+    for row in schedule.rows:
+        if rates.get(row.well) != row.rate:
+            kept.append(row)
+            rates[row.well] = row.rate
+    return Schedule(tuple(kept))
+
+
+def assert_same(back: Recording, original: Recording) -> None:
+    assert back.rig.model_dump(exclude={'depth_m', 'porosity', 'permeability_m2'}) == (
+        original.rig.model_dump(exclude={'depth_m', 'porosity', 'permeability_m2'})
+    )
+    for quantity in ('depth_m', 'porosity', 'permeability_m2'):
+        np.testing.assert_array_equal(
+            back.rig.nominal_map(quantity), original.rig.nominal_map(quantity)
+        )
+    assert without_repetitions(back.commanded) == without_repetitions(original.commanded)
+    assert without_repetitions(back.measured) == without_repetitions(original.measured)
+    assert (back.maps is None) == (original.maps is None)
+    if original.maps is not None:
+        assert back.grid == original.grid
+        assert back.times.tobytes() == original.times.tobytes()
+        assert back.concentration.tobytes() == original.concentration.tobytes()
+        np.testing.assert_array_equal(list(back.maps), original.concentration)
+    assert [(photo.time, photo.role, photo.read()) for photo in back.photos] == [
+        (photo.time, photo.role, photo.read()) for photo in original.photos
+    ]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rig = controlled_rig()
+    grid = rig.grid(8, 6)
+    frames = np.random.default_rng(731).random((40, *grid.shape), dtype=np.float32)
+    frames[3, :2] = np.nan
+    commanded = Schedule(
+        (
+            ScheduleRow(0.0, 'in', WellRate(from_ml_h(523.2), 1.0)),
+            ScheduleRow(0.0, 'out', WellRate(from_ml_h(-463.2))),
+            ScheduleRow(61.7, 'water', WellRate(from_ml_h(0.1), 0.0)),
+            ScheduleRow(61.7, 'in', WellRate(0.0, 1.0)),
+        )
+    )
+    measured = Schedule((ScheduleRow(0.0, 'out', WellRate(-1.2868055555e-07)),))
+    data = RecordedData(
+        rig,
+        commanded=commanded,
+        measured=measured,
+        maps=ConcentrationMaps(
+            np.round(np.arange(40) * 0.7 + 1 / 3, 9), grid, lambda start, stop: frames[start:stop]
+        ),
+        photos=(
+            Photo(-30.0, 'baseline', 'photos/a.jpg', lambda: b'\xff\xd8 one'),
+            Photo(-30.0, 'baseline', 'photos/b.jpg', lambda: b'\xff\xd8 two'),
+            Photo(0.3, 'state', 'photos/c.png', lambda: b'\x89PNG\x00 three'),
+        ),
+    )
+    write_folder(tmp_path / 'experiment', data)
+    return tmp_path / 'experiment'
+
+
+@pytest.mark.parametrize('name', ['run', 'run.mcap'])
+def test_an_experiment_survives_the_way_through_a_bag(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    original = open_recording(folder)
+    import_experiment(folder, tmp_path / name)
+    assert_same(open_recording(tmp_path / name), original)
+    export_bag(tmp_path / name, tmp_path / 'back')
+    assert_same(open_recording(tmp_path / 'back'), original)
+    assert {path.suffix for path in (tmp_path / 'back' / 'photos').iterdir()} == {'.jpg', '.png'}
+
+
+def test_importing_twice_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    for name in ('one.mcap', 'two.mcap'):
+        import_experiment(folder, tmp_path / name)
+    assert (tmp_path / 'one.mcap').read_bytes() == (tmp_path / 'two.mcap').read_bytes()
+
+
+def test_progress_counts_every_map_and_photograph(folder: Path, tmp_path: Path) -> None:
+    for convert, source, target in (
+        (import_experiment, folder, tmp_path / 'run'),
+        (export_bag, tmp_path / 'run', tmp_path / 'back'),
+    ):
+        steps: list[tuple[int, int]] = []
+        convert(source, target, progress=lambda *step, steps=steps: steps.append(step))
+        assert steps[-1] == (43, 43)
+        assert [done for done, _ in steps] == sorted(done for done, _ in steps)
+
+
+@pytest.mark.parametrize('name', ['run', 'run.mcap'])
+def test_an_import_that_fails_leaves_nothing(folder: Path, tmp_path: Path, name: str) -> None:
+    photo = folder / 'photos' / 'c.png'
+    content = photo.read_bytes()
+
+    def lose_the_photograph(*_: int) -> None:
+        photo.unlink(missing_ok=True)
+
+    with pytest.raises(FileNotFoundError):
+        import_experiment(folder, tmp_path / name, progress=lose_the_photograph)
+    assert [path.name for path in tmp_path.iterdir()] == ['experiment']
+    photo.write_bytes(content)
+    import_experiment(folder, tmp_path / name)
+    assert_same(open_recording(tmp_path / name), open_recording(folder))
+
+
+def test_an_export_that_is_interrupted_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+
+    def stop(done: int, _: int) -> None:
+        if done == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_bag(tmp_path / 'run', tmp_path / 'back', progress=stop)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['experiment', 'run']
+    export_bag(tmp_path / 'run', tmp_path / 'back')
+    assert_same(open_recording(tmp_path / 'back'), open_recording(folder))
+
+
+def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+    with pytest.raises(InputError, match='run: exists already'):
+        import_experiment(folder, tmp_path / 'run')
+    with pytest.raises(InputError, match='experiment: exists already'):
+        export_bag(tmp_path / 'run', folder)
+
+
+def well_rate(rate: float, concentration: float) -> WellRate:
+    return WellRate(rate, 0.0 if rate < 0 else concentration)
+
+
+well_rates = st.dictionaries(
+    st.sampled_from(['in', 'out', 'water']),
+    st.builds(well_rate, st.floats(-1e-6, 1e-6), st.floats(0, 1)),
+    min_size=1,
+)
+
+
+@given(
+    changes=st.lists(
+        st.tuples(st.integers(0, 9 * 10**15).map(lambda ns: ns / 1e9), well_rates), max_size=6
+    )
+)
+@settings(max_examples=20)
+def test_any_schedule_survives_the_way_through_a_bag(
+    tmp_path_factory: pytest.TempPathFactory, changes: list
+) -> None:
+    base = tmp_path_factory.mktemp('schedule')
+    rows = (
+        ScheduleRow(time, well, rate) for time, rates in changes for well, rate in rates.items()
+    )
+    schedule = Schedule(tuple(rows))
+    write_folder(base / 'experiment', RecordedData(controlled_rig(), commanded=schedule))
+    original = open_recording(base / 'experiment').schedule
+    import_experiment(base / 'experiment', base / 'run.mcap')
+    recording = open_recording(base / 'run.mcap')
+    if not changes:
+        assert recording.commanded is None
+        return
+    for time in {row.time for row in schedule.rows}:
+        assert recording.schedule.at(time) == original.at(time)
+    assert set(recording.schedule.wells) == set(original.wells)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason='the shared recordings are not beside the checkout')
+@pytest.mark.parametrize('case', ['cases/case_001', 'cases/case_014', 'data/fluidflower_tracer'])
+def test_shared_recordings_survive_the_way_through_a_bag(tmp_path: Path, case: str) -> None:
+    original = open_recording(SHARED / case)
+    import_experiment(SHARED / case, tmp_path / 'run')
+    assert_same(open_recording(tmp_path / 'run'), original)
+    export_bag(tmp_path / 'run', tmp_path / 'back')
+    assert_same(open_recording(tmp_path / 'back'), original)
+
+
+def test_a_bag_that_is_cut_off_gives_the_first_maps(folder: Path, tmp_path: Path) -> None:
+    original = open_recording(folder)
+    bag = tmp_path / 'run.mcap'
+    complete = tmp_path / 'complete.mcap'
+    import_experiment(folder, complete)
+    with BagWriter(bag, compress=False) as writer:
+        for message in (reader := BagReader(complete)).messages():
+            topic = reader.topics[message.topic]
+            writer.add_topic(topic.name, topic.type_name, definition=topic.definition)
+            writer.write(topic.name, message.data, log_time=message.log_time)
+            writer.flush()
+    content = bag.read_bytes()
+    bag.write_bytes(content[: len(content) // 2])
+    recording = open_recording(bag)
+    frames = len(recording.times)
+    assert 0 < frames < 40
+    assert recording.concentration.tobytes() == original.concentration[:frames].tobytes()
+    assert 'has no end' in recording.remarks[0]
+
+
+def test_packed_maps_come_back_as_the_same_values(tmp_path: Path) -> None:
+    rig = controlled_rig()
+    grid = rig.grid(8, 6)
+    (tmp_path / 'packed').mkdir()
+    write_rig(rig, tmp_path / 'packed' / 'rig.yaml')
+    with ConcentrationWriter(tmp_path / 'packed' / 'concentration.nc', grid, packed=True) as nc:
+        nc.append(0.0, np.linspace(0, 1, 48).reshape(grid.shape))
+    import_experiment(tmp_path / 'packed', tmp_path / 'run')
+    assert_same(open_recording(tmp_path / 'run'), open_recording(tmp_path / 'packed'))

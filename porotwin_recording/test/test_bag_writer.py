@@ -1,0 +1,80 @@
+"""Tests of the bag writer: other libraries read its bags, and nothing is overwritten."""
+
+from pathlib import Path
+
+import pytest
+from bag_examples import SETPOINT, write_setpoints
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from recording_examples import STRING
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+from porotwin_core.errors import InputError
+from porotwin_recording.bag_writer import BagWriter, next_free_path
+from porotwin_recording.definitions import message_definition, type_hash
+
+
+@pytest.mark.parametrize('compress', [True, False])
+def test_rosbags_reads_our_bags(tmp_path: Path, compress: bool) -> None:
+    written = write_setpoints(tmp_path / 'run', compress=compress)
+    with AnyReader([tmp_path / 'run']) as reader:
+        found = list(reader.messages())
+        assert [(c.topic, t, bytes(data)) for c, t, data in found] == [
+            (m.topic, m.log_time, m.data) for m in written
+        ]
+        last = [data for c, _, data in found if c.msgtype == SETPOINT][-1]
+        message = reader.deserialize(last, SETPOINT)
+        assert message.wells[0].well == 'injector'
+        assert message.reason == 'cycle 19: plume, Größe'
+    with Reader(tmp_path / 'run') as plain:
+        qos = {c.topic: c.ext.offered_qos_profiles[0] for c in plain.connections}
+        assert qos['/words'].durability.name == 'TRANSIENT_LOCAL'
+        assert qos['/porotwin/wells/setpoint'].depth == 1
+        digests = {c.msgtype: c.digest for c in plain.connections}
+        assert digests[SETPOINT] == type_hash(SETPOINT, message_definition(SETPOINT))
+    with Reader(tmp_path / 'run' / 'run_0.mcap') as file:
+        assert file.message_count == 40
+
+
+@pytest.mark.parametrize('compress', [True, False])
+def test_mcap_reads_our_bags(tmp_path: Path, compress: bool) -> None:
+    written = write_setpoints(tmp_path / 'run.mcap', compress=compress)
+    with (tmp_path / 'run.mcap').open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        header = reader.get_header()
+        assert header.profile == 'ros2'
+        found = list(reader.iter_decoded_messages())
+    assert [(c.topic, m.log_time, m.publish_time, m.sequence, m.data) for _, c, m, _ in found] == [
+        (m.topic, m.log_time, m.publish_time, m.sequence, m.data) for m in written
+    ]
+    assert found[-2].decoded_message.wells[0].rate == 1.4e-7 / 20
+
+
+def test_an_existing_bag_is_not_overwritten(tmp_path: Path) -> None:
+    write_setpoints(tmp_path / 'run')
+    with pytest.raises(InputError, match='exists already'):
+        BagWriter(tmp_path / 'run')
+
+
+def test_a_bag_that_goes_on_takes_the_next_next_free_path(tmp_path: Path) -> None:
+    for name, expected in (
+        ('run', ['run', 'run_2', 'run_3']),
+        ('run.mcap', ['run.mcap', 'run_2.mcap', 'run_3.mcap']),
+        ('of.today', ['of.today', 'of.today_2', 'of.today_3']),
+    ):
+        made = []
+        for _ in expected:
+            made.append(next_free_path(tmp_path / name))
+            write_setpoints(made[-1], 1)
+        assert made == [tmp_path / one for one in expected]
+
+
+def test_a_topic_keeps_its_type(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / 'run') as bag:
+        bag.add_topic('/words', STRING)
+        bag.add_topic('/words', STRING)
+        with pytest.raises(InputError, match="carries 'std_msgs/msg/String'"):
+            bag.add_topic('/words', SETPOINT)
+        with pytest.raises(InputError, match="'nowhere_msgs/msg/Word' is not installed"):
+            bag.add_topic('/other', 'nowhere_msgs/msg/Word')

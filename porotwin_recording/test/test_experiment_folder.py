@@ -1,0 +1,94 @@
+"""Tests of experiment folders: they are read as written, and faults are named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_examples import (
+    SCHEDULE,
+    SHARED,
+    bench_experiment,
+    bench_rig,
+    random_maps,
+    two_photos,
+)
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import load_rig
+from porotwin_recording.experiment_folder import read_folder, write_folder
+from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.recording import open_recording
+
+needs_shared = pytest.mark.skipif(
+    not SHARED.is_dir(), reason='the shared recordings are not beside the checkout'
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_folder(tmp_path / 'experiment', bench_experiment())
+    return tmp_path / 'experiment'
+
+
+def test_experiment_comes_back_bit_for_bit(folder: Path) -> None:
+    experiment = read_folder(folder)
+    assert experiment.rig == bench_rig()
+    assert experiment.commanded == SCHEDULE
+    maps = random_maps(bench_rig())
+    assert experiment.maps is not None
+    assert experiment.maps.times.tobytes() == maps.times.tobytes()
+    assert experiment.maps.grid == maps.grid
+    assert np.asarray(experiment.maps).tobytes() == maps[:].tobytes()
+    for photo, original in zip(experiment.photos, two_photos(), strict=True):
+        assert (photo.time, photo.role, photo.name) == (
+            original.time,
+            original.role,
+            original.name,
+        )
+        assert photo.read() == original.read()
+
+
+def test_photos_without_times_are_named(folder: Path) -> None:
+    (folder / 'imaging.csv').unlink()
+    with pytest.raises(InputError, match=r'photos/ but no imaging.csv'):
+        read_folder(folder)
+
+
+def test_a_folder_of_something_else_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='not an experiment folder'):
+        read_folder(tmp_path, bench_rig())
+    with pytest.raises(InputError, match=r'rig.yaml: no such file'):
+        read_folder(tmp_path)
+
+
+def test_writing_over_an_experiment_is_refused(folder: Path) -> None:
+    with pytest.raises(InputError, match='holds an experiment already'):
+        write_folder(folder, RecordedData(bench_rig()))
+
+
+@needs_shared
+def test_every_shared_recording_survives_a_copy(tmp_path: Path) -> None:
+    for case in ('case_001', 'case_014'):
+        original = open_recording(SHARED / 'cases' / case)
+        copy = tmp_path / case
+        write_folder(copy, original)
+        back = open_recording(copy)
+        assert back.rig == original.rig
+        for quantity in ('depth_m', 'permeability_m2'):
+            np.testing.assert_array_equal(
+                back.rig.nominal_map(quantity), original.rig.nominal_map(quantity)
+            )
+        assert back.schedule == original.schedule
+        assert (copy / 'rates.csv').read_text() == (
+            SHARED / 'cases' / case / 'rates.csv'
+        ).read_text()
+        assert back.times.tobytes() == original.times.tobytes()
+        assert back.concentration.tobytes() == original.concentration.tobytes()
+
+
+@needs_shared
+def test_the_real_photographs_are_an_experiment() -> None:
+    recording = open_recording(SHARED / 'data' / 'fluidflower_tracer')
+    assert [photo.role for photo in recording.photos] == ['baseline', 'state', 'state', 'state']
+    assert recording.photos[0].read()[:2] == b'\xff\xd8'
+    assert load_rig(SHARED / 'data' / 'fluidflower_tracer').wells.keys() == {'upper', 'lower'}

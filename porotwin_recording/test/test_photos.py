@@ -1,0 +1,40 @@
+"""Tests of imaging.csv: faults of a table are named, and no photograph leaves its folder."""
+
+from pathlib import Path
+
+import pytest
+from recording_examples import two_photos
+
+from porotwin_core.errors import InputError
+from porotwin_recording.photos import Photo, read_photos, write_photos
+
+
+@pytest.mark.parametrize(
+    ('content', 'complaint'),
+    [
+        ('time,path,role\n', 'write time_s,path,role'),
+        ('time_s,path,role\n0,photos/first.jpg,dark\n', ":2: role is 'dark'; write baseline or"),
+        ('time_s,path,role\n0,photos/gone.jpg,state\n', "'photos/gone.jpg' is not there"),
+        ('time_s,path,role\n0,../first.jpg,state\n', 'leaves the folder'),
+        ('time_s,path,role\n,photos/first.jpg,state\n', "time_s is ''"),
+    ],
+)
+def test_wrong_imaging_tables_are_named(tmp_path: Path, content: str, complaint: str) -> None:
+    write_photos(tmp_path, two_photos())
+    (tmp_path / 'imaging.csv').write_text(content)
+    with pytest.raises(InputError, match=complaint):
+        read_photos(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ('names', 'complaint'),
+    [
+        (('a.jpg', 'a.jpg'), "two photographs are named 'a.jpg'"),
+        (('../a.jpg',), "'../a.jpg' would leave the folder"),
+        (('/tmp/a.jpg',), 'would leave the folder'),
+    ],
+)
+def test_wrong_names_are_refused(tmp_path: Path, names: tuple[str, ...], complaint: str) -> None:
+    photos = [Photo(0.0, 'state', name, lambda: b'') for name in names]
+    with pytest.raises(InputError, match=complaint):
+        write_photos(tmp_path, photos)

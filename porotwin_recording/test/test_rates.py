@@ -1,0 +1,75 @@
+"""Tests of rates.csv: rates are read as written, and faults of a table are named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from porotwin_core.errors import InputError
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.rates import read_rates, write_rates
+
+WELLS = ('in', 'out')
+
+
+@given(
+    rates_ml_h=st.lists(st.floats(-2500, 2500), min_size=1, max_size=5),
+    times=st.floats(0, 1e6),
+)
+def test_any_rate_in_ml_h_comes_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, rates_ml_h: list[float], times: float
+) -> None:
+    path = tmp_path_factory.getbasetemp() / 'rates.csv'
+    schedule = Schedule(
+        tuple(
+            ScheduleRow(times, 'in', WellRate(from_ml_h(rate_ml_h), 0.5 if rate_ml_h > 0 else 0.0))
+            for rate_ml_h in rates_ml_h
+        )
+    )
+    write_rates(path, schedule)
+    assert read_rates(path, ['in']) == schedule
+
+
+@given(rate=st.floats(1e-12, 1e-5))
+def test_any_rate_in_si_comes_back_within_its_last_digit(
+    tmp_path_factory: pytest.TempPathFactory, rate: float
+) -> None:
+    path = tmp_path_factory.getbasetemp() / 'rates_si.csv'
+    write_rates(path, Schedule.constant({'in': WellRate(rate)}))
+    back = read_rates(path, ['in']).at(0)['in'].rate
+    assert abs(back - rate) <= np.spacing(rate)
+
+
+@pytest.mark.parametrize(
+    ('content', 'complaint'),
+    [
+        ('time,well,rate,c\n', "first line is 'time,well,rate,c'; write time_s"),
+        ('', "first line is ''"),
+        ('time_s,well,rate_ml_h,concentration\n0,inn,1,0\n', ":2: unknown well 'inn'; .* in, out"),
+        ('time_s,well,rate_ml_h,concentration\n-1,in,1,0\n', ':2: time_s -1 is negative'),
+        ('time_s,well,rate_ml_h,concentration\n5,in,1,0\n1,in,2,0\n', ':3: .*sort the rows'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,nan,0\n', ":2: rate_ml_h is 'nan'"),
+        ('time_s,well,rate_ml_h,concentration\n0,in,x,0\n', ":2: rate_ml_h is 'x'"),
+        ('time_s,well,rate_ml_h,concentration\n0,in,1,\n', ':2: .*concentration is empty'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,1,2\n', ':2: concentration 2; must lie'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,1\n', ':2: has 3 values'),
+        ('time_s,well,rate_ml_h,concentration\n\n0,"in,1\n', ':3: has 2 values|not readable'),
+    ],
+)
+def test_wrong_rates_are_named(tmp_path: Path, content: str, complaint: str) -> None:
+    path = tmp_path / 'rates.csv'
+    path.write_text(content)
+    with pytest.raises(InputError, match=complaint) as caught:
+        read_rates(path, WELLS)
+    assert '\n' not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_rates_of_a_spreadsheet_are_read(tmp_path: Path) -> None:
+    text = '\ufefftime_s,well,rate_ml_h,concentration\r\n0, out ,-10,\r\n\r\n1e1,in,5,1\r\n'
+    (tmp_path / 'rates.csv').write_text(text, newline='')
+    schedule = read_rates(tmp_path / 'rates.csv', WELLS)
+    assert schedule.at(11) == {'out': WellRate(from_ml_h(-10)), 'in': WellRate(from_ml_h(5), 1.0)}

@@ -1,0 +1,127 @@
+"""Tests of the recorder node in a running graph."""
+
+import signal
+from pathlib import Path
+
+import pytest
+from node_processes import Process, by_topic, node, write_minute_bag
+from recording_examples import eventually
+
+from porotwin_recording.bag_reader import BagReader
+
+pytestmark = pytest.mark.graph
+
+PUBLISHER = """
+import sys, time
+import rclpy
+from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node('talker')
+latched = node.create_publisher(
+    String, 'latched', QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+for word in 'abc':
+    latched.publish(String(data=word))
+quick = node.create_publisher(String, 'quick', 5000)
+loose = node.create_publisher(
+    String, 'loose', QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+node.create_publisher(String, '_hidden', 1).publish(String())
+print('ready', flush=True)
+while not (quick.get_subscription_count() and loose.get_subscription_count()):
+    time.sleep(0.02)
+time.sleep(1.0)  # the recorder may discover this node later than this node the recorder
+for number in range(5000):
+    quick.publish(String(data=str(number)))
+    if number % 5 == 0:
+        time.sleep(0.001)
+    if number % 100 == 0:
+        loose.publish(String(data=str(number)))
+quick.wait_for_all_acked(rclpy.duration.Duration(seconds=20))
+time.sleep(0.5)
+print('done', flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return write_minute_bag(tmp_path)
+
+
+def test_a_killed_recorder_leaves_all_flushed_messages(tmp_path: Path, bag: Path) -> None:
+    output = tmp_path / 'recorded'
+    with (
+        node(tmp_path / 'recorder.log', 'recorder_node', output=output) as recorder,
+        node(tmp_path / 'player.log', 'player_node', bag=bag, rate=20.0, topics='all', loop=True),
+    ):
+        file = output / 'recorded_0.mcap'
+        assert eventually(lambda: file.is_file() and file.stat().st_size > 3_000_000)
+        recorder.stop(signal.SIGKILL)
+    recorded = BagReader(output)
+    assert 'has no end' in recorded.remarks[-1]
+    original = by_topic(BagReader(bag).messages())
+    found = by_topic(recorded.messages())
+    for topic in ('/porotwin/asset/new_state', '/porotwin/camera/image/compressed'):
+        assert found[topic]
+        assert found[topic] == (original[topic] * 9)[: len(found[topic])]
+
+
+def test_a_restarted_recorder_continues_in_a_second_bag(tmp_path: Path) -> None:
+    output = tmp_path / 'bag'
+    for name in ('bag', 'bag_2'):
+        with node(
+            tmp_path / 'recorder.log', 'recorder_node', output=output, continues=True
+        ) as recorder:
+            recorder.wait_for_output(f'recording into {tmp_path / name}\n')
+            recorder.stop(signal.SIGKILL if name == 'bag' else signal.SIGINT)
+    assert 'has no end' in BagReader(output).remarks[0]
+    assert BagReader(tmp_path / 'bag_2').remarks == []
+
+
+def test_a_terminated_recorder_completes_the_bag(tmp_path: Path) -> None:
+    output = tmp_path / 'recorded.mcap'
+    with node(tmp_path / 'recorder.log', 'recorder_node', output=output) as recorder:
+        recorder.wait_for_output('recording into')
+        assert recorder.stop(signal.SIGTERM) == 0
+    assert BagReader(output).remarks == []
+
+
+def test_a_live_graph_is_recorded_without_loss(tmp_path: Path) -> None:
+    talker = Process(tmp_path / 'talker.log', ['-c', PUBLISHER])
+    try:
+        talker.wait_for_output('ready')
+        with node(tmp_path / 'rec.log', 'recorder_node', output=tmp_path / 'run') as recorder:
+            talker.wait_for_output('done')
+            assert recorder.stop() == 0
+    finally:
+        talker.stop(signal.SIGKILL)
+    bag = BagReader(tmp_path / 'run')
+    words = {
+        name: [bag.decode(message).data for message in bag.messages([name])]
+        for name in ('/latched', '/quick', '/loose')
+    }
+    assert words['/latched'] == ['a', 'b', 'c']
+    assert words['/quick'] == [str(number) for number in range(5000)]
+    assert words['/loose']
+    assert '/_hidden' not in bag.topics
+    assert bag.topics['/loose'].qos.reliability == 'best_effort'
+    numbers = [message.sequence for message in bag.messages(['/quick'])]
+    assert numbers == list(range(numbers[0], numbers[0] + 5000))
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'complaint'),
+    [
+        ({}, "parameter 'output' of recorder: name the bag to write"),
+        ({'output': '{bag}'}, 'exists already; name another bag'),
+    ],
+)
+def test_wrong_recorder_parameters_end_with_one_line(
+    tmp_path: Path, bag: Path, parameters: dict[str, object], complaint: str
+) -> None:
+    parameters = {key: str(value).format(bag=bag) for key, value in parameters.items()}
+    with node(tmp_path / 'node.log', 'recorder_node', **parameters) as process:
+        assert process.popen.wait(timeout=60) == 2, process.output
+        assert complaint in process.output
+        assert 'Traceback' not in process.output
