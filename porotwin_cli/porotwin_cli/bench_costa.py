@@ -21,7 +21,7 @@ from porotwin_costa.architectures import training_settings
 from porotwin_costa.dataset import Frames
 from porotwin_costa.evaluation import evaluate
 from porotwin_costa.training import train
-from porotwin_rig.asset import VirtualRig
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import Model
 
 INTERVAL_S = 30.0

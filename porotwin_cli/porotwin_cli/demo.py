@@ -62,10 +62,10 @@ def command(
 
     Example: ./porotwin demo --minutes 20
     """
-    from porotwin_rig.session import parse_pace
+    from porotwin_rig.session import parse_speed
     from porotwin_solver.model import preset_named
 
-    parse_pace(speed)
+    parse_speed(speed)
     preset_named(preset)
     started = time.monotonic()
     folder = run_folder(output, 'demo')
@@ -186,8 +186,8 @@ def _run_loop(
 
 def _free_run(rig: Rig, times: FloatArray, grid: Grid) -> FloatArray:
     """Return what the same virtual rig shows at `times` when nobody controls it, (nt, nz, nx)."""
-    from porotwin_rig.asset import VirtualRig
     from porotwin_rig.pumps import Pumps
+    from porotwin_rig.virtual_rig import VirtualRig
 
     asset = VirtualRig(rig, pumps=Pumps({'producer': PRODUCER_DELIVERY}))
     asset.set_rates(Limits.of(rig).safe())

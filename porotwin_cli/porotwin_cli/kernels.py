@@ -9,9 +9,9 @@ from porotwin_core.rig import load_rig
 from porotwin_core.wells import Schedule
 from porotwin_hub.control import Limits
 from porotwin_imaging.chain import Imaging
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import PRESETS
 from porotwin_solver.simulation import simulate
 

@@ -22,7 +22,7 @@ from porotwin_imaging.calibrate import calibrate
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.chain import Imaging
 from porotwin_recording.recording import Recording, open_recording
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 ARCHITECTURE = 'local'
 """Learns from few experiments; the paper's own network needs many (see `./porotwin train`)."""
@@ -57,11 +57,11 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     make_experiment(
         folder / 'calibration_run',
         rig,
-        told=balanced([(0.0, 'injector', 500.0, 1.0)], 'producer'),
+        commanded=balanced([(0.0, 'injector', 500.0, 1.0)], 'producer'),
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,
-        photo_width=photo_width,
+        photo_width_px=photo_width,
     )
     recording = open_recording(folder / 'calibration_run')
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
@@ -101,11 +101,11 @@ def training_runs(
                 make_experiment,
                 path,
                 rig,
-                told=told,
+                commanded=told,
                 duration=TRAINING_MINUTES * 60.0,
                 photo_interval=photo_interval,
                 seed=seed,
-                photo_width=photo_width,
+                photo_width_px=photo_width,
             )
             for path, told in jobs
         ]

@@ -24,7 +24,7 @@ from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.recording import open_recording
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 
@@ -54,12 +54,12 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     make_experiment(
         folder,
         rig,
-        told=told,
+        commanded=told,
         duration=180.0,
         photo_interval=30.0,
         seed=3,
         grid=rig.grid(94, 56),
-        photo_width=800,
+        photo_width_px=800,
     )
     return folder
 

@@ -9,8 +9,8 @@ from porotwin_core.rig import EffectDescription
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_rig.experiment import make_experiment
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.map_camera import MapNoise
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 from porotwin_validation.blind_cases import SMALL
 
@@ -49,7 +49,7 @@ def recorded(
     make_experiment(
         folder,
         SMALL,
-        told=told or schedule(),
+        commanded=told or schedule(),
         duration=duration,
         photo_interval=90,
         seed=seed,

@@ -110,12 +110,12 @@ def test_gap_arises_at_a_streak_that_no_effect_of_the_library_describes(tmp_path
 def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
     from diagnosis_examples import SMALL, schedule
 
-    from porotwin_rig.experiment import make_experiment
+    from porotwin_rig.made_experiment import make_experiment
 
     make_experiment(
         tmp_path / 'short',
         SMALL,
-        told=schedule(),
+        commanded=schedule(),
         duration=300,
         photo_interval=60,
         seed=1,

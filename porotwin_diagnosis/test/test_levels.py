@@ -8,7 +8,7 @@ from porotwin_diagnosis.data.sample import read_sample
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_diagnosis.search.ranking import score
 from porotwin_recording.recording import open_recording
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.map_camera import MapNoise
 
 
 def levels_of(recording):

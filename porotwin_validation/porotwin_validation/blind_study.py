@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_rig.experiment import make_experiment
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.map_camera import MapNoise
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Effect
 from porotwin_validation.blind_cases import BlindCase, draw_case
@@ -140,7 +140,7 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
     make_experiment(
         folder,
         case.rig,
-        told=case.schedule,
+        commanded=case.schedule,
         duration=case.duration,
         photo_interval=case.photo_interval,
         seed=case.seed,

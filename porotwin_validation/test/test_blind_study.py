@@ -14,8 +14,8 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.report.diagnosis_json import write_fields
 from porotwin_recording.concentration import ConcentrationWriter, open_maps
-from porotwin_rig.asset import VirtualRig
-from porotwin_rig.experiment import signals
+from porotwin_rig.made_experiment import signals
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation import blind_study as blind_check
 from porotwin_validation.blind_cases import draw_case
 from porotwin_validation.blind_study import (

@@ -1,0 +1,165 @@
+"""An experiment on the virtual rig, written as a laboratory would keep it."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.wells import Schedule
+from porotwin_recording.concentration import ConcentrationWriter
+from porotwin_recording.experiment import write_experiment
+from porotwin_recording.photos import Photo, write_photos
+from porotwin_rig.camera import ASPECT, camera_before
+from porotwin_rig.camera_signal import signal_seen
+from porotwin_rig.map_camera import MapCamera, MapNoise
+from porotwin_rig.pumps import Pumps
+from porotwin_rig.render import Conditions, Photographer
+from porotwin_rig.virtual_rig import VirtualRig
+
+PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
+"""An image analysis that returns the signal as it is."""
+
+HELD_OUT_START = 0.7
+"""Start of the part that diagnoses are judged on, relative to the duration."""
+
+
+@dataclass(frozen=True)
+class MadeExperiment:
+    """Facts about an experiment that was made.
+
+    Args:
+        times: times of the frames [s]; lost frames are left out.
+        noise_floor: relative L2 norm, over the last 30 % of the time, of the difference between the
+            maps and the signal.
+        injected: volume of tracer stock injected [m^3].
+        removed: volume of tracer stock removed [m^3].
+    """
+
+    times: tuple[float, ...]
+    noise_floor: float
+    injected: float
+    removed: float
+
+
+class NoiseFloor:
+    """The relative L2 norm of map minus signal, summed frame by frame."""
+
+    def __init__(self) -> None:
+        self._difference = 0.0
+        self._signal = 0.0
+
+    def add(self, seen: FloatArray, signal: FloatArray) -> None:
+        """Add a frame: the map `seen` (nz, nx), NaN where blind, and its `signal`."""
+        self._difference += float(np.nansum((seen - signal) ** 2))
+        self._signal += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
+
+    @property
+    def value(self) -> float:
+        """The norm; 0 without any signal."""
+        return float(np.sqrt(self._difference / self._signal)) if self._signal > 0.0 else 0.0
+
+
+def signals(
+    rig: VirtualRig, commanded: Schedule, *, times: Iterable[float], grid: Grid
+) -> Iterator[tuple[float, FloatArray]]:
+    """Yield (time, signal (nz, nx)) of photographs at ascending `times` [s] while `rig` runs.
+
+    The photograph stamped t shows the rig at pump time t + `rig.clock_offset`.
+    """
+    for time in times:
+        until = max(time + rig.clock_offset, 0.0)
+        for start, end, rates in commanded.intervals(rig.time, until):
+            rig.set_rates(rates)
+            rig.advance(end - start)
+        yield time, signal_seen(rig, grid, time=time)
+
+
+def make_experiment(
+    folder: Path,
+    rig: Rig,
+    *,
+    commanded: Schedule,
+    duration: float,
+    photo_interval: float,
+    seed: int,
+    effects: Iterable[EffectDescription] = (),
+    noise: MapNoise | None = None,
+    pumps: Pumps | None = None,
+    grid: Grid | None = None,
+    photo_width_px: int | None = None,
+    conditions: Conditions | None = None,
+    truth: Path | None = None,
+) -> MadeExperiment:
+    """Run an experiment and write it into `folder`, without its effects.
+
+    Args:
+        folder: the experiment folder; must not hold one.
+        rig: the nominal rig; written as it is.
+        commanded: the commanded rates.
+        duration: length of the experiment [s].
+        photo_interval: time between frames [s], the first at 0.
+        seed: seed of the noise, and of the photographs.
+        effects: true effects of the rig and its camera.
+        noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
+        pumps: how the pumps follow their commands; exactly by default.
+        grid: grid of the maps; cells of about 5 mm by default.
+        photo_width_px: width of photographs (8:5) to be taken as well; None for none.
+        conditions: conditions of the photographs.
+        truth: file for the signal without noise at the times of the frames; keep it elsewhere.
+
+    Raises:
+        InputError: the folder is in use, or an effect, a well or a time is wrong.
+    """
+    if not (duration > 0.0 and photo_interval > 0.0):
+        raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
+    grid = grid or rig.default_grid()
+    asset = VirtualRig(rig, effects=effects, pumps=pumps)
+    photographer = None
+    if photo_width_px is not None:
+        camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))
+        photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
+        rig = photographer.rig
+    write_experiment(folder, rig=rig, told=commanded)
+    camera_of_maps = MapCamera(grid, noise or PERFECT, seed=seed)
+    times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
+    photos: list[Photo] = []
+    if photographer is not None:
+        photos.append(_stored(folder, 'baseline', 0.0, photographer.baseline()))
+    kept, floor = [], NoiseFloor()
+    with (
+        ConcentrationWriter(folder / 'concentration.nc', grid, packed=noise is not None) as maps,
+        ConcentrationWriter(truth, grid) if truth else nullcontext() as clean,
+    ):
+        fine = grid if photographer is None else grid.refined(2)
+        for number, (time, visible) in enumerate(signals(asset, commanded, times=times, grid=fine)):
+            if camera_of_maps.is_lost(number):
+                continue
+            signal = conservative_resample(visible, grid.shape)
+            seen = signal if noise is None else camera_of_maps.map(signal, number)
+            maps.append(time, seen)
+            if clean is not None:
+                clean.append(time, signal)
+            if photographer is not None and number > 0:
+                jpeg = photographer.photograph(visible, time=time)
+                photos.append(_stored(folder, 'state', time, jpeg))
+            if time >= HELD_OUT_START * duration:
+                floor.add(seen, signal)
+            kept.append(time)
+    if photos:
+        write_photos(folder, photos)
+    return MadeExperiment(tuple(kept), floor.value, asset.balance.injected, asset.balance.removed)
+
+
+def _stored(folder: Path, role: Literal['baseline', 'state'], time: float, jpeg: bytes) -> Photo:
+    """Write a photograph at once, so that memory does not grow with their number."""
+    name = f'photos/{role}_{round(time):06d}.jpg'
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(jpeg)
+    return Photo(time, role, name, path.read_bytes, path)
