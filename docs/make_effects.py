@@ -4,10 +4,12 @@ python docs/make_effects.py
 """
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from porotwin_core.effect_parameter import Parameter
+from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
+from porotwin_rig.effects.definition.registry import PACKAGE as RIG_PACKAGE
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Effect, Scope
 from porotwin_solver.effects.definition.registry import PACKAGE
@@ -28,6 +30,14 @@ recording, x the distance from the left side, z the height, W the width of the r
 This page is written by `docs/make_effects.py`.
 """
 
+OUTSIDE = """
+## Effects of the virtual rig only
+
+The blind check uses them to test that a diagnosis admits that it has no explanation. They are in
+[`porotwin_rig/effects`](../porotwin_rig/porotwin_rig/effects).
+
+"""
+
 TITLES = {
     Scope.MODEL: 'The model',
     Scope.RIG: 'The whole rig',
@@ -39,7 +49,8 @@ TITLES = {
 
 def page() -> str:
     """Return the text of docs/effects.md."""
-    return HEAD + ''.join(f'\n## {title}\n\n{_table(scope)}' for scope, title in TITLES.items())
+    tables = ''.join(f'\n## {title}\n\n{_table(scope)}' for scope, title in TITLES.items())
+    return HEAD + tables + OUTSIDE + _outside()
 
 
 def _table(scope: Scope) -> str:
@@ -47,10 +58,27 @@ def _table(scope: Scope) -> str:
     return _rows(['name', 'effect', 'parameters', 'check'], map(_row, effects))
 
 
+def _outside() -> str:
+    rows = (
+        [f'`{name}`', _text(RIG_PACKAGE, name), _parameters(effect.parameters)]
+        for name, effect in RIG_EFFECTS.items()
+        if name not in EFFECTS
+    )
+    return _rows(['name', 'effect', 'parameters'], rows)
+
+
 def _row(effect: Effect) -> list[str]:
-    text = (sys.modules[f'{PACKAGE}.{effect.name}'].__doc__ or '').strip()
-    parameters = '<br>'.join(f'`{name}` {_range(p)}' for name, p in effect.parameters.items())
-    return [f'`{effect.name}`', ' '.join(text.split()), parameters, effect.laboratory_check]
+    text, parameters = _text(PACKAGE, effect.name), _parameters(effect.parameters)
+    return [f'`{effect.name}`', text, parameters, effect.laboratory_check]
+
+
+def _text(package: str, name: str) -> str:
+    """Return the docstring of the module `name` on one line."""
+    return ' '.join((sys.modules[f'{package}.{name}'].__doc__ or '').split())
+
+
+def _parameters(parameters: Mapping[str, Parameter]) -> str:
+    return '<br>'.join(f'`{name}` {_range(parameter)}' for name, parameter in parameters.items())
 
 
 def _range(parameter: Parameter) -> str:

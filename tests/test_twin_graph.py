@@ -25,7 +25,7 @@ from porotwin_hub.graph import (
 )
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_msgs.srv import ConfirmRates
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -47,7 +47,13 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     )
     make_experiment(
-        folder, rig, told=schedule, duration=300.0, photo_interval=30.0, seed=11, photo_width=800
+        folder,
+        rig,
+        commanded=schedule,
+        duration=300.0,
+        photo_interval=30.0,
+        seed=11,
+        photo_width_px=800,
     )
     return folder
 

@@ -23,7 +23,7 @@ from porotwin_costa.evaluation import evaluate
 from porotwin_costa.frames import Frames
 from porotwin_costa.networks import architecture
 from porotwin_costa.training import train
-from porotwin_rig.asset import VirtualRig
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import Model
 
 INTERVAL_S = 30.0

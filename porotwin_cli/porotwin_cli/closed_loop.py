@@ -21,10 +21,10 @@ from porotwin_hub.control import Limits
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
 from porotwin_recording.concentration import open_maps
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.pumps import Pumps
-from porotwin_rig.session import parse_pace
+from porotwin_rig.session import parse_speed
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import preset_named
 
 PHOTO_INTERVAL_S = 30.0
@@ -70,7 +70,7 @@ class DemoSettings:
         Raises:
             InputError: speed or preset is unknown.
         """
-        parse_pace(self.speed)
+        parse_speed(self.speed)
         preset_named(self.preset)
 
 

@@ -10,9 +10,9 @@ from porotwin_core.wells import Schedule
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.photo_to_map import concentration_map
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.simulation import simulate
 

@@ -24,7 +24,7 @@ from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.recording import Recording, open_recording
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 ARCHITECTURE = 'local'
 """This network learns from few experiments; the paper's network needs many."""
@@ -74,11 +74,11 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     make_experiment(
         folder / 'calibration_run',
         rig,
-        told=balanced([(0.0, 'injector', INJECTION_ML_H, 1.0)], 'producer'),
+        commanded=balanced([(0.0, 'injector', INJECTION_ML_H, 1.0)], 'producer'),
         duration=duration,
         photo_interval=duration / CALIBRATION_PHOTOS,
         seed=seed,
-        photo_width=photo_width,
+        photo_width_px=photo_width,
     )
     recording = open_recording(folder / 'calibration_run')
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
@@ -115,11 +115,11 @@ def training_runs(
                 make_experiment,
                 path,
                 rig,
-                told=schedule,
+                commanded=schedule,
                 duration=TRAINING_MINUTES * 60.0,
                 photo_interval=photo_interval,
                 seed=seed,
-                photo_width=photo_width,
+                photo_width_px=photo_width,
             )
             for path, schedule in jobs
         ]

@@ -8,7 +8,7 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 
 @pytest.fixture(scope='session')
@@ -26,11 +26,11 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     make_experiment(
         folder,
         rig,
-        told=schedule,
+        commanded=schedule,
         duration=180.0,
         photo_interval=30.0,
         seed=3,
         grid=rig.grid(94, 56),
-        photo_width=800,
+        photo_width_px=800,
     )
     return folder

@@ -11,7 +11,7 @@ from porotwin_core.rig import write_rig
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
 from porotwin_recording.recording import open_recording
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 
 @pytest.mark.slow
@@ -55,7 +55,7 @@ def test_a_recording_too_short_to_judge_is_refused_in_one_line(tmp_path):
     make_experiment(
         tmp_path / 'short',
         SMALL,
-        told=schedule(),
+        commanded=schedule(),
         duration=300,
         photo_interval=60,
         seed=1,

@@ -9,7 +9,7 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import normalised_misfit, score
 from porotwin_diagnosis.thresholds import NEARLY_CLOSED_MISFIT
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.map_camera import MapNoise
 
 
 def levels_of(recording):

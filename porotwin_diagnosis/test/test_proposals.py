@@ -14,8 +14,8 @@ from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_recording.recording import open_recording
-from porotwin_rig.experiment import make_experiment
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.map_camera import MapNoise
 
 
 @pytest.fixture(scope='module')
@@ -30,7 +30,7 @@ def sample(tmp_path_factory):
     make_experiment(
         folder,
         SMALL,
-        told=Schedule((injector, *later)),
+        commanded=Schedule((injector, *later)),
         duration=2160,
         photo_interval=90,
         seed=3,

@@ -35,7 +35,7 @@ def test_the_model_starts_with_the_tracer_of_the_first_map(quiet):
     resting_plume = np.repeat(maps[-1:], 20, axis=0)
     times = np.arange(20) * 90.0
     rest = Schedule((ScheduleRow(0.0, 'injector', WellRate(0.0, 0.0)),))
-    sample = read_sample(replace(with_frames(recording, times, resting_plume), told=rest))
+    sample = read_sample(replace(with_frames(recording, times, resting_plume), commanded=rest))
     shown = Forward(sample).maps(())
     assert np.abs(shown - resting_plume[1]).mean() < 0.01
     assert read_sample(recording).initial is None

@@ -1,9 +1,9 @@
 """The virtual camera: from metres in the rig's plane to pixels, with tilt and lens bulge.
 
-A pinhole camera that looks slightly askew gives a homography; its lens bends straight lines by a
-radial (barrel) term, p = m + (p' - m)(1 + bulge |p' - m|^2 / R^2) with m the middle and R half the
-diagonal of the photograph. What the owner of the rig knows of that is the `camera` section of
-rig.yaml: corners, and curvature terms that were fitted, not the camera itself.
+A tilted pinhole camera gives a homography. The lens bends straight lines by a radial (barrel) term,
+p = m + (p' - m)(1 + bulge |p' - m|^2 / R^2) with m the middle and R half the diagonal of the
+photograph. The owner of the rig knows only the `camera` section of rig.yaml: the corners, and
+fitted curvature terms.
 """
 
 from dataclasses import dataclass
@@ -19,22 +19,31 @@ from porotwin_core.rig import Camera, Rig
 FloatArray = NDArray[np.floating]
 
 CHART_WIDTH = 0.105
-"""Width of the colour chart's patches together [m]; it has 6 x 4 patches."""
+"""Width of the six columns of patches of the colour chart [m]."""
+
 CHART_HEIGHT = CHART_WIDTH * 4.0 / 6.0
+"""Height of its four rows of patches [m]."""
+
+SMALL_WIDTH_M = 0.934
+"""Width of the paper's small rig [m]; frames and charts grow with the rig from this width on."""
 
 TERMS = ('horizontal_bulge', 'vertical_bulge', 'horizontal_stretch', 'vertical_stretch')
-
+"""Names of the terms of the published curvature correction."""
 
 ASPECT = 0.625
-"""Height of a photograph relative to its width, unless something else is asked for."""
+"""Default height of a photograph relative to its width."""
 
 
 @dataclass(frozen=True)
 class SceneLayout:
-    """What lies in front of the camera, in metres of the rig's frame (x right, z up).
+    """The scene in front of the camera, in metres (x right, z up) from the lower left of the sand.
 
-    A frame, `side` wide, lies left and right of the sand box and below it; above it is a board of
-    height `board`, on which the colour chart hangs.
+    A frame of width `side` surrounds the sand left, right and below. A board of height `board`
+    above it carries the colour chart.
+
+    Args:
+        width: width of the sand [m].
+        height: height of the sand [m].
     """
 
     width: float
@@ -42,8 +51,8 @@ class SceneLayout:
 
     @property
     def scale(self) -> float:
-        """Size of the scene relative to the small rig; frames and charts grow with the rig."""
-        return max(1.0, self.width / 0.934)
+        """Size of frame and chart relative to the small rig."""
+        return max(1.0, self.width / SMALL_WIDTH_M)
 
     @property
     def side(self) -> float:
@@ -67,10 +76,14 @@ class SceneLayout:
 
 @dataclass(frozen=True)
 class VirtualCamera:
-    """A camera of `width_px` x `height_px` before a scene; pixels as (column, row).
+    """A camera in front of a scene; pixels are (column, row) from the upper left.
 
-    `tilt`: how far the scene's corners move against each other, relative to the width.
-    `bulge`: the barrel term, negative; -0.03 moves the corners by 3 % of half the diagonal.
+    Args:
+        layout: the scene.
+        width_px: width of the photographs [px].
+        height_px: height of the photographs [px].
+        tilt: displacement of the corners of the scene relative to the width.
+        bulge: the barrel term, negative; -0.03 moves the corners by 3 % of half the diagonal.
     """
 
     layout: SceneLayout
@@ -81,7 +94,7 @@ class VirtualCamera:
 
     @cached_property
     def homography(self) -> FloatArray:
-        """The (3, 3) homography from metres to pixels of a lens without bulge."""
+        """Homography (3, 3) from metres to pixels for a lens without bulge."""
         layout = self.layout
         left, right = -layout.side, layout.width + layout.side
         bottom, top = -layout.side, layout.height + layout.board
@@ -95,8 +108,8 @@ class VirtualCamera:
             ),
             axis=1,
         )
-        askew = np.array([[0.6, 0.3], [-0.2, -0.5], [0.4, 0.8], [-0.9, -0.2]])
-        pixels += askew * (self.tilt * self.width_px)
+        displaced = np.array([[0.6, 0.3], [-0.2, -0.5], [0.4, 0.8], [-0.9, -0.2]])
+        pixels += displaced * (self.tilt * self.width_px)
         return np.asarray(
             cv2.getPerspectiveTransform(scene.astype(np.float32), pixels.astype(np.float32)), float
         )
@@ -110,7 +123,7 @@ class VirtualCamera:
         return 0.25 * (self.width_px**2 + self.height_px**2)
 
     def to_pixels(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (column, row) of points (x, z) [m] of the rig's plane."""
+        """Return the pixels (column, row) of points (x, z) [m]; arrays of one shape."""
         column, row = _project(self.homography, x, z)
         mx, my = self._middle
         along, down = column - mx, row - my
@@ -118,7 +131,8 @@ class VirtualCamera:
         return mx + along * factor, my + down * factor
 
     def to_metres(self, column: FloatArray, row: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (x, z) [m] of points of the photograph; the inverse of `to_pixels`."""
+        """Return the points (x, z) [m] of pixels; the inverse of `to_pixels`, by fixed-point
+        iteration."""
         mx, my = self._middle
         seen_along, seen_down = np.asarray(column) - mx, np.asarray(row) - my
         along, down = seen_along, seen_down
@@ -128,7 +142,7 @@ class VirtualCamera:
         return _project(np.linalg.inv(self.homography), along + mx, down + my)
 
     def description(self) -> Camera:
-        """Return the `camera` section of rig.yaml that an owner would have measured."""
+        """Return the `camera` section of rig.yaml that an owner would measure."""
         layout = self.layout
         corners = self._pixels_of(
             [(0, layout.height), (0, 0), (layout.width, 0), (layout.width, layout.height)]
@@ -151,7 +165,7 @@ class VirtualCamera:
 
 
 def camera_before(rig: Rig, width_px: int = 1600, height_px: int | None = None) -> VirtualCamera:
-    """Return a camera that has the whole of `rig` in its view; 16:10 where no height is given."""
+    """Return a camera that sees the whole of `rig`; the default aspect is 16:10."""
     if height_px is None:
         height_px = round(width_px * ASPECT)
     return VirtualCamera(SceneLayout(rig.width_m, rig.height_m), width_px, height_px)
@@ -167,11 +181,11 @@ def _project(homography: FloatArray, a: FloatArray, b: FloatArray) -> tuple[Floa
 
 
 def fitted_curvature(camera: VirtualCamera) -> dict[str, float]:
-    """Return the published bulge and stretch terms that describe `camera` best.
+    """Return the published bulge and stretch terms that fit `camera` best, by name.
 
-    They act on the crop between the corners, measured in pixels (both edges kept in place), each
-    about a centre of its own: stretch X' = X + a X (X1 - X)(X - X0), then bulge
-    X" = X' + b X' (Y1 - Y')(Y' - Y0), and likewise for rows (DarSIA's curvature correction).
+    The terms act on the crop between the corners in pixels and keep its edges in place. Each has
+    its own centre: stretch X' = X + a X (X1 - X)(X - X0), then bulge
+    X" = X' + b X' (Y1 - Y')(Y' - Y0), and likewise for rows (curvature correction of DarSIA).
     """
     width, height = camera.layout.width, camera.layout.height
     corners = np.array(

@@ -1,11 +1,11 @@
-"""Transport along characteristics: where did the water at a point come from?
+"""Transport along characteristics, traced backward from every vertex.
 
-Tracer is carried by following every vertex backward in time through the flow and reading the old
-concentration there (semi-Lagrangian; Staniforth & Cote 1991), with quintic interpolation kept
-within the range of its neighbours (Bermejo & Staniforth 1992). One reading per interval, however
-many cells the water has crossed: fronts stay sharp. The flow is free of sources everywhere outside
-the wells' discs, pointwise: an analytic radial flow for each well plus a remainder that is linear
-across each box (lowest-order Raviart-Thomas).
+The concentration at a vertex is the old concentration where its water came from (semi-Lagrangian;
+Staniforth & Cote 1991). It is read by quintic interpolation, clipped to the range of the four
+neighbours (Bermejo & Staniforth 1992), once per interval however many cells the water crosses.
+Fronts therefore stay sharp. The velocity is free of sources at every point outside the discs of the
+wells: an analytic radial flow for each well plus a remainder that is linear across each box
+(lowest-order Raviart-Thomas).
 """
 
 import math
@@ -18,19 +18,24 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.floating]
 
 FLUSHED = 30.0
-"""A disc exchanged so many times holds nothing but what is injected (exp(-30) = 1e-13)."""
+"""Exchanges of the water of a disc after which only injected water is in it (exp(-30) = 1e-13)."""
 
 
 @dataclass(frozen=True)
 class Carrier:
-    """The flow as the tracer feels it during one interval; velocities are pore velocities.
+    """The velocity field of one interval.
 
-    `remainder_x` (nz + 1, nx + 2), `remainder_z` (nz + 2, nx + 1): Darcy flux times depth [m^2/s]
-    on the boxes' faces, without the wells' radial flow. `storage` (nz + 1, nx + 1): porosity times
-    depth times retardation [m]. `wells`: one row (x, z, radius, rate [m^3/s], concentration) each.
-    `open_sides`: whether water may enter through left, right, bottom, top; it brings no tracer.
-    `settling`: velocity [m/s] at which tracer sinks through the water, halting at the bottom over
-    `settling_length` [m].
+    Args:
+        hx: width of an element [m].
+        hz: height of an element [m].
+        remainder_x: Darcy flux times depth on the faces of the boxes along x, without the radial
+            flow of the wells [m^2/s], (nz + 1, nx + 2).
+        remainder_z: the same along z, (nz + 2, nx + 1).
+        storage: porosity times depth times retardation [m], (nz + 1, nx + 1).
+        wells: rows (x [m], z [m], radius [m], rate [m^3/s], concentration).
+        open_sides: whether water may enter through left, right, bottom, top; it has no tracer.
+        settling: settling velocity of the tracer [m/s].
+        settling_length: height over which the settling velocity falls to zero at the bottom [m].
     """
 
     hx: float
@@ -57,7 +62,8 @@ def _flow_at(
     settling: float,
     settling_length: float,
 ) -> tuple[float, float, float, float, float]:
-    """Return (vx, vz, exchange [1/s], injected concentration, compression [1/s]) at a point."""
+    """Return velocity (vx, vz) [m/s], exchange by wells [1/s], injected concentration and
+    compression [1/s] at a point."""
     rows, columns = storage.shape
     i = min(max(int(x / hx + 0.5), 0), columns - 1)
     j = min(max(int(z / hz + 0.5), 0), rows - 1)
@@ -99,7 +105,7 @@ def _flow_at(
 
 @numba.njit(cache=True, nogil=True)
 def _quintic_weights(s: float, weights: FloatArray) -> None:
-    """Fill Lagrange weights of the six vertices -2..3 for a point at 0 <= s <= 1."""
+    """Fill the Lagrange weights of the six vertices -2..3 for a point at 0 <= s <= 1."""
     a, b, c, d, e, f = s + 2.0, s + 1.0, s, s - 1.0, s - 2.0, s - 3.0
     weights[0] = -b * c * d * e * f / 120.0
     weights[1] = a * c * d * e * f / 24.0
@@ -128,7 +134,7 @@ def _read(
     along_x: FloatArray,
     along_z: FloatArray,
 ) -> tuple[float, float, float]:
-    """Return (value, lowest, highest neighbour) of the vertex `field` at a point."""
+    """Return value, lowest and highest neighbour of the vertex `field` at a point."""
     rows, columns = field.shape
     i = min(int(x / hx), columns - 2)
     j = min(int(z / hz), rows - 2)
@@ -165,7 +171,7 @@ def _trace(
     settling_length: float,
     field: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (concentration, lowest, highest) that arrives at each point after its duration."""
+    """Return concentration, lower and upper bound at each point after its duration."""
     rows, columns = storage.shape
     width, height = (columns - 1) * hx, (rows - 1) * hz
     arrived = np.empty(xs.size)
@@ -174,25 +180,25 @@ def _trace(
     along_x, along_z = np.empty(6), np.empty(6)
     reach = min(hx, hz)
     for p in range(xs.size):
-        x, z, left_over = xs[p], zs[p], durations[p]
-        flushed = 0.0  # how often the water round the point was exchanged on its way, backward
-        gained = 0.0  # what those exchanges brought
-        squeezed = 0.0
-        fresh = False  # came in through an open side
-        while left_over > 0.0:
-            vx, vz, rate, brought, squeeze = _flow_at(
+        x, z, remaining = xs[p], zs[p], durations[p]
+        flushed = 0.0  # exchanges of the water by injectors along the path
+        gained = 0.0  # concentration gained by these exchanges
+        squeezed = 0.0  # logarithm of the compression along the path
+        fresh = False  # the water entered through an open side
+        while remaining > 0.0:
+            vx, vz, rate, inflow, squeeze = _flow_at(
                 x, z, hx, hz, ux, uz, storage, wells, settling, settling_length
             )
             speed = math.sqrt(vx * vx + vz * vz)
-            if speed * left_over < 1e-12 and rate == 0.0:
+            if speed * remaining < 1e-12 and rate == 0.0:
                 break
-            step = left_over
+            step = remaining
             if speed * step > reach:
                 step = reach / speed
             if rate * step > 0.5:
                 step = 0.5 / rate
             half = 0.5 * step
-            kx2, kz2, rate2, brought2, squeeze2 = _flow_at(
+            kx2, kz2, rate2, inflow2, squeeze2 = _flow_at(
                 x - half * vx, z - half * vz,
                 hx, hz, ux, uz, storage, wells, settling, settling_length,
             )  # fmt: skip
@@ -200,7 +206,7 @@ def _trace(
                 x - half * kx2, z - half * kz2,
                 hx, hz, ux, uz, storage, wells, settling, settling_length,
             )  # fmt: skip
-            kx4, kz4, rate4, brought4, squeeze4 = _flow_at(
+            kx4, kz4, rate4, inflow4, squeeze4 = _flow_at(
                 x - step * kx3, z - step * kz3,
                 hx, hz, ux, uz, storage, wells, settling, settling_length,
             )  # fmt: skip
@@ -209,14 +215,14 @@ def _trace(
             mean_rate = (rate + 4.0 * rate2 + rate4) / 6.0
             squeezed += step * (squeeze + 4.0 * squeeze2 + squeeze4) / 6.0
             if mean_rate > 0.0:
-                mixed = (rate * brought + 4.0 * rate2 * brought2 + rate4 * brought4) / (
+                mixed = (rate * inflow + 4.0 * rate2 * inflow2 + rate4 * inflow4) / (
                     6.0 * mean_rate
                 )
                 gained += math.exp(-flushed) * (1.0 - math.exp(-mean_rate * step)) * mixed
                 flushed += mean_rate * step
                 if flushed > FLUSHED:
                     break
-            left_over -= step
+            remaining -= step
             if x < 0.0:
                 if open_sides[0]:
                     fresh = True
@@ -254,10 +260,17 @@ def arriving(
     z: FloatArray,
     duration: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the concentration at points (x, z) [m] `duration` [s] after it was `field`.
+    """Return the concentration at points after some time, with lower and upper bounds.
 
-    All of one shape; also the lowest and highest value that the interpolation could have taken,
-    between which a correction of the mass may move it.
+    A correction of the mass may move the concentration within the bounds, the range of the
+    neighbours that were interpolated. All arrays except `field` have one shape.
+
+    Args:
+        carrier: the velocity field.
+        field: concentration at the vertices before, (nz + 1, nx + 1).
+        x: places of the points [m].
+        z: heights of the points [m].
+        duration: time until now of every point [s].
     """
     arrived, lowest, highest = _trace(
         np.ascontiguousarray(x, dtype=float).ravel(),

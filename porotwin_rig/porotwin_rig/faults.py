@@ -1,4 +1,4 @@
-"""Photographs gone wrong on purpose: what a camera, a cable or a disk does now and then."""
+"""Faulty photographs on purpose, as cameras, cables and disks produce them."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -36,14 +36,15 @@ FAULTS: Mapping[str, Callable[[bytes], bytes]] = MappingProxyType(
         'upside_down': lambda jpeg: _encoded(_decoded(jpeg)[::-1, ::-1].copy()),
     }
 )
-"""Ways in which a photograph's bytes go wrong, by name."""
+"""Faults of the bytes of a photograph, by name."""
 
 ORDER_FAULTS = ('missing', 'duplicate', 'late')
-"""Ways in which a photograph comes wrongly: not at all, twice, or stamped before the last one."""
+"""Faults of the sequence: a photograph is missing, comes twice, or has an earlier stamp than the
+last one."""
 
 
 def parse_faults(text: str) -> dict[int, str]:
-    """Return the faults written as `3:truncated,5:black` by the photograph's number.
+    """Return the faults written as `3:truncated,5:black`, by the number of the photograph.
 
     Raises:
         InputError: a number or the name of a fault is wrong.

@@ -1,6 +1,6 @@
-"""What the virtual rig's pumps take: the limits that rig.yaml sets, checked by the asset itself.
+"""The limits of the pumps in rig.yaml, checked by the virtual rig itself.
 
-The twin keeps these limits too; an asset that trusted it would be no independent witness.
+The twin keeps these limits too; the virtual rig is an independent check.
 """
 
 import math
@@ -11,14 +11,17 @@ from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, net_rate
 
 _ROUND_OFF_ML_H = 1e-3
+"""Rates that differ by less are equal [ml/h]: messages are rounded, and no pump is that exact."""
+
 _ROUND_OFF_CONCENTRATION = 1e-6
+"""Concentrations that differ by less are equal."""
 
 
 def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
-    """Return quietly when `rates` keep the limits of `rig`.
+    """Refuse rates that break the limits of `rig`.
 
     Raises:
-        InputError: one line naming the well, the rate and the limit.
+        InputError: a limit is broken; one line with the well, the rate and the limit.
     """
     for name in rates:
         if name not in rig.wells:
@@ -26,23 +29,23 @@ def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
     control = rig.control
     if control is None:
         return
-    asked = {name: to_ml_h(rates.get(name, WellRate()).rate) for name in rig.wells}
+    commanded = {name: to_ml_h(rates.get(name, WellRate()).rate) for name in rig.wells}
     for name in control.wells:
-        if not -_ROUND_OFF_ML_H <= asked[name] <= control.max_rate_ml_h + _ROUND_OFF_ML_H:
+        if not -_ROUND_OFF_ML_H <= commanded[name] <= control.max_rate_ml_h + _ROUND_OFF_ML_H:
             raise InputError(
-                f"well '{name}': rate {asked[name]:.1f} ml/h lies outside 0 to "
+                f"well '{name}': rate {commanded[name]:.1f} ml/h lies outside 0 to "
                 f'{control.max_rate_ml_h:.1f} ml/h; see rig.yaml'
             )
-    total = math.fsum(asked[name] for name in control.wells)
+    total = math.fsum(commanded[name] for name in control.wells)
     if total > control.max_total_rate_ml_h + _ROUND_OFF_ML_H:
         raise InputError(
             f'control wells inject {total:.1f} ml/h together, more than '
             f'{control.max_total_rate_ml_h:.1f} ml/h; see rig.yaml'
         )
     for name, fixed in control.fixed.items():
-        if abs(asked[name] - fixed.rate_ml_h) > _ROUND_OFF_ML_H:
+        if abs(commanded[name] - fixed.rate_ml_h) > _ROUND_OFF_ML_H:
             raise InputError(
-                f"well '{name}': rate {asked[name]:.1f} ml/h; it must stay at "
+                f"well '{name}': rate {commanded[name]:.1f} ml/h; it must stay at "
                 f'{fixed.rate_ml_h:.1f} ml/h'
             )
     _refuse_wrong_roles(control, rates)
@@ -52,7 +55,7 @@ def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
 
 
 def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
-    """Refuse wells that pump without a role, and stock or water where the other belongs."""
+    """Refuse wells that pump without a role, and wells that inject the wrong fluid."""
     roles = {*control.wells, *control.fixed, control.producer}
     for name, well in rates.items():
         if abs(to_ml_h(well.rate)) <= _ROUND_OFF_ML_H:
@@ -70,7 +73,7 @@ def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
 
 
 def safe_rates(rig: Rig) -> dict[str, WellRate]:
-    """Return what is pumped when nobody commands: the fixed wells, balanced by the producer."""
+    """Return the rates without a command: the fixed wells, balanced by the producer."""
     rates = {name: WellRate() for name in rig.wells}
     if rig.control is None:
         return rates

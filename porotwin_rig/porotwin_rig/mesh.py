@@ -12,21 +12,35 @@ from porotwin_core.rig import Rig
 
 FloatArray = NDArray[np.floating]
 
-DEFAULT_VERTICES, MOST_VERTICES = 120_000, 480_000
-"""Vertices of a default mesh, 2.1 mm apart on the paper's small rig; of the finest mesh for sands
-with interfaces, 3 mm apart on the large one."""
+DEFAULT_VERTICES = 120_000
+"""Vertices of a default mesh; they are 2.1 mm apart on the paper's small rig."""
+
+MOST_VERTICES = 480_000
+"""Vertices of the finest mesh for sands with interfaces; 3 mm apart on the large rig."""
 
 PER_SAND_CELL = 3.0
-"""Elements per cell of the permeability map, each way: an element takes the sand at its middle, and
-so shifts an interface by up to half its size."""
+"""Elements per cell of the permeability map, each way. An element takes the sand at its middle,
+which shifts an interface by up to half an element."""
+
+ON_FACE = 1e-6
+"""Distance from a face, in elements, at which a place counts as on the face."""
+
+OFF_FACE = 1e-4
+"""Distance by which such a place is moved, in elements; far below the error of the mesh."""
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """`nx` x `nz` rectangular elements over `width` x `height` [m].
+    """Rectangular elements over the rig.
 
-    Vertex fields have shape (nz + 1, nx + 1), element fields (nz, nx); row 0 is the bottom. Round
-    each vertex lies its box, bounded by the middles of the elements, half as wide along a wall.
+    Vertex fields have shape (nz + 1, nx + 1), element fields (nz, nx); row 0 is the bottom. Every
+    vertex has a box bounded by the middles of the elements; along a wall it is half as wide.
+
+    Args:
+        nx: number of elements along x.
+        nz: number of elements along z.
+        width: width of the rig [m].
+        height: height of the rig [m].
     """
 
     nx: int
@@ -36,9 +50,13 @@ class Mesh:
 
     @classmethod
     def over(cls, rig: Rig, *, cell: float | None = None) -> Self:
-        """Return a mesh of nearly square elements of about `cell` [m] over `rig`.
+        """Return a mesh of nearly square elements over `rig`.
 
-        Element counts are made odd, so that the mesh is no multiple of a reporting grid.
+        Numbers of elements are odd, so that the mesh is no multiple of the grid of a model.
+
+        Args:
+            rig: the rig.
+            cell: approximate size of an element [m]; follows from the sands where it is None.
         """
         cell = cell or _default_cell(rig)
         nx, nz = (max(9, 2 * round(size / cell / 2) + 1) for size in (rig.width_m, rig.height_m))
@@ -90,24 +108,29 @@ class Mesh:
         return np.outer(self.box_height, self.box_width)
 
     def off_faces(self, x: float, z: float) -> tuple[float, float]:
-        """Return a place [m], moved into one box by 1e-4 of an element where it lies on a face.
+        """Return the place (x, z) [m], moved into one box where it lies on a face.
 
-        On a face, round-off alone would say which box holds a well and which way its water goes.
-        The middle of every rig is such a place, its element counts being odd.
+        On a face, round-off would decide which box holds a well. The middle of every rig is on a
+        face, because the numbers of elements are odd.
         """
         return _off_edges(x, self.hx), _off_edges(z, self.hz)
 
     def to_vertices(self, field: FloatArray) -> FloatArray:
-        """Return the mean over each vertex's box of a map (rows, columns) on any uniform grid."""
+        """Return the mean of a map on any uniform grid over the box of each vertex."""
         rows = _overlap(box_edges(self.nz, 1.0), np.linspace(0.0, 1.0, field.shape[0] + 1))
         columns = _overlap(box_edges(self.nx, 1.0), np.linspace(0.0, 1.0, field.shape[1] + 1))
         return rows @ field @ columns.T
 
     def to_grid(self, field: FloatArray, weight: FloatArray, grid: Grid) -> FloatArray:
-        """Return `field` averaged over the cells of `grid` with `weight`, shape (nz, nx).
+        """Return the weighted mean of `field` over the cells of `grid`, (nz, nx).
 
-        With the storage (porosity times depth) as the weight, the tracer's mass is kept to
-        round-off: sum(result * weight of the cells) = sum(field * weight * box area).
+        With porosity times depth as the weight the mass of the tracer is kept to round-off:
+        sum(result * weight of the cells) = sum(field * weight * box area).
+
+        Args:
+            field: values at the vertices, (nz + 1, nx + 1).
+            weight: positive weights, same shape.
+            grid: the target grid.
         """
         rows = _overlap(np.linspace(0.0, 1.0, grid.nz + 1), box_edges(self.nz, 1.0))
         columns = _overlap(np.linspace(0.0, 1.0, grid.nx + 1), box_edges(self.nx, 1.0))
@@ -115,7 +138,7 @@ class Mesh:
 
 
 def _default_cell(rig: Rig) -> float:
-    """Return the size of elements [m] that suits `rig`."""
+    """Return the default size of elements [m]: small beside the cells of the permeability map."""
     area = rig.width_m * rig.height_m
     cell = math.sqrt(area / DEFAULT_VERTICES)
     permeability = rig.nominal_map('permeability_m2')
@@ -127,18 +150,18 @@ def _default_cell(rig: Rig) -> float:
 
 def _off_edges(place: float, size: float) -> float:
     from_vertex = place / size
-    on_edge = abs(from_vertex - math.floor(from_vertex) - 0.5) < 1e-6
-    return place + 1e-4 * size if on_edge else place
+    on_edge = abs(from_vertex - math.floor(from_vertex) - 0.5) < ON_FACE
+    return place + OFF_FACE * size if on_edge else place
 
 
 def box_edges(elements: int, length: float) -> FloatArray:
-    """Return the edges of the boxes along one side, shape (elements + 2,)."""
+    """Return the edges of the boxes along a side of `length`, shape (elements + 2,)."""
     inner = (np.arange(elements) + 0.5) * (length / elements)
     return np.concatenate(([0.0], inner, [length]))
 
 
 def _overlap(target: FloatArray, source: FloatArray) -> FloatArray:
-    """Return the row-stochastic matrix of overlaps of two partitions given by their edges."""
+    """Return the overlaps of two partitions, given by their edges, as a row-stochastic matrix."""
     low = np.maximum(target[:-1, None], source[None, :-1])
     high = np.minimum(target[1:, None], source[None, 1:])
     return np.maximum(high - low, 0.0) / np.diff(target)[:, None]

@@ -17,16 +17,16 @@ from porotwin_recording.photos import read_photos
 from porotwin_rig.faults import FAULTS, parse_faults
 
 SETTLE_S = 2.0
-"""Wait after a listener is seen: it may not have seen this camera yet."""
+"""Wait after the first subscriber [s]: DDS may match its side of the connection later."""
 
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
 
 
 class MockCameraNode(Node):
-    """Publishes a baseline, waits for a listener, then one photograph per period, and ends.
+    """Publishes a baseline, waits for a subscriber, publishes one photograph per period, and ends.
 
-    An experiment folder gives times and roles in imaging.csv; of a plain folder the first
-    photograph is the baseline, and the others follow by name, `interval_s` apart.
+    In an experiment folder, imaging.csv gives times and roles. In a plain folder the first
+    photograph by name is the baseline, and the others follow `interval_s` apart.
     """
 
     def __init__(self, **kwargs: Any) -> None:

@@ -1,43 +1,91 @@
-"""The pumps: what they deliver of what they are told."""
+"""The pumps: commanded, metered and true rates of the wells."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_rig.effects import Effects
+from porotwin_rig.effects import EffectSet
 
 
 @dataclass(frozen=True)
 class Pumps:
-    """`delivery`: factor between the rate a well is told and what its flow meter then measures.
+    """How the pumps follow their commands.
 
-    Wells that are not named deliver exactly. In the paper (sec. 4) the producer's pump gave about
-    1 % less than prescribed: `Pumps({'producer': 0.99})`.
+    In the paper (sec. 4) the pump of the producer delivered about 1 % less than prescribed:
+    `Pumps({'producer': 0.99})`.
+
+    Args:
+        delivery: factor between commanded and metered rate by well; 1 for wells not named.
     """
 
     delivery: Mapping[str, float] = field(default_factory=dict)
 
-    def measured(self, told: WellRates) -> dict[str, WellRate]:
-        """Return what the flow meters show while the wells are told `told`."""
+    def measured(self, commanded: WellRates) -> dict[str, WellRate]:
+        """Return the metered rates for `commanded` ones."""
         return {
             name: WellRate(well.rate * self.delivery.get(name, 1.0), well.concentration)
-            for name, well in told.items()
+            for name, well in commanded.items()
         }
 
 
-def true_rate_factor(effects: Effects, well: str, *, start: float, end: float) -> float:
-    """Return the mean factor over [start, end] [s] by which a flow meter of `well` is wrong."""
-    factor = 1.0
-    for effect in effects.all('rate'):
-        if effect['well'] == well:
-            factor *= float(effect['factor'])
-    for effect in effects.all('pump_drift'):
-        if effect['well'] == well:
-            factor *= max(0.0, 1.0 + float(effect['drift']) * 0.5 * (start + end))
-    for effect in effects.all('pulsation'):
-        if effect['well'] == well:
-            turn = 2.0 * math.pi / float(effect['period'])
-            swing = (math.cos(turn * start) - math.cos(turn * end)) / (turn * (end - start))
-            factor *= max(0.0, 1.0 + float(effect['amplitude']) * swing)
-    return factor
+class RunningPumps:
+    """The pumps of one rig while they run: from a setpoint to the true rates.
+
+    Attributes:
+        commanded: the rates that were set last.
+        measured: the metered rates of the last interval.
+    """
+
+    def __init__(self, rig: Rig, pumps: Pumps, effects: EffectSet) -> None:
+        self.pumps = pumps
+        self.commanded: dict[str, WellRate] = {}
+        self.measured: dict[str, WellRate] = {}
+        self._wells = rig.wells
+        self._effects = effects
+
+    def command(self, rates: WellRates) -> None:
+        """Set `rates`; wells that are not named stop.
+
+        Raises:
+            InputError: a well is not known.
+        """
+        for name in rates:
+            if name not in self._wells:
+                raise InputError(
+                    f"rate for an unknown well '{name}'; known: {', '.join(self._wells)}"
+                )
+        self.commanded = dict(rates)
+
+    def start(self) -> None:
+        """Begin an interval with the commanded rates: the flow meters show them."""
+        self.measured = self.pumps.measured(self.commanded)
+
+    def true_rates(self, start: float, end: float) -> dict[str, WellRate]:
+        """Return the mean true rates in [start, end] [s]; wells at rest are left out."""
+        return {
+            name: WellRate(
+                rate.rate * self._effects.rate_factor(name, start=start, end=end),
+                rate.concentration,
+            )
+            for name, rate in self.measured.items()
+            if rate.rate != 0.0
+        }
+
+
+def balanced(rates: WellRates) -> dict[str, WellRate]:
+    """Return the rates in a rig without an open side: sinks take out as much as is injected.
+
+    Sand and water do not yield. The pressure of a pump that would take more or less changes until
+    it does not.
+    """
+    put_in = math.fsum(rate.rate for rate in rates.values() if rate.rate > 0.0)
+    taken = -math.fsum(rate.rate for rate in rates.values() if rate.rate < 0.0)
+    if put_in == 0.0 or taken == 0.0:
+        return {name: WellRate(0.0, rate.concentration) for name, rate in rates.items()}
+    return {
+        name: rate if rate.rate >= 0.0 else WellRate(rate.rate * put_in / taken, rate.concentration)
+        for name, rate in rates.items()
+    }

@@ -1,9 +1,9 @@
-"""Photographs as a laboratory would take them, from a map of the tracer.
+"""Photographs as a laboratory takes them, from a map of the tracer.
 
-The dye takes away light: where the signal is s, a sand's colour is multiplied channel by channel
-by 1 - (1 - T)(1 - exp(-b s)) / (1 - exp(-b)), T the transmission at full signal: monotone and
-nearly proportional. Lamps drift, the camera shivers, the sensor is noisy, the file is a JPEG with
-its time of exposure. Everything follows from a seed and the time of the photograph.
+The dye absorbs light. A signal s multiplies each colour channel of a sand by
+1 - (1 - T)(1 - exp(-b s)) / (1 - exp(-b)), T the transmission at full signal: monotone and nearly
+proportional. Lamps drift, the camera shakes, the sensor is noisy, and the file is a JPEG with its
+time of exposure. Everything follows from a seed and the time of the photograph.
 """
 
 import math
@@ -29,22 +29,40 @@ DYE = np.array([0.42, 0.62, 0.27])
 """Transmission (blue, green, red) of tracer stock in front of sand: a dark green."""
 
 RESPONSE_BEND = 0.25
-"""b in the response above; 0 is proportional; this is off by 3 % of the range at half signal."""
+"""b in the response above. 0 is proportional; 0.25 deviates by 3 % of the range at half signal."""
 
 _LEVELS = 1024
+"""Levels of the signal in the table of the dye: finer than a step of the JPEG."""
+
 _CODES = 8192
+"""Entries of the sensor curve: finer than a step of the JPEG in the darkest parts."""
+
 _TILE = 512
+"""Side of the tile of sensor noise [px], a power of two; repeated with random offsets."""
+
+_REDUCED_WIDTH_PX = 1600
+"""Width up to which the signal is read at every pixel [px]; above, on a coarser raster."""
+
+_LAMP_PERIODS_S = (4200.0, 1500.0, 3300.0, 900.0, 5100.0)
+"""Periods of the drifts of the lamps [s]: tens of minutes, without a common multiple."""
+
+_EXIF_MODEL, _EXIF_DETAILS = 0x0110, 0x8769
+_EXIF_TIME, _EXIF_ZONE, _EXIF_MILLISECONDS = 0x9003, 0x9011, 0x9291
+"""Tags of the EXIF standard (CIPA DC-008)."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """How a photograph differs from the ideal one.
+    """Deviations of photographs from ideal ones.
 
-    `light_drift`, `light_gradient`: relative swing of the lamps' brightness and of its slope across
-    the photograph, over tens of minutes; `noise`: standard deviation of the sensor's noise in
-    steps of 255; `shake_px`: standard deviation of each photograph's shift [px at 1600 px width];
-    `shift_px`, `rotation_rad`: how the camera was nudged after the baseline, (right, down) and
-    counter-clockwise; `quality`: that of the JPEG, 0 to 100.
+    Args:
+        light_drift: relative amplitude of the brightness of the lamps, over tens of minutes.
+        light_gradient: relative amplitude of its slope across the photograph.
+        noise: standard deviation of the sensor noise, in steps of 255.
+        shake_px: standard deviation of the shift of every photograph [px at 1600 px width].
+        shift_px: shift (right, down) of the camera after the baseline [px].
+        rotation_rad: rotation of the camera after the baseline, counter-clockwise.
+        quality: JPEG quality, 0 to 100.
     """
 
     light_drift: float = 0.03
@@ -67,7 +85,7 @@ def _expose(
     noise: NDArray[np.float32],
     offset: int,
 ) -> NDArray[np.uint8]:
-    """Return the pixels (rows, columns, 3) uint8: dye, lamp, sensor curve and noise in one pass."""
+    """Return pixels (rows, columns, 3) with dye, lamp, sensor curve and noise in one pass."""
     rows, columns = sand.shape
     pixels = np.empty((rows, columns, 3), np.uint8)
     side = noise.shape[0] - 1
@@ -95,15 +113,18 @@ def _expose(
 class Photographer:
     """Takes photographs of one rig with one camera.
 
-    Building the scene takes about a second at 1600 px and half a minute at 8000 px; a photograph
-    takes a fraction of that.
+    The scene takes about a second at 1600 px and half a minute at 8000 px; a photograph takes a
+    small part of this time.
 
     Args:
-        rig: its sizes, wells and sands; a `camera` section of its own is not looked at.
-        camera: where the camera stands; by default 1600 x 1000 px with the rig filling the view.
+        rig: sizes, wells and sands; its `camera` section is ignored.
+        camera: the camera; by default 1600 x 1000 px with the rig filling the view.
         conditions: light, noise and shake.
-        seed: of every grain of sand and every shiver.
-        start: the time of day at time 0, for the exposure times in the files.
+        seed: seed of all random patterns.
+        start: date and time at time 0, for the exposure times in the files.
+
+    Attributes:
+        rig: the rig with the `camera` section that describes these photographs.
     """
 
     def __init__(
@@ -128,14 +149,16 @@ class Photographer:
             np.float32
         )
         self._phases = generator.uniform(0.0, 2.0 * math.pi, 8)
-        self._reduction = max(1, self.camera.width_px // 1600)
+        self._reduction = max(1, self.camera.width_px // _REDUCED_WIDTH_PX)
         self._map_u, self._map_v = self._signal_positions()
 
     def photograph(self, signal: FloatArray, *, time: float, baseline: bool = False) -> bytes:
-        """Return the JPEG file of the rig at `time` [s] with tracer `signal` (nz, nx), 0 to 1.
+        """Return a photograph as a JPEG file.
 
-        The signal's cells cover the whole rig, however many they are. A `baseline` is taken before
-        the camera was nudged.
+        Args:
+            signal: signal of the tracer, (nz, nx), 0 to 1; its cells cover the whole rig.
+            time: time of the photograph [s].
+            baseline: taken before the camera was displaced.
 
         Raises:
             InputError: the signal is not a map of finite numbers.
@@ -143,7 +166,7 @@ class Photographer:
         if signal.ndim != 2 or not np.isfinite(signal).all():
             raise InputError(f'signal of shape {signal.shape}: give a map (nz, nx) without NaN')
         generator = np.random.default_rng([self.seed, 3, round(time * 1000), int(baseline)])
-        move = self._move(generator, nudged=not baseline)
+        move = self._move(generator, displaced=not baseline)
         levels = self._levels(signal)
         light, sand = self._scene.light, self._scene.sand
         size = (self.camera.width_px, self.camera.height_px)
@@ -173,7 +196,7 @@ class Photographer:
         return self.photograph(np.zeros((2, 2)), time=time, baseline=True)
 
     def _signal_positions(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return where each (reduced) pixel looks, relative to the rig: right and up, 0 to 1."""
+        """Return the place of each (reduced) pixel relative to the rig: right and up, 0 to 1."""
         step = self._reduction
         column, row = np.meshgrid(
             np.arange(0, self.camera.width_px, step) + 0.5 * (step - 1),
@@ -184,7 +207,7 @@ class Photographer:
         return (x / layout.width).astype(np.float32), (z / layout.height).astype(np.float32)
 
     def _levels(self, signal: FloatArray) -> NDArray[np.uint16]:
-        """Return the signal at every pixel as a level of the dye's table."""
+        """Return the signal at every pixel as a level of the table of the dye."""
         rows, columns = signal.shape
         seen = cv2.remap(
             np.ascontiguousarray(signal, np.float32),
@@ -200,12 +223,12 @@ class Photographer:
             levels = levels[: self.camera.height_px, : self.camera.width_px]
         return np.ascontiguousarray(levels).astype(np.uint16)
 
-    def _move(self, generator: np.random.Generator, *, nudged: bool) -> FloatArray | None:
-        """Return the (2, 3) matrix by which this photograph is displaced, None where it is not."""
-        scale = self.camera.width_px / 1600.0
+    def _move(self, generator: np.random.Generator, *, displaced: bool) -> FloatArray | None:
+        """Return the affine matrix (2, 3) that displaces this photograph; None for the identity."""
+        scale = self.camera.width_px / _REDUCED_WIDTH_PX
         shift = generator.normal(0.0, 1.0, 2) * (self.conditions.shake_px * scale)
         turn = 0.0
-        if nudged:
+        if displaced:
             shift = shift + np.asarray(self.conditions.shift_px)
             turn = self.conditions.rotation_rad
         if turn == 0.0 and not shift.any():
@@ -215,13 +238,11 @@ class Photographer:
         return np.column_stack((move[:, :2], move[:, 2] + shift))
 
     def _lamp(self, time: float) -> NDArray[np.float32]:
-        """Return the lamps at `time` [s]: factors of blue, green, red, slopes across and down."""
+        """Return the lamps at `time` [s]: factors of blue, green, red; slopes across and down."""
         drift, gradient = self.conditions.light_drift, self.conditions.light_gradient
         waves = [
             math.sin(2.0 * math.pi * time / period + phase)
-            for period, phase in zip(
-                (4200.0, 1500.0, 3300.0, 900.0, 5100.0), self._phases, strict=False
-            )
+            for period, phase in zip(_LAMP_PERIODS_S, self._phases, strict=False)
         ]
         level = 1.0 + drift * (0.75 * waves[0] + 0.25 * waves[1])
         warmth = 0.2 * drift * waves[2]
@@ -237,7 +258,7 @@ def _moved(picture: Picture, move: FloatArray, size: tuple[int, int], how: int) 
 
 
 def _dye_table(scene: Scene) -> NDArray[np.float32]:
-    """Return what light is left per sand, level of the signal and channel."""
+    """Return the transmission by sand, level of the signal and channel."""
     signal = np.linspace(0.0, 1.0, _LEVELS)
     response = np.expm1(-RESPONSE_BEND * signal) / math.expm1(-RESPONSE_BEND)
     taken = np.array([(1.0 - DYE) * sand.uptake for sand in scene.sands])
@@ -254,10 +275,10 @@ def _sensor_curve() -> NDArray[np.float32]:
 def _with_exposure_time(jpeg: bytes, taken: datetime) -> bytes:
     """Return the JPEG file with the time of exposure, to the millisecond, in its EXIF."""
     exif = Image.Exif()
-    exif[0x0110] = 'PoroTwin virtual camera'
-    details = exif.get_ifd(0x8769)
-    details[0x9003] = taken.strftime('%Y:%m:%d %H:%M:%S')
-    details[0x9011] = '+00:00'
-    details[0x9291] = f'{taken.microsecond // 1000:03d}'
+    exif[_EXIF_MODEL] = 'PoroTwin virtual camera'
+    details = exif.get_ifd(_EXIF_DETAILS)
+    details[_EXIF_TIME] = taken.strftime('%Y:%m:%d %H:%M:%S')
+    details[_EXIF_ZONE] = '+00:00'
+    details[_EXIF_MILLISECONDS] = f'{taken.microsecond // 1000:03d}'
     payload = exif.tobytes()
     return jpeg[:2] + b'\xff\xe1' + (len(payload) + 2).to_bytes(2, 'big') + payload + jpeg[2:]

@@ -1,4 +1,4 @@
-"""What stands before the camera without tracer: sand, frame, board with bolts, colour chart."""
+"""The scene without tracer: sand, frame, board with bolts, colour chart."""
 
 import math
 from collections.abc import Callable
@@ -18,10 +18,15 @@ FULL_SCALE = 65535.0
 """Linear light 1.0 in the 16 bits of a scene."""
 
 MOST_SANDS = 6
+"""Sands that are told apart by permeability; a continuous map is divided into as many classes."""
 
 _STEPS = 24.0
-"""Steps of a mottled field that make one standard deviation."""
+"""Standard deviation of a mottled field in the steps of its 8 bits."""
 
+_BAND_ROWS = 256
+"""Rows of the photograph that are made at a time, so that memory does not grow with its size."""
+
+# linear (red, green, blue) of coarse and fine sand, of the board and of the frame
 _COARSE = np.array([0.145, 0.098, 0.066])
 _FINE = np.array([0.315, 0.228, 0.165])
 _BOARD = np.array([0.52, 0.44, 0.21])
@@ -29,12 +34,14 @@ _FRAME = np.array([0.012, 0.012, 0.013])
 
 
 @dataclass(frozen=True)
-class Sand:
+class SandAppearance:
     """One sand as the camera sees it.
 
-    `colour`: mean linear (red, green, blue); `grain` [m]: size of a grain; `contrast`: standard
-    deviation of a grain's brightness relative to the mean; `uptake`: how strongly tracer colours
-    this sand relative to others.
+    Args:
+        colour: mean linear (red, green, blue).
+        grain: size of a grain [m].
+        contrast: standard deviation of the brightness of grains, relative to the mean.
+        uptake: strength of the colour of tracer on this sand, relative to other sands.
     """
 
     colour: FloatArray
@@ -45,21 +52,24 @@ class Sand:
 
 @dataclass(frozen=True)
 class Scene:
-    """`light` (rows, columns, 3) uint16: linear blue, green, red in `FULL_SCALE`.
+    """The scene in pixels.
 
-    `sand` (rows, columns) uint8: 0 where there is none, else 1 + the number of the sand.
+    Args:
+        light: linear (blue, green, red) in units of 1 / `FULL_SCALE`, (rows, columns, 3).
+        sand: 0 without sand, else 1 + the index of the sand, (rows, columns).
+        sands: the sands.
     """
 
     light: NDArray[np.uint16]
     sand: NDArray[np.uint8]
-    sands: tuple[Sand, ...]
+    sands: tuple[SandAppearance, ...]
 
 
-def sands_of(rig: Rig) -> tuple[tuple[Sand, ...], NDArray[np.integer]]:
-    """Return the sands of `rig` and which of them lies where, shape (nz, nx) from the bottom up.
+def sands_of(rig: Rig) -> tuple[tuple[SandAppearance, ...], NDArray[np.integer]]:
+    """Return the sands of `rig` and the map of their indices, (nz, nx), row 0 at the bottom.
 
-    Sands are told apart by permeability; of a continuous map, the classes of its logarithm. Coarse
-    sand is dark and mottled, fine sand light and smooth; grains follow Hazen's rule, d ~ sqrt(k).
+    Sands differ in permeability. Coarse sand is dark and mottled, fine sand light and smooth; the
+    size of grains follows Hazen's rule, d ~ sqrt(k).
     """
     nominal = rig.nominal_map('permeability_m2')
     permeability = np.atleast_2d(np.asarray(nominal, dtype=float))
@@ -71,7 +81,7 @@ def sands_of(rig: Rig) -> tuple[tuple[Sand, ...], NDArray[np.integer]]:
     for level in levels:
         coarse = float(np.clip((level + 11.0) / 2.5, 0.0, 1.0))
         sands.append(
-            Sand(
+            SandAppearance(
                 colour=_FINE + coarse * (_COARSE - _FINE),
                 grain=4e-4 + 1.1e-3 * coarse**2,
                 contrast=0.10 + 0.32 * coarse,
@@ -82,7 +92,7 @@ def sands_of(rig: Rig) -> tuple[tuple[Sand, ...], NDArray[np.integer]]:
 
 
 def build_scene(rig: Rig, camera: VirtualCamera, *, seed: int) -> Scene:
-    """Return the scene of `rig` as `camera` sees it; every grain follows from `seed`."""
+    """Return the scene of `rig` as `camera` sees it; all random patterns follow from `seed`."""
     generator = np.random.default_rng([seed, 1])
     rows, columns = camera.height_px, camera.width_px
     sands, labels = sands_of(rig)
@@ -93,8 +103,8 @@ def build_scene(rig: Rig, camera: VirtualCamera, *, seed: int) -> Scene:
     hue = _grains((rows, columns), sands[-1].grain * px_per_m, generator)
     strata = _strata(camera, generator)
     bolts = _bolts(camera)
-    for start in range(0, rows, 256):
-        band = slice(start, min(start + 256, rows))
+    for start in range(0, rows, _BAND_ROWS):
+        band = slice(start, min(start + _BAND_ROWS, rows))
         column, row = np.meshgrid(
             np.arange(columns, dtype=float), np.arange(rows, dtype=float)[band]
         )
@@ -124,7 +134,7 @@ def build_scene(rig: Rig, camera: VirtualCamera, *, seed: int) -> Scene:
 def _grains(
     shape: tuple[int, int], size_px: float, generator: np.random.Generator
 ) -> NDArray[np.int8]:
-    """Return a mottled field with grains of about `size_px` [px]; its deviation is `_STEPS`."""
+    """Return a mottled field with grains of about `size_px` [px] and deviation `_STEPS`."""
     size = max(1.0, 0.6 * size_px)
     coarse = tuple(math.ceil(n / size) + 2 for n in shape)
     field = generator.standard_normal(coarse, dtype=np.float32)
@@ -141,7 +151,7 @@ def _grains(
 def _strata(
     camera: VirtualCamera, generator: np.random.Generator
 ) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Return a function of (x, z) [m]: thin layers left by pouring, unit deviation."""
+    """Return a function of (x, z) [m]: thin layers from pouring, with deviation 1."""
     thickness = 0.004 * camera.layout.scale
     count = math.ceil(camera.layout.height / thickness) + 40
     line = generator.standard_normal(count)
@@ -175,7 +185,7 @@ def _label_at(labels: NDArray[np.integer], u: FloatArray, v: FloatArray) -> NDAr
 
 
 def _bolts(camera: VirtualCamera) -> FloatArray:
-    """Return the bolts that hold the plates together, (x, z) [m] each."""
+    """Return the places (x, z) [m] of the bolts that hold the plates together, (6, 2)."""
     layout = camera.layout
     first = 0.045 * layout.scale + CHART_WIDTH * layout.scale + 0.05 * layout.scale
     xs = np.linspace(first, layout.width - 0.04 * layout.scale, 6)
@@ -185,7 +195,7 @@ def _bolts(camera: VirtualCamera) -> FloatArray:
 def _surroundings(
     camera: VirtualCamera, x: FloatArray, z: FloatArray, bolts: FloatArray
 ) -> FloatArray:
-    """Return linear (red, green, blue) of everything but the sand."""
+    """Return linear (red, green, blue) of everything except the sand."""
     layout = camera.layout
     on_board = (
         (z >= layout.height) & (x > -0.3 * layout.side) & (x < layout.width + 0.3 * layout.side)
@@ -217,7 +227,7 @@ def _surroundings(
 
 
 def _vignette(camera: VirtualCamera, column: FloatArray, row: FloatArray) -> FloatArray:
-    """Return the lens's fall of light towards the corners, 1 in the middle."""
+    """Return the brightness of the lens, 1 in the middle and less towards the corners."""
     along = (column / camera.width_px - 0.5) ** 2
     down = (row / camera.height_px - 0.5) ** 2
     return 1.0 - 0.22 * (along + down)

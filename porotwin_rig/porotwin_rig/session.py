@@ -4,25 +4,30 @@ from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_rig.asset import VirtualRig
+from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.limits import refuse_broken_limits, safe_rates
-from porotwin_rig.observation import signal_seen
 from porotwin_rig.render import Photographer
+from porotwin_rig.virtual_rig import VirtualRig
 
 
 @dataclass(frozen=True)
 class Command:
-    """Rates that the asset pumps until `valid_until` [s]; afterwards its safe ones."""
+    """Rates that hold until `valid_until` [s]; then the safe rates hold."""
 
     rates: dict[str, WellRate]
     valid_until: float
 
 
 class AssetSession:
-    """The virtual rig between its photographs; `time` is that of the next one [s].
+    """The virtual rig from photograph to photograph.
 
-    It begins with the safe rates. Commands are checked against the rig's limits, and hold until
-    they expire.
+    It begins with the safe rates. Commands are checked against the limits of the rig, and hold
+    until they expire.
+
+    Args:
+        asset: the virtual rig.
+        photographer: takes its photographs.
+        photo_interval: time between photographs [s].
     """
 
     def __init__(
@@ -50,7 +55,7 @@ class AssetSession:
         return self._photographer.photograph(signal, time=self.time)
 
     def command(self, rates: WellRates, *, valid_until: float) -> None:
-        """Tell the pumps `rates` from this moment on, until `valid_until` [s].
+        """Command `rates` from now until `valid_until` [s].
 
         Raises:
             InputError: the rates break a limit of the rig, or have expired already.
@@ -64,7 +69,7 @@ class AssetSession:
         self._command = Command(dict(rates), valid_until)
 
     def advance(self) -> dict[str, WellRate]:
-        """Let one photo interval pass; return what the wells' meters showed in the mean."""
+        """Advance by one photo interval; return the mean metered rates."""
         end = self.time + self._interval
         switch = min(max(self._command.valid_until, self.time), end)
         shares: list[tuple[float, dict[str, WellRate]]] = []
@@ -78,7 +83,7 @@ class AssetSession:
 
 
 def _mean(shares: list[tuple[float, dict[str, WellRate]]]) -> dict[str, WellRate]:
-    """Return the mean rates of stretches with their shares of the time, their tracer likewise."""
+    """Return the mean of rates weighted by `shares` of the time; concentrations by tracer."""
     wells = dict.fromkeys(name for _, rates in shares for name in rates)
     mean = {}
     for name in wells:
@@ -89,8 +94,8 @@ def _mean(shares: list[tuple[float, dict[str, WellRate]]]) -> dict[str, WellRate
     return mean
 
 
-def parse_pace(speed: str) -> float | None:
-    """Return how many times faster than real time; None: as fast as it goes.
+def parse_speed(speed: str) -> float | None:
+    """Return the speed relative to real time; None for as fast as possible.
 
     Raises:
         InputError: neither `max` nor a positive number.

@@ -1,9 +1,9 @@
 """Diffusion and dispersion over the vertices' boxes, by super time stepping.
 
 d(s c)/dt = div(s D grad c) with s = storage [m] and Scheidegger's tensor
-D = (a_T |v| + D_m) I + (a_L - a_T) v v^T / |v| (Bear 1972, sec. 10.4), v the pore velocity. Nothing
-passes the walls. Large steps are taken by a stabilised explicit scheme (RKL2, Meyer, Balsara &
-Aslam 2014), whose stage count grows with the square root of the step.
+D = (a_T |v| + D_m) I + (a_L - a_T) v v^T / |v| (Bear 1972, sec. 10.4), v the pore velocity. No
+tracer passes the walls. A stabilised explicit scheme takes large steps (RKL2; Meyer, Balsara &
+Aslam 2014); its number of stages grows with the square root of the step.
 """
 
 import math
@@ -20,7 +20,13 @@ FloatArray = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Spreading:
-    """`diffusion` [m^2/s] in the pores and dispersivities [m] along and across the flow."""
+    """Coefficients of spreading.
+
+    Args:
+        diffusion: diffusion in the pores [m^2/s].
+        longitudinal: dispersivity along the flow [m].
+        transverse: dispersivity across the flow [m].
+    """
 
     diffusion: float
     longitudinal: float = 0.0

@@ -1,7 +1,8 @@
 """The virtual rig as a node: the physical asset of the graph, in lock-step with the twin.
 
-It publishes a photograph, waits for the setpoint that carries the photograph's stamp, pumps it for
-one photo interval, and publishes the next: the result does not depend on how fast the machine is.
+It publishes a photograph, waits for the setpoint with the stamp of this photograph, pumps it for
+one photo interval, and publishes the next photograph. The result does not depend on the speed of
+the machine.
 """
 
 import array
@@ -27,18 +28,18 @@ from porotwin_core.wells import WellRate
 from porotwin_msgs.msg import CleanState, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_recording.concentration import ConcentrationWriter
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
-from porotwin_rig.effects import parse_effects
+from porotwin_rig.effects import EFFECTS, parse_effects
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
-from porotwin_rig.session import AssetSession, parse_pace
+from porotwin_rig.session import AssetSession, parse_speed
+from porotwin_rig.virtual_rig import VirtualRig
 
 CLOCK_PERIOD_S = 0.2
-"""Wall time between repetitions of /clock, for nodes that start late."""
+"""Wall time between repetitions of /clock [s], for nodes that start late."""
 
 SETTLE_S = 2.0
-"""Wait after everyone is there: for a recorder, and for listeners that do not see this node yet."""
+"""Wait after all nodes are there [s]: recorders and subscribers may connect a little later."""
 
 
 class VirtualRigNode(Node):
@@ -57,7 +58,7 @@ class VirtualRigNode(Node):
         duration = declare(self, 'duration_s', 4800.0, 'length of the experiment [s]')
         self._interval = _positive('photo_interval_s', interval)
         self._duration = _positive('duration_s', duration)
-        self._pace = parse_pace(
+        self._pace = parse_speed(
             declare(self, 'speed', 'max', 'max, or times faster than real time')
         )
         self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
@@ -75,14 +76,14 @@ class VirtualRigNode(Node):
         self._worker.start()
 
     def _make_session(self, rig: Rig) -> AssetSession:
-        seed = declare(self, 'seed', 7, 'of the sand, the camera and its noise')
-        effects = parse_effects(
-            declare(self, 'effects', '', 'NAME:PARAMETER=VALUE,...;... that rig.yaml does not know')
-        )
-        if any(effect.name == 'clock' for effect in effects):
-            raise InputError("effect 'clock': a live rig has one clock; make a recording instead")
+        seed = declare(self, 'seed', 7, 'seed of the sand, the camera and its noise')
+        form = f'NAME:PARAMETER=VALUE,...;... with NAME one of {", ".join(EFFECTS)}'
+        effects = parse_effects(declare(self, 'effects', '', f'true effects: {form}'))
+        for name in (effect.name for effect in effects):
+            if name in EFFECTS and EFFECTS[name].needs_recording:
+                raise InputError(f"effect '{name}': not on a live rig; make a recording instead")
         width = declare(self, 'photo_width_px', 1600, 'width of the photographs [px]')
-        delivery = declare(self, 'producer_delivery', 0.99, 'what the producer delivers (paper)')
+        delivery = declare(self, 'producer_delivery', 0.99, 'metered over commanded rate')
         producer = rig.control.producer if rig.control is not None else None
         pumps = Pumps({producer: delivery}) if producer is not None else Pumps()
         camera = camera_before(rig, width)
@@ -147,7 +148,7 @@ class VirtualRigNode(Node):
             self._publish_photo(self._baseline, self._session.baseline())
             self._wait_for_graph()
             self._run_experiment()
-        except Exception as error:  # a thread must not die in silence
+        except Exception as error:  # a thread that fails must say so
             self.get_logger().fatal(f'experiment failed at {self._session.time:.0f} s: {error!r}')
             self._diagnostics.report(DiagnosticStatus.ERROR, f'experiment failed: {error!r}')
         finally:
@@ -188,7 +189,7 @@ class VirtualRigNode(Node):
         self._diagnostics.report(DiagnosticStatus.OK, f'photograph at {now:.0f} s')
 
     def _wait_for_setpoint(self) -> None:
-        """Return when the setpoint that follows from the last photograph is there, or too late."""
+        """Return when the setpoint of the last photograph is there, or the waiting time is over."""
         if self._patience <= 0.0:
             return
         wanted = round(self._session.time * 1e9)
@@ -200,7 +201,7 @@ class VirtualRigNode(Node):
         self._diagnostics.report(DiagnosticStatus.WARN, text)
 
     def _wait_for_graph(self) -> None:
-        """Return when someone takes the photographs and the twin's services are there."""
+        """Return when the photographs have a subscriber and the services of the twin are there."""
         deadline = time.monotonic() + self._start_patience
         missing = ['a subscriber of the photographs']
         while missing and time.monotonic() < deadline and self.context.ok():

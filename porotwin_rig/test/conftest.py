@@ -1,4 +1,4 @@
-"""Fixtures; what they are made of is in rig_examples.py."""
+"""Fixtures of the tests of the virtual rig, made from rig_examples.py."""
 
 import pytest
 from rig_examples import make_rig

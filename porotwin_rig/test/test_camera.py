@@ -1,4 +1,4 @@
-"""The virtual camera: geometry there and back, and what an owner would write of it."""
+"""The virtual camera: geometry and its inverse, and the description in rig.yaml."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Experiments written by the virtual rig are experiment folders, and hold what happened."""
+"""Experiments written by the virtual rig: complete experiment folders without their effects."""
 
 from pathlib import Path
 
@@ -11,14 +11,14 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.experiment_folder import read_folder
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.effects import parse_effects
-from porotwin_rig.experiment import make_experiment, signals
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.made_experiment import make_experiment, signals
+from porotwin_rig.map_camera import MapNoise
+from porotwin_rig.virtual_rig import VirtualRig
 
 PAUSE = rates(injector=(0.0, 1.0), producer=0.0)
 PUMP = rates(injector=(500.0, 1.0), producer=-500.0)
-TOLD = Schedule.from_rates([(0.0, PUMP), (130.0, PAUSE), (200.0, PUMP)])
+COMMANDED = Schedule.from_rates([(0.0, PUMP), (130.0, PAUSE), (200.0, PUMP)])
 
 
 def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
@@ -26,20 +26,20 @@ def test_folder_holds_rig_rates_maps_and_photographs(tmp_path: Path) -> None:
     made = make_experiment(
         tmp_path / 'run',
         rig,
-        told=TOLD,
+        commanded=COMMANDED,
         duration=300.0,
         photo_interval=60.0,
         seed=4,
         noise=MapNoise(),
         effects=parse_effects('decay:rate=1e-4'),
-        photo_width=320,
+        photo_width_px=320,
         truth=tmp_path / 'truth.nc',
     )
     found = read_folder(tmp_path / 'run')
-    assert found.rig.effects == ()  # the effects stay untold
+    assert found.rig.effects == ()  # the effects stay secret
     assert found.rig.wells == rig.wells
     assert found.rig.camera is not None
-    assert found.commanded == TOLD
+    assert found.commanded == COMMANDED
     assert found.maps is not None
     np.testing.assert_array_equal(found.maps.times, np.arange(0.0, 301.0, 60.0))
     assert [photo.role for photo in found.photos] == ['baseline'] + ['state'] * 5
@@ -54,7 +54,7 @@ def test_without_noise_maps_are_the_truth(tmp_path: Path) -> None:
     made = make_experiment(
         tmp_path / 'run',
         make_rig(),
-        told=TOLD,
+        commanded=COMMANDED,
         duration=90.0,
         photo_interval=30.0,
         seed=4,
@@ -71,24 +71,31 @@ def test_clock_effect_shows_the_rig_at_another_time() -> None:
     grid = rig.grid(60, 40)
     late = VirtualRig(rig, effects=parse_effects('clock:offset=90'), cell=0.01)
     plain = VirtualRig(rig, cell=0.01)
-    shown = dict(signals(late, TOLD, times=[0.0, 60.0], grid=grid))
-    true = dict(signals(plain, TOLD, times=[0.0, 90.0, 150.0], grid=grid))
+    shown = dict(signals(late, COMMANDED, times=[0.0, 60.0], grid=grid))
+    true = dict(signals(plain, COMMANDED, times=[0.0, 90.0, 150.0], grid=grid))
     for stamp, moment in ((0.0, 90.0), (60.0, 150.0)):
         apart = np.abs(shown[stamp] - true[moment]).sum() / true[moment].sum()
         assert apart < 0.06  # the plain rig stops once more on its way
     early = VirtualRig(rig, effects=parse_effects('clock:offset=-90'), cell=0.01)
-    assert next(signals(early, TOLD, times=[60.0], grid=grid))[1].max() == 0.0
+    assert next(signals(early, COMMANDED, times=[60.0], grid=grid))[1].max() == 0.0
 
 
 def test_folder_in_use_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'rig.yaml').write_text('name: mine')
     with pytest.raises(InputError, match='already'):
-        make_experiment(tmp_path, make_rig(), told=TOLD, duration=60.0, photo_interval=30.0, seed=1)
+        make_experiment(
+            tmp_path, make_rig(), commanded=COMMANDED, duration=60.0, photo_interval=30.0, seed=1
+        )
     assert (tmp_path / 'rig.yaml').read_text() == 'name: mine'
 
 
-def test_times_that_cannot_be_are_refused(tmp_path: Path) -> None:
+def test_impossible_times_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='positive'):
         make_experiment(
-            tmp_path / 'x', make_rig(), told=TOLD, duration=0.0, photo_interval=30.0, seed=1
+            tmp_path / 'x',
+            make_rig(),
+            commanded=COMMANDED,
+            duration=0.0,
+            photo_interval=30.0,
+            seed=1,
         )

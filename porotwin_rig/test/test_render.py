@@ -1,4 +1,4 @@
-"""Rendered photographs: what the dye, the lamps, the camera and the file do."""
+"""Rendered photographs: dye, lamps, camera and file."""
 
 import io
 from datetime import UTC, datetime
@@ -87,7 +87,7 @@ def test_same_seed_same_photograph_another_seed_other_grains(steady: Photographe
     assert abs(correlation) < 0.2
 
 
-def test_photographs_may_be_asked_for_in_any_order() -> None:
+def test_photographs_may_be_taken_in_any_order() -> None:
     camera = photographer(Conditions(), width=400)
     signal = np.zeros((4, 4))
     late = camera.photograph(signal, time=600.0)
@@ -106,12 +106,12 @@ def test_lamps_drift_over_the_whole_photograph_and_the_chart_with_it() -> None:
     assert 0.03 < np.ptp(levels) / np.mean(levels) < 0.25
 
 
-def test_nudged_camera_shifts_states_but_not_the_baseline() -> None:
-    nudged = photographer(
+def test_displaced_camera_shifts_states_but_not_the_baseline() -> None:
+    displaced = photographer(
         Conditions(0.0, 0.0, noise=0.0, shake_px=0.0, shift_px=(15.0, -8.0), quality=98), width=800
     )
-    baseline = taken(nudged.baseline())
-    state = taken(nudged.photograph(np.zeros((4, 4)), time=30.0))
+    baseline = taken(displaced.baseline())
+    state = taken(displaced.photograph(np.zeros((4, 4)), time=30.0))
     assert np.abs(taken(photographer().baseline()) - baseline).max() == 0.0
     grey = [
         cv2.cvtColor(p.astype(np.uint8), cv2.COLOR_BGR2GRAY).astype(float)
@@ -124,7 +124,7 @@ def test_nudged_camera_shifts_states_but_not_the_baseline() -> None:
 def test_sensor_noise_has_the_given_strength() -> None:
     noisy = photographer(Conditions(0.0, 0.0, noise=2.0, shake_px=0.0, quality=100), width=400)
     one, two = (taken(noisy.photograph(np.zeros((4, 4)), time=t)) for t in (0.0, 30.0))
-    luma = np.array([0.114, 0.587, 0.299])  # what JPEG keeps at full resolution
+    luma = np.array([0.114, 0.587, 0.299])  # JPEG keeps luma at full resolution
     spread = ((one - two) @ luma)[100:200, 100:300].std() / np.sqrt(2)
     assert spread == pytest.approx(2.0 * np.linalg.norm(luma), rel=0.1)
 

@@ -16,7 +16,7 @@ from porotwin_core.rig import load_rig, write_rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import Schedule
 from porotwin_recording.concentration import open_maps
-from porotwin_rig.experiment import make_experiment
+from porotwin_rig.made_experiment import make_experiment
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
@@ -31,14 +31,14 @@ from porotwin_msgs.srv import Control, Ping  # noqa: E402
 pytestmark = pytest.mark.graph
 
 PATIENCE = 60.0
-"""Longest wait for anything [s], on a busy machine."""
+"""Longest wait for an event [s], on a busy machine."""
 
 
 class Twin:
-    """Plays the twin: keeps what it hears in order, answers photographs with setpoints."""
+    """Plays the twin: keeps all messages in order, answers photographs with setpoints."""
 
     def __init__(self, answers: dict[float, dict[str, Any]], namespace: str = '/porotwin') -> None:
-        self.heard: list[tuple[str, float, Any]] = []
+        self.messages: list[tuple[str, float, Any]] = []
         self.sent: list[tuple[int, str, float]] = []
         self.outcomes: dict[float, Outcome] = {}
         self.finished = threading.Event()
@@ -53,7 +53,7 @@ class Twin:
         listen(
             CompressedImage,
             'camera/baseline/compressed',
-            lambda message: self._hear('baseline', message),
+            lambda message: self._keep('baseline', message),
             qos.BASELINE,
         )
         listen(WellRates, 'wells/measured', self._on_rates, qos.FIELD)
@@ -77,29 +77,29 @@ class Twin:
         rclpy.try_shutdown(context=self._context)
         self._thread.join(5.0)
 
-    def _hear(self, kind: str, message: Any) -> None:
-        self.heard.append((kind, conversions.time_from_msg(message.header.stamp), message))
+    def _keep(self, kind: str, message: Any) -> None:
+        self.messages.append((kind, conversions.time_from_msg(message.header.stamp), message))
 
     def _on_clock(self, message: Clock) -> None:
-        self.heard.append(('clock', conversions.time_from_msg(message.clock), message))
+        self.messages.append(('clock', conversions.time_from_msg(message.clock), message))
 
     def _on_clean(self, message: CleanState) -> None:
-        self._hear('clean', message)
+        self._keep('clean', message)
         self.finished.set()
 
     def _on_rates(self, message: WellRates, info: Any) -> None:
-        self._hear('rates', message)
-        self.sent.append((info['source_timestamp'], 'rates', self.heard[-1][1]))
+        self._keep('rates', message)
+        self.sent.append((info['source_timestamp'], 'rates', self.messages[-1][1]))
 
     def _on_photo(self, message: CompressedImage, info: Any) -> None:
-        self._hear('photo', message)
-        self.sent.append((info['source_timestamp'], 'photo', self.heard[-1][1]))
+        self._keep('photo', message)
+        self.sent.append((info['source_timestamp'], 'photo', self.messages[-1][1]))
         stamp = conversions.time_from_msg(message.header.stamp)
         if stamp not in self._answers:
             return
         setpoint = Setpoint(
             header=message.header,
-            sequence=len(self.heard),
+            sequence=len(self.messages),
             valid_until=conversions.time_to_msg(stamp + 45.0),
             wells=conversions.rates_to_msg(self._answers[stamp]),
         )
@@ -110,7 +110,7 @@ class Twin:
         self._control.call_async(Control.Request(setpoint=setpoint)).add_done_callback(keep)
 
     def of(self, kind: str) -> list[tuple[float, Any]]:
-        return [(stamp, message) for heard, stamp, message in self.heard if heard == kind]
+        return [(stamp, message) for found, stamp, message in self.messages if found == kind]
 
 
 def start(
@@ -138,7 +138,7 @@ TOO_MUCH = rates(injector=(500.0, 1.0), control1=900.0, producer=-1400.0)
 
 @pytest.fixture(scope='module')
 def lock_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Twin, str, Path]]:
-    """A run of two minutes whose photograph at 60 s is answered wrongly, that at 90 s not."""
+    """A run of two minutes; the answer to the photograph at 60 s is wrong, at 90 s missing."""
     folder = tmp_path_factory.mktemp('asset')
     write_rig(make_rig(), folder / 'rig.yaml')
     twin = Twin({0.0: GOOD, 30.0: GOOD, 60.0: TOO_MUCH, 120.0: GOOD})
@@ -171,7 +171,7 @@ def test_photographs_come_in_order_after_the_rates_that_led_to_them(
     twin, _, _ = lock_step
     assert [stamp for stamp, _ in twin.of('photo')] == [0.0, 30.0, 60.0, 90.0, 120.0]
     assert [stamp for stamp, _ in twin.of('rates')] == [30.0, 60.0, 90.0, 120.0]
-    # two topics are heard in any order, so the order of sending counts
+    # two topics arrive in any order, so the order of sending counts
     kinds = [(kind, stamp) for _, kind, stamp in sorted(twin.sent)]
     assert kinds == sorted(kinds, key=lambda item: (item[1], item[0] == 'photo'))
     assert len(twin.of('baseline')) == 1
@@ -192,7 +192,7 @@ def test_setpoint_is_pumped_from_its_photograph_on(lock_step: tuple[Twin, str, P
         stamp: to_ml_h(conversions.rates_from_msg(message.wells)['control1'].rate)
         for stamp, message in twin.of('rates')
     }
-    # that of 30 s was good until 75 s: the refused one changes nothing, then safe rates
+    # the setpoint of 30 s holds until 75 s; the refused one changes nothing; then safe rates
     assert control1 == pytest.approx({30.0: 200.0, 60.0: 200.0, 90.0: 100.0, 120.0: 0.0})
     producer = conversions.rates_from_msg(twin.of('rates')[0][1].wells)['producer']
     assert to_ml_h(producer.rate) == pytest.approx(-0.99 * 700.0)
@@ -209,7 +209,7 @@ def test_setpoint_beyond_the_limits_is_refused_with_a_reason(
     assert 'no setpoint for the photograph at 90 s' in output
 
 
-def test_end_of_the_experiment_is_told(lock_step: tuple[Twin, str, Path]) -> None:
+def test_the_end_of_the_experiment_is_announced(lock_step: tuple[Twin, str, Path]) -> None:
     stamp, message = lock_step[0].of('clean')[-1]
     assert stamp == 120.0
     assert message.cause == CleanState.FINISHED
@@ -247,11 +247,11 @@ def test_mock_camera_publishes_a_folder_with_its_faults(tmp_path: Path) -> None:
     make_experiment(
         tmp_path / 'run',
         make_rig(),
-        told=Schedule.from_rates([(0.0, GOOD)]),
+        commanded=Schedule.from_rates([(0.0, GOOD)]),
         duration=120.0,
         photo_interval=30.0,
         seed=2,
-        photo_width=320,
+        photo_width_px=320,
     )
     # a name of its own: the camera must not take the other test's twin for its listener
     twin = Twin({}, namespace='/mock')

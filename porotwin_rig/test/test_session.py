@@ -6,12 +6,12 @@ from rig_examples import make_rig, rates
 from porotwin_core.errors import InputError
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.camera import camera_before
 from porotwin_rig.limits import refuse_broken_limits, safe_rates
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
 from porotwin_rig.session import AssetSession
+from porotwin_rig.virtual_rig import VirtualRig
 
 TOO_MUCH = rates(injector=(500.0, 1.0), control1=300.0, control2=201.0, producer=-1001.0)
 GOOD = rates(injector=(500.0, 1.0), control1=200.0, producer=-700.0)

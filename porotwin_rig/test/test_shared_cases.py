@@ -8,8 +8,8 @@ import yaml
 
 from porotwin_core.rig import EffectDescription
 from porotwin_recording.experiment_folder import read_folder
-from porotwin_rig.asset import VirtualRig
-from porotwin_rig.experiment import signals
+from porotwin_rig.made_experiment import signals
+from porotwin_rig.virtual_rig import VirtualRig
 
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
 
@@ -21,7 +21,7 @@ pytestmark = [
 
 @pytest.mark.parametrize('number', [6, 4])
 def test_recording_is_matched_down_to_its_noise(number: int) -> None:
-    """Over the last 30 %, where the noise floor is stated; the limit is that of a sharp model."""
+    """The noise floor is stated over the last 30 %; a sharp model reaches the limit."""
     folder = CASES / f'case_{number:03d}'
     truth = yaml.safe_load((folder / 'truth.yaml').read_text())
     recorded = read_folder(folder)

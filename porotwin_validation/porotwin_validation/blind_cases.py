@@ -12,7 +12,6 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_solver.effects import EFFECTS
 from porotwin_validation.blind_effects import (
-    EQUAL_TO_OUTSIDE,
     LIBRARY,
     OUTSIDE,
     PAIR_GROUPS,
@@ -143,7 +142,7 @@ def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]
     if kind == 'left out':
         return ('unexplained',)
     if kind == 'outside':
-        return ('unexplained', *EQUAL_TO_OUTSIDE.get(effects[0].name, ()))
+        return ('unexplained', *equal_names(effects[0]))
     return tuple(name for effect in effects for name in equal_names(effect))
 
 

@@ -19,8 +19,8 @@ from typing import Any
 
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.report.report_folder import REPORT
-from porotwin_rig.experiment import make_experiment
-from porotwin_rig.observation import MapNoise
+from porotwin_rig.made_experiment import make_experiment
+from porotwin_rig.map_camera import MapNoise
 from porotwin_validation.blind_cases import BlindCase, draw_case
 from porotwin_validation.blind_hashes import open_truth, publish_hashes
 from porotwin_validation.blind_score import CaseScore, failed_score, score_case
@@ -137,7 +137,7 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
     make_experiment(
         folder,
         case.rig,
-        told=case.schedule,
+        commanded=case.schedule,
         duration=case.duration,
         photo_interval=case.photo_interval,
         seed=case.seed,

@@ -17,8 +17,8 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_recording.concentration import ConcentrationMaps, open_maps
-from porotwin_rig.asset import VirtualRig
-from porotwin_rig.experiment import signals
+from porotwin_rig.made_experiment import signals
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names
 

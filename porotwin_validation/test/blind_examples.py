@@ -9,8 +9,8 @@ from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.report.held_out_fields import write_fields
 from porotwin_recording.concentration import ConcentrationWriter, open_maps
-from porotwin_rig.asset import VirtualRig
-from porotwin_rig.experiment import signals
+from porotwin_rig.made_experiment import signals
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase, draw_case
 
 

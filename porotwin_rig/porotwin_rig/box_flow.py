@@ -1,9 +1,9 @@
 """Darcy flow of the virtual rig: vertex-centred box method with analytic wells.
 
 The unknown is the potential h [m] at the vertices of bilinear elements; water is balanced over the
-box round every vertex (control-volume finite elements; Baliga & Patankar 1980; Bank & Rose 1987).
-Close to a well the potential is singular. Its singular part, h_w = -Q ln(r) / (2 pi T_w), is kept
-analytic and only the smooth remainder is computed, so that wells lie where they are, not in a cell.
+box around every vertex (control-volume finite elements; Baliga & Patankar 1980; Bank & Rose 1987).
+The potential of a well is singular. Its singular part, h_w = -Q ln(r) / (2 pi T_w), is analytic and
+only the smooth remainder is computed. A well therefore keeps its exact place within a cell.
 """
 
 import math
@@ -23,14 +23,22 @@ FloatArray = NDArray[np.floating]
 Solve = Callable[[FloatArray], FloatArray]
 
 MOST_ITERATIONS = 1000
-"""Enough for viscosity ratios from 1 / 1000 to 1000."""
+"""Iterations of conjugate gradients; enough for viscosity ratios from 1 / 1000 to 1000."""
+
+TOLERANCE = 1e-8
+"""Relative residual at which conjugate gradients stop; far below the error of the mesh."""
+
+LEAST_DISTANCE_M = 1e-9
+"""Distance from a well at which its logarithm is cut off [m]."""
 
 
 @dataclass(frozen=True)
 class Fluxes:
-    """Water through the faces of the vertices' boxes [m^3/s], positive along x and z.
+    """Fluxes through the faces of the boxes around the vertices [m^3/s], positive along x and z.
 
-    `x`: (nz + 1, nx + 2), `z`: (nz + 2, nx + 1); the outermost ones are the walls.
+    Args:
+        x: fluxes along x, (nz + 1, nx + 2); the first and last column are the walls.
+        z: fluxes along z, (nz + 2, nx + 1); the first and last row are the walls.
     """
 
     x: FloatArray
@@ -52,17 +60,20 @@ class Fluxes:
 
 
 def no_flux(mesh: Mesh) -> Fluxes:
-    """Return fluxes of resting water."""
+    """Return zero fluxes on `mesh`."""
     rows, columns = mesh.shape
     return Fluxes(np.zeros((rows, columns + 1)), np.zeros((rows + 1, columns)))
 
 
 @dataclass(frozen=True)
 class HalfFaces:
-    """Water through the four half faces inside every element [m^3/s], each (nz, nx).
+    """Fluxes through the four half faces inside every element [m^3/s], each (nz, nx).
 
-    `low`, `high`: along x, through the lower and upper half of the vertical middle line;
-    `left`, `right`: along z, through the left and right half of the horizontal middle line.
+    Args:
+        low: along x, through the lower half of the vertical middle line.
+        high: along x, through its upper half.
+        left: along z, through the left half of the horizontal middle line.
+        right: along z, through its right half.
     """
 
     low: FloatArray
@@ -71,13 +82,13 @@ class HalfFaces:
     right: FloatArray
 
     def scaled(self, along_x: FloatArray, along_z: FloatArray) -> 'HalfFaces':
-        """Return the half-face values times factors per element (nz, nx)."""
+        """Return the fluxes times factors of the elements along x and along z, (nz, nx)."""
         return HalfFaces(
             self.low * along_x, self.high * along_x, self.left * along_z, self.right * along_z
         )
 
     def onto_boxes(self, mesh: Mesh) -> Fluxes:
-        """Return the sums over whole box faces; nothing passes the walls."""
+        """Return the fluxes through whole faces of boxes; those through the walls are zero."""
         fluxes = no_flux(mesh)
         fluxes.x[:-1, 1:-1] += self.low
         fluxes.x[1:, 1:-1] += self.high
@@ -89,9 +100,13 @@ class HalfFaces:
 def bilinear_flow(
     mesh: Mesh, potential: FloatArray, along_x: FloatArray, along_z: FloatArray
 ) -> HalfFaces:
-    """Return the Darcy flow through the half faces of the bilinear `potential` [m].
+    """Return the Darcy fluxes through the half faces for a bilinear potential.
 
-    `along_x`, `along_z` (nz, nx): transmissivity K * depth [m^2/s] of the elements.
+    Args:
+        mesh: the mesh.
+        potential: at the vertices [m], (nz + 1, nx + 1).
+        along_x: transmissivity K * depth of the elements along x [m^2/s], (nz, nx).
+        along_z: the same along z.
     """
     h00, h10 = potential[:-1, :-1], potential[:-1, 1:]
     h01, h11 = potential[1:, :-1], potential[1:, 1:]
@@ -112,9 +127,9 @@ def _angle(ax: FloatArray, az: FloatArray, bx: FloatArray, bz: FloatArray) -> Fl
 
 
 def radial_half_faces(mesh: Mesh, x: float, z: float) -> HalfFaces:
-    """Return the half-face flow of a unit source at (x, z) in an unbounded plane.
+    """Return the half-face fluxes of a unit source at (x, z) [m] in an unbounded plane.
 
-    A segment receives the share of the angle under which the source sees it.
+    The flux through a segment is proportional to the angle that it subtends at the source.
     """
     left, bottom = mesh.x[None, :-1] - x, mesh.z[:-1, None] - z
     middle_x, middle_z = left + 0.5 * mesh.hx, bottom + 0.5 * mesh.hz
@@ -129,7 +144,7 @@ def radial_half_faces(mesh: Mesh, x: float, z: float) -> HalfFaces:
 
 
 def radial_fluxes(mesh: Mesh, x: float, z: float) -> Fluxes:
-    """Return the box fluxes of a unit source at (x, z) in an unbounded plane, walls included."""
+    """Return the box fluxes of a unit source at (x, z) [m] in an unbounded plane, with walls."""
     fluxes = radial_half_faces(mesh, x, z).onto_boxes(mesh)
     edges_x = np.concatenate(([0.0], mesh.x[:-1] + 0.5 * mesh.hx, [mesh.width])) - x
     edges_z = np.concatenate(([0.0], mesh.z[:-1] + 0.5 * mesh.hz, [mesh.height])) - z
@@ -175,15 +190,29 @@ def held_vertices(mesh: Mesh, boundaries: Boundaries) -> NDArray[np.bool_]:
 
 
 class BoxFlow:
-    """Flow through sand of given transmissivity with some vertices held at a known potential.
+    """Flow through sand of a given transmissivity with some vertices at a known potential.
 
-    Where no vertex is held, one corner fixes the level, and whatever is pumped must add up to zero.
+    Without such vertices one corner fixes the level, and the rates must add up to zero.
+
+    Args:
+        mesh: the mesh.
+        along_x: transmissivity of the elements along x [m^2/s], (nz, nx).
+        along_z: the same along z.
+        held: vertices at a known potential, (nz + 1, nx + 1).
+        most_iterations: bound of the iterations for a changed transmissivity.
     """
 
     def __init__(
-        self, mesh: Mesh, along_x: FloatArray, along_z: FloatArray, *, held: NDArray[np.bool_]
+        self,
+        mesh: Mesh,
+        along_x: FloatArray,
+        along_z: FloatArray,
+        *,
+        held: NDArray[np.bool_],
+        most_iterations: int = MOST_ITERATIONS,
     ) -> None:
         self.mesh = mesh
+        self._most_iterations = most_iterations
         self.along_x = along_x
         self.along_z = along_z
         self.held = held
@@ -203,7 +232,7 @@ class BoxFlow:
         return factor.solve
 
     def _radial(self, x: float, z: float, along_x: FloatArray, along_z: FloatArray) -> HalfFaces:
-        """Return the half-face flow of a unit well's singular potential in the actual sand."""
+        """Return the half-face fluxes of the singular potential of a unit well."""
         column = min(int(x / self.mesh.hx), self.mesh.nx - 1)
         row = min(int(z / self.mesh.hz), self.mesh.nz - 1)
         here = math.sqrt(along_x[row, column] * along_z[row, column])
@@ -211,10 +240,10 @@ class BoxFlow:
 
     def _radial_potential(self, x: float, z: float, here: float) -> FloatArray:
         distance = np.hypot(self.mesh.x[None, :] - x, self.mesh.z[:, None] - z)
-        return -np.log(np.maximum(distance, 1e-9)) / (2.0 * math.pi * here)
+        return -np.log(np.maximum(distance, LEAST_DISTANCE_M)) / (2.0 * math.pi * here)
 
     def well(self, x: float, z: float) -> Fluxes:
-        """Return the fluxes of a well at (x, z) that injects 1 m^3/s, open sides at zero."""
+        """Return the fluxes of a well at (x, z) [m] that injects 1 m^3/s."""
         return self.combined([(x, z, 1.0)])
 
     def combined(
@@ -225,15 +254,17 @@ class BoxFlow:
         driven: HalfFaces | None = None,
         along: tuple[FloatArray, FloatArray] | None = None,
     ) -> Fluxes:
-        """Return the fluxes of all `wells` (x, z, rate [m^3/s]) and drives together.
+        """Return the fluxes of several wells and drives together.
 
-        `held_potential` [m] (nz + 1, nx + 1): what held vertices are held at, else zero.
-        `driven`: flow through half faces that a body force adds (buoyancy).
-        `along`: another transmissivity along x and z than that of the factorisation, which then
-        serves as the preconditioner of conjugate gradients.
+        Args:
+            wells: (x [m], z [m], rate [m^3/s]) of every well.
+            held_potential: potential of the held vertices [m], (nz + 1, nx + 1); zero if None.
+            driven: fluxes that a body force adds, such as buoyancy.
+            along: changed transmissivity along x and z [m^2/s], (nz, nx) each. Conjugate gradients
+                solve for it, with the factorised transmissivity as preconditioner.
 
         Raises:
-            InputError: that other transmissivity differs too much from the factorised one.
+            InputError: the changed transmissivity differs too much from the factorised one.
         """
         along_x, along_z = (self.along_x, self.along_z) if along is None else along
         known = np.zeros(self.mesh.shape) if held_potential is None else held_potential.copy()
@@ -262,9 +293,9 @@ class BoxFlow:
         return self._through_open_sides(smooth + extra, supply)
 
     def through_walls(self, forced: Fluxes) -> Fluxes:
-        """Return the fluxes where water is forced through the walls, as `forced` has it there.
+        """Return the fluxes where those through the walls are `forced`.
 
-        Only for sand without held vertices; as much must enter as leaves.
+        Only for sand without held vertices; inflow and outflow must balance.
         """
         potential = np.zeros(self.mesh.shape[0] * self.mesh.shape[1])
         potential[self._free] = self._factor((-forced.outflow).ravel()[self._free])
@@ -286,14 +317,14 @@ class BoxFlow:
         solution, unfinished = cg(
             LinearOperator((size, size), outflow, dtype=float),
             demand,
-            rtol=1e-8,
+            rtol=TOLERANCE,
             atol=0.0,
-            maxiter=MOST_ITERATIONS,
+            maxiter=self._most_iterations,
             M=LinearOperator((size, size), self._factor, dtype=float),
         )
         if unfinished:
             raise InputError(
-                f'flow: not found in {MOST_ITERATIONS} iterations; '
+                f'flow: not found in {self._most_iterations} iterations; '
                 'choose a viscosity_ratio closer to 1'
             )
         return solution
@@ -302,7 +333,7 @@ class BoxFlow:
         return (int(z / self.mesh.hz + 0.5), int(x / self.mesh.hx + 0.5))
 
     def _through_open_sides(self, fluxes: Fluxes, supply: FloatArray) -> Fluxes:
-        """Return the fluxes with what the held boxes gain let out through their side."""
+        """Return the fluxes with the gain of the held boxes leaving through their side."""
         gain = np.where(self.held, supply - fluxes.outflow, 0.0)
         if not self.held.any():
             return fluxes

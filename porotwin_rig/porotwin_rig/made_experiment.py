@@ -16,22 +16,30 @@ from porotwin_recording.concentration import ConcentrationWriter
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.photos import Photo, write_photos
 from porotwin_recording.recorded_data import RecordedData
-from porotwin_rig.asset import VirtualRig
-from porotwin_rig.camera import camera_before
-from porotwin_rig.observation import MapCamera, MapNoise, signal_seen
+from porotwin_rig.camera import ASPECT, camera_before
+from porotwin_rig.camera_signal import signal_seen
+from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Conditions, Photographer
+from porotwin_rig.virtual_rig import VirtualRig
 
-_PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
+PERFECT = MapNoise(grain=0.0, frame=0.0, blur_cells=0.0)
+"""An image analysis that returns the signal as it is."""
+
+HELD_OUT_START = 0.7
+"""Start of the part that diagnoses are judged on, relative to the duration."""
 
 
 @dataclass(frozen=True)
 class MadeExperiment:
-    """What is known of an experiment that was made.
+    """Facts about an experiment that was made.
 
-    `times` [s] of the frames kept; `noise_floor`: relative L2 norm, over the last 30 % of the time,
-    of what the camera did to the signal beyond its effects; `injected`, `removed`: volumes of
-    tracer stock [m^3].
+    Args:
+        times: times of the frames [s]; lost frames are left out.
+        noise_floor: relative L2 norm, over the last 30 % of the time, of the difference between the
+            maps and the signal.
+        injected: volume of tracer stock injected [m^3].
+        removed: volume of tracer stock removed [m^3].
     """
 
     times: tuple[float, ...]
@@ -40,16 +48,34 @@ class MadeExperiment:
     removed: float
 
 
-def signals(
-    rig: VirtualRig, told: Schedule, *, times: Iterable[float], grid: Grid
-) -> Iterator[tuple[float, FloatArray]]:
-    """Yield (time, signal (nz, nx)) for photographs at ascending `times` [s] while `rig` runs.
+class NoiseFloor:
+    """The relative L2 norm of map minus signal, summed frame by frame."""
 
-    With a `clock` effect the photograph stamped t shows the rig at pump time t + offset.
+    def __init__(self) -> None:
+        self._difference = 0.0
+        self._signal = 0.0
+
+    def add(self, seen: FloatArray, signal: FloatArray) -> None:
+        """Add a frame: the map `seen` (nz, nx), NaN where blind, and its `signal`."""
+        self._difference += float(np.nansum((seen - signal) ** 2))
+        self._signal += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
+
+    @property
+    def value(self) -> float:
+        """The norm; 0 without any signal."""
+        return float(np.sqrt(self._difference / self._signal)) if self._signal > 0.0 else 0.0
+
+
+def signals(
+    rig: VirtualRig, commanded: Schedule, *, times: Iterable[float], grid: Grid
+) -> Iterator[tuple[float, FloatArray]]:
+    """Yield (time, signal (nz, nx)) of photographs at ascending `times` [s] while `rig` runs.
+
+    The photograph stamped t shows the rig at pump time t + `rig.clock_offset`.
     """
-    offset = rig.effects.number('clock', 'offset')
     for time in times:
-        for start, end, rates in told.intervals(rig.time, max(time + offset, 0.0)):
+        until = max(time + rig.clock_offset, 0.0)
+        for start, end, rates in commanded.intervals(rig.time, until):
             rig.set_rates(rates)
             rig.advance(end - start)
         yield time, signal_seen(rig, grid, time=time)
@@ -59,7 +85,7 @@ def make_experiment(
     folder: Path,
     rig: Rig,
     *,
-    told: Schedule,
+    commanded: Schedule,
     duration: float,
     photo_interval: float,
     seed: int,
@@ -67,23 +93,26 @@ def make_experiment(
     noise: MapNoise | None = None,
     pumps: Pumps | None = None,
     grid: Grid | None = None,
-    photo_width: int | None = None,
+    photo_width_px: int | None = None,
     conditions: Conditions | None = None,
     truth: Path | None = None,
 ) -> MadeExperiment:
-    """Run an experiment of `duration` [s] and write it into `folder`; effects stay untold.
+    """Run an experiment and write it into `folder`, without its effects.
 
     Args:
-        rig: as its owner believes it to be; written as it is.
-        told: what the pumps are told.
+        folder: the experiment folder; must not hold one.
+        rig: the nominal rig; written as it is.
+        commanded: the commanded rates.
+        duration: length of the experiment [s].
         photo_interval: time between frames [s], the first at 0.
-        effects: what the rig and its camera truly do beside it.
-        noise: of the maps; None for a perfect camera, whose maps are then kept unpacked.
-        pumps: what they deliver of what they are told; by default all of it.
-        grid: of the maps; about 5 mm cells by default.
-        photo_width: width in pixels of photographs (3:2 or so) to be taken as well; None: none.
-        conditions: under which those are taken.
-        truth: a file beside the folder for the signal without noise at the frames' times.
+        seed: seed of the noise, and of the photographs.
+        effects: true effects of the rig and its camera.
+        noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
+        pumps: how the pumps follow their commands; exactly by default.
+        grid: grid of the maps; cells of about 5 mm by default.
+        photo_width_px: width of photographs (8:5) to be taken as well; None for none.
+        conditions: conditions of the photographs.
+        truth: file for the signal without noise at the times of the frames; keep it elsewhere.
 
     Raises:
         InputError: the folder is in use, or an effect, a well or a time is wrong.
@@ -93,23 +122,23 @@ def make_experiment(
     grid = grid or rig.default_grid()
     asset = VirtualRig(rig, effects=effects, pumps=pumps)
     photographer = None
-    if photo_width is not None:
-        camera = camera_before(rig, photo_width, round(photo_width * 0.625))
+    if photo_width_px is not None:
+        camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))
         photographer = Photographer(rig, camera=camera, conditions=conditions, seed=seed)
         rig = photographer.rig
-    write_folder(folder, RecordedData(rig, commanded=told))
-    camera_of_maps = MapCamera(grid, noise or _PERFECT, seed=seed)
+    write_folder(folder, RecordedData(rig, commanded=commanded))
+    camera_of_maps = MapCamera(grid, noise or PERFECT, seed=seed)
     times = [n * float(photo_interval) for n in range(int(duration / photo_interval + 1e-9) + 1)]
     photos: list[Photo] = []
     if photographer is not None:
         photos.append(_stored(folder, 'baseline', 0.0, photographer.baseline()))
-    kept, disturbed, signal_norm = [], 0.0, 0.0
+    kept, floor = [], NoiseFloor()
     with (
         ConcentrationWriter(folder / 'concentration.nc', grid, packed=noise is not None) as maps,
         ConcentrationWriter(truth, grid) if truth else nullcontext() as clean,
     ):
         fine = grid if photographer is None else grid.refined(2)
-        for number, (time, visible) in enumerate(signals(asset, told, times=times, grid=fine)):
+        for number, (time, visible) in enumerate(signals(asset, commanded, times=times, grid=fine)):
             if camera_of_maps.is_lost(number):
                 continue
             signal = conservative_resample(visible, grid.shape)
@@ -118,21 +147,14 @@ def make_experiment(
             if clean is not None:
                 clean.append(time, signal)
             if photographer is not None and number > 0:
-                photos.append(
-                    _stored(folder, 'state', time, photographer.photograph(visible, time=time))
-                )
-            if time >= 0.7 * duration:
-                disturbed += float(np.nansum((seen - signal) ** 2))
-                signal_norm += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
+                jpeg = photographer.photograph(visible, time=time)
+                photos.append(_stored(folder, 'state', time, jpeg))
+            if time >= HELD_OUT_START * duration:
+                floor.add(seen, signal)
             kept.append(time)
     if photos:
         write_photos(folder, photos)
-    return MadeExperiment(
-        tuple(kept),
-        float(np.sqrt(disturbed / signal_norm)) if signal_norm > 0.0 else 0.0,
-        asset.injected,
-        asset.removed,
-    )
+    return MadeExperiment(tuple(kept), floor.value, asset.balance.injected, asset.balance.removed)
 
 
 def _stored(folder: Path, role: Literal['baseline', 'state'], time: float, jpeg: bytes) -> Photo:

@@ -11,10 +11,10 @@ from scipy.integrate import cumulative_trapezoid
 
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import from_ml_h
-from porotwin_rig.asset import VirtualRig
 from porotwin_rig.characteristics import Carrier, arriving
 from porotwin_rig.mesh import Mesh
 from porotwin_rig.spreading import Spreading, spread
+from porotwin_rig.virtual_rig import VirtualRig
 
 PORE_DEPTH = 0.375 * 0.010
 
@@ -88,7 +88,7 @@ def test_doublet_breaks_through_when_the_fastest_streamline_arrives() -> None:
     step, produced = first / 15.0, [0.0]
     for _ in range(30):
         asset.advance(step)
-        produced.append(asset.removed)
+        produced.append(asset.balance.removed)
     produced_at = step * np.arange(31)
     fine = np.linspace(0.0, produced_at[-1], 20001)
     arriving_now = rate * np.interp(fine, times, fraction, left=0.0)
@@ -122,16 +122,16 @@ def test_tracer_is_conserved_and_stays_within_its_bounds(
         field = asset.visible()
         assert field.min() >= 0.0
         assert field.max() <= tracer * (1.0 + 1e-6)
-    balance = asset.injected - asset.removed - asset.total_mass()
-    assert abs(balance) < 1e-12 * asset.injected
-    assert asset.injected == pytest.approx(from_ml_h(500.0) * tracer * 1800.0)
+    balance = asset.balance.injected - asset.balance.removed - asset.total_mass()
+    assert abs(balance) < 1e-12 * asset.balance.injected
+    assert asset.balance.injected == pytest.approx(from_ml_h(500.0) * tracer * 1800.0)
 
 
 def test_correction_of_the_mass_is_small_beside_what_was_injected() -> None:
     asset = VirtualRig(make_rig())
     asset.set_rates(rates(injector=(500.0, 1.0), control1=250.0, producer=-750.0))
     run(asset, 900.0)
-    assert asset.corrected < 3e-3 * asset.injected
+    assert asset.balance.corrected < 3e-3 * asset.balance.injected
 
 
 def test_reporting_grid_keeps_the_mass() -> None:
@@ -153,7 +153,7 @@ def test_resting_water_only_diffuses() -> None:
     asset.advance(1e-3)
     assert np.abs(asset.visible() - before).max() < 1e-6
     asset.advance(3600.0)
-    assert asset.total_mass() == pytest.approx(asset.injected)
+    assert asset.total_mass() == pytest.approx(asset.balance.injected)
     assert asset.visible().max() < 1.0 + 1e-5
 
 
@@ -246,7 +246,7 @@ def test_closed_rig_takes_out_what_is_put_in() -> None:
     asset = VirtualRig(make_rig(boundaries={'top': 'closed'}), cell=0.008)
     asset.set_rates(rates(injector=(500.0, 1.0), producer=-300.0))
     run(asset, 600.0, 60.0)
-    assert asset.injected == pytest.approx(from_ml_h(500.0) * 600.0)
+    assert asset.balance.injected == pytest.approx(from_ml_h(500.0) * 600.0)
     assert asset.visible().max() <= 1.0 + 1e-9
     assert asset.measured_rates()['producer'].rate == pytest.approx(from_ml_h(-300.0))
 
@@ -263,7 +263,7 @@ def test_disc_of_a_well_fills_in_the_time_its_pores_take() -> None:
 
 
 def test_case_effects_do_not_leak_between_rigs() -> None:
-    told = rates(injector=(500.0, 1.0), producer=-500.0)
+    commanded = rates(injector=(500.0, 1.0), producer=-500.0)
     plain, again = VirtualRig(make_rig(), cell=0.01), VirtualRig(make_rig(), cell=0.01)
     other = VirtualRig(
         make_rig(),
@@ -271,7 +271,7 @@ def test_case_effects_do_not_leak_between_rigs() -> None:
         effects=[EffectDescription(name='decay', parameters={'rate': 1e-3})],
     )
     for asset in (plain, other, again):
-        asset.set_rates(told)
+        asset.set_rates(commanded)
         run(asset, 300.0)
     np.testing.assert_array_equal(plain.visible(), again.visible())
     assert other.total_mass() < plain.total_mass()

@@ -1,0 +1,23 @@
+"""A uniform Darcy flux is imposed through all four sides, in addition to the wells."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def change(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with this background flux."""
+    return replace(rig, background_flux=(values['x_velocity'], values['z_velocity']))
+
+
+EFFECT = AssetEffect(
+    name='background_flow',
+    order=130,
+    parameters={
+        'x_velocity': Parameter(unit='m/s', default=0.0),
+        'z_velocity': Parameter(unit='m/s', default=0.0),
+    },
+    on_rig=change,
+)

@@ -1,0 +1,23 @@
+"""The photograph stamped t shows the rig at pump time t + offset."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def change(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with this clock offset."""
+    return replace(rig, clock_offset=values['offset'])
+
+
+EFFECT = AssetEffect(
+    name='clock',
+    order=170,
+    parameters={
+        'offset': Parameter(unit='s', default=0.0),
+    },
+    on_rig=change,
+    needs_recording=True,
+)

@@ -1,0 +1,1 @@
+"""The class of effects of the virtual rig, and the registry of all effects."""

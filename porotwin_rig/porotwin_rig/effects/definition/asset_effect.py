@@ -1,0 +1,104 @@
+"""An effect of the virtual rig: how it acts on the simulation and on the photographs."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.blind_draw import Draw
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_rig.tracer import Tracer
+from porotwin_rig.true_rig import TrueRig
+
+FloatArray = NDArray[np.floating]
+
+GUIDE = 'docs/extend/effect.md'
+"""The document that explains how to write an effect."""
+
+LAST = 1000
+"""Position of effects that do not ask for another one: behind all that do."""
+
+OnRig = Callable[[TrueRig, Values], TrueRig]
+"""Returns the changed rig."""
+
+RateFactor = Callable[[Values, float, float], float]
+"""Returns the mean factor of the rate of `values['well']` between two times [s]."""
+
+OnTracer = Callable[[Tracer, TrueRig, Values, float], Tracer]
+"""Returns the tracer after a reaction of the given duration [s]."""
+
+OnVisible = Callable[[FloatArray, FloatArray, Values, float], FloatArray]
+"""Returns the visible tracer after a duration [s], from that before and the dissolved tracer."""
+
+OnSignal = Callable[[FloatArray, Grid, float, Values], FloatArray]
+"""Returns the changed signal (nz, nx) of the photograph at a time [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetEffect:
+    """An effect of the virtual rig, by the places of the simulation where it acts.
+
+    Args:
+        name: name of the effect and of its module.
+        parameters: its parameters; the defaults change nothing.
+        on_rig: acts on the coefficients of the simulation.
+        rate_factor: acts on the rate of one well.
+        on_tracer: a reaction, half before and half after the transport of every step.
+        on_visible: delays the visible tracer.
+        on_signal: acts on the brightness of the signal.
+        on_picture: displaces the picture; acts on a finer grid after all signals.
+        removes_tracer: the reaction loses tracer.
+        is_repeatable: several act together; otherwise the last one given counts.
+        needs_recording: it cannot act while the rig runs live.
+        longest_step: longest time step with the effect [s], for those that change the flow in time
+            or act between transport steps.
+        order: position among effects that act at the same place.
+        blind_draw: for an effect that no library has: draws parameters for the blind check.
+        equal_to: for such an effect: names of library effects that no map can tell from it.
+
+    Raises:
+        InputError: the definition is not complete.
+    """
+
+    name: str
+    parameters: Mapping[str, Parameter]
+    on_rig: OnRig | None = None
+    rate_factor: RateFactor | None = None
+    on_tracer: OnTracer | None = None
+    on_visible: OnVisible | None = None
+    on_signal: OnSignal | None = None
+    on_picture: OnSignal | None = None
+    removes_tracer: bool = False
+    is_repeatable: bool = False
+    needs_recording: bool = False
+    longest_step: float = math.inf
+    order: int = LAST
+    blind_draw: Draw | None = None
+    equal_to: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse an incomplete definition."""
+        actions = (
+            self.on_rig,
+            self.rate_factor,
+            self.on_tracer,
+            self.on_visible,
+            self.on_signal,
+            self.on_picture,
+        )
+        faults = {
+            'parameters: give at least one': not self.parameters,
+            'give one of on_rig, rate_factor, on_tracer, on_visible, on_signal, on_picture': (
+                not any(actions)
+            ),
+            "parameters: a rate factor needs 'well'": (
+                self.rate_factor is not None and 'well' not in self.parameters
+            ),
+        }
+        found = '; '.join(fault for fault, present in faults.items() if present)
+        if found:
+            raise InputError(f"effect '{self.name}' is incomplete: {found}; see {GUIDE}")

@@ -1,0 +1,123 @@
+"""Every effect of the virtual rig by name, and sets of effects with their parameters."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from porotwin_core.discovery import discovered
+from porotwin_core.effect_parameter import Values, checked_values
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_rig.effects.definition.asset_effect import GUIDE, AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+PACKAGE = __package__.removesuffix('.definition')
+"""The package whose modules are effects."""
+
+
+@dataclass(frozen=True)
+class EffectSet:
+    """Effects with their parameters, complete and checked, in the order of their action."""
+
+    members: tuple[tuple[AssetEffect, Values], ...] = ()
+
+    @classmethod
+    def checked(cls, described: Iterable[EffectDescription], rig: Rig) -> 'EffectSet':
+        """Return the `described` effects of `rig`.
+
+        Of an effect that is not repeatable only the last one counts.
+
+        Raises:
+            InputError: an effect, a parameter or a well is not known, or a value is out of range.
+        """
+        given: dict[str, list[Values]] = {}
+        for description in described:
+            given.setdefault(description.name, []).append(_checked(description, rig))
+        found = (
+            (effect, values)
+            for effect in EFFECTS.values()
+            for values in given.get(effect.name, [])[None if effect.is_repeatable else -1 :]
+        )
+        return cls(tuple(found))
+
+    def __iter__(self) -> Iterator[tuple[AssetEffect, Values]]:
+        return iter(self.members)
+
+    @property
+    def longest_step(self) -> float:
+        """Longest time step that all effects allow [s]."""
+        return min((effect.longest_step for effect, _ in self.members), default=math.inf)
+
+    def applied(self, true_rig: TrueRig) -> TrueRig:
+        """Return `true_rig` changed by all effects that act on it.
+
+        Raises:
+            InputError: no rig can be so.
+        """
+        for effect, values in self.members:
+            if effect.on_rig is not None:
+                true_rig = effect.on_rig(true_rig, values)
+        return true_rig.checked()
+
+    def rate_factor(self, well: str, *, start: float, end: float) -> float:
+        """Return the mean factor between the true and the metered rate of `well` in
+        [start, end] [s]."""
+        factor = 1.0
+        for effect, values in self.members:
+            if effect.rate_factor is not None and values['well'] == well:
+                factor *= effect.rate_factor(values, start, end)
+        return factor
+
+
+def _checked(description: EffectDescription, rig: Rig) -> Values:
+    name = description.name
+    if name not in EFFECTS:
+        raise InputError(f"effect '{name}' is not known; choose from {', '.join(EFFECTS)}")
+    values = checked_values(name, EFFECTS[name].parameters, description.parameters)
+    well = values.get('well')
+    if well is not None and well not in rig.wells:
+        raise InputError(
+            f"effect '{name}' names an unknown well '{well}'; known: {', '.join(rig.wells)}"
+        )
+    return values
+
+
+def parse_effects(text: str) -> tuple[EffectDescription, ...]:
+    """Return the effects written as `NAME:PARAMETER=VALUE,...;NAME:...` on a command line.
+
+    Raises:
+        InputError: the text is not of that form.
+    """
+    effects = []
+    for part in filter(None, (piece.strip() for piece in text.split(';'))):
+        name, _, assignments = part.partition(':')
+        parameters: dict[str, float | str] = {}
+        for assignment in filter(None, (piece.strip() for piece in assignments.split(','))):
+            key, equals, value = assignment.partition('=')
+            if not equals:
+                raise InputError(f"effect '{part}': write NAME:PARAMETER=VALUE,... with numbers")
+            parameters[key.strip()] = _value(value.strip())
+        effects.append(EffectDescription(name=name.strip(), parameters=parameters))
+    return tuple(effects)
+
+
+def _value(text: str) -> float | str:
+    try:
+        number = float(text)
+    except ValueError:
+        return text
+    return number if math.isfinite(number) else text
+
+
+def _found() -> dict[str, AssetEffect]:
+    """Return the effects of the package in their order.
+
+    Raises:
+        InputError: a module is no complete effect.
+    """
+    effects = discovered(PACKAGE, 'EFFECT', AssetEffect, GUIDE)
+    return dict(sorted(effects.items(), key=lambda item: (item[1].order, item[0])))
+
+
+EFFECTS: dict[str, AssetEffect] = _found()
+"""All effects by name, in the order of their action."""

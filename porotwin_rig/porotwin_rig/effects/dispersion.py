@@ -1,0 +1,31 @@
+"""The tracer spreads: D = diffusion + Scheidegger's tensor in the pore velocity."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.units import MOLECULAR_DIFFUSION
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def change(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with these coefficients of spreading."""
+    return replace(
+        rig,
+        longitudinal_dispersivity=values['longitudinal_dispersivity'],
+        transverse_dispersivity=values['transverse_dispersivity'],
+        diffusion=values['diffusion'],
+    )
+
+
+EFFECT = AssetEffect(
+    name='dispersion',
+    order=10,
+    parameters={
+        'longitudinal_dispersivity': Parameter(unit='m', low=0.0, default=0.0),
+        'transverse_dispersivity': Parameter(unit='m', low=0.0, default=0.0),
+        'diffusion': Parameter(unit='m2/s', low=0.0, default=MOLECULAR_DIFFUSION),
+    },
+    on_rig=change,
+    longest_step=7.5,
+)

@@ -1,0 +1,22 @@
+"""The light changes: signal = c (1 + drift t + gradient (x - W/2))."""
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.grid import Grid
+from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
+
+
+def light(signal: FloatArray, grid: Grid, time: float, values: Values) -> FloatArray:
+    """Return the signal in the light at `time` [s]."""
+    drift = values['drift'] * time
+    return signal * (1.0 + drift + values['gradient'] * (grid.x - 0.5 * grid.width))[None, :]
+
+
+EFFECT = AssetEffect(
+    name='illumination',
+    order=150,
+    parameters={
+        'drift': Parameter(unit='1/s', default=0.0),
+        'gradient': Parameter(unit='1/m', default=0.0),
+    },
+    on_signal=light,
+)

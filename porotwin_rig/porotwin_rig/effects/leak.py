@@ -1,0 +1,35 @@
+"""Water is lost or gained at an unknown place, at a constant rate; gained water has no tracer."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+RADIUS_M = 0.004
+"""Radius of the leak [m], equal to the default radius of a well."""
+
+
+def add_leak(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with the leak as a source or sink of its own."""
+    place = (values['x'], values['z'], RADIUS_M)
+    rate = WellRate(from_ml_h(values['rate']))
+    return replace(
+        rig,
+        places={**rig.places, 'leak': place},
+        constant_rates={**rig.constant_rates, 'leak': rate},
+    )
+
+
+EFFECT = AssetEffect(
+    name='leak',
+    order=120,
+    parameters={
+        'x': Parameter(unit='m', default=0.0),
+        'z': Parameter(unit='m', default=0.0),
+        'rate': Parameter(unit='ml/h', default=0.0),
+    },
+    on_rig=add_leak,
+)

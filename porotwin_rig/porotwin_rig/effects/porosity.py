@@ -1,0 +1,22 @@
+"""The porosity is not the nominal one: porosity * factor everywhere."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def change(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with another porosity."""
+    return replace(rig, porosity=rig.porosity * values['factor'])
+
+
+EFFECT = AssetEffect(
+    name='porosity',
+    order=80,
+    parameters={
+        'factor': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+    },
+    on_rig=change,
+)

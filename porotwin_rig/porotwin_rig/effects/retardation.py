@@ -1,0 +1,22 @@
+"""The tracer sorbs linearly: storage = pore volume * retardation_factor."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def change(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with this retardation factor."""
+    return replace(rig, retardation_factor=values['retardation_factor'])
+
+
+EFFECT = AssetEffect(
+    name='retardation',
+    order=40,
+    parameters={
+        'retardation_factor': Parameter(unit='-', low=1.0, default=1.0, neutral=1.0),
+    },
+    on_rig=change,
+)

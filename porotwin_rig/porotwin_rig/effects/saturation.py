@@ -1,0 +1,20 @@
+"""The camera's signal is c ** exponent."""
+
+import numpy as np
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_core.grid import Grid
+from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
+
+
+def bend(signal: FloatArray, _grid: Grid, _time: float, values: Values) -> FloatArray:
+    """Return the signal of a camera with a nonlinear response."""
+    return np.clip(signal, 0.0, None) ** values['exponent']
+
+
+EFFECT = AssetEffect(
+    name='saturation',
+    order=140,
+    parameters={'exponent': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0)},
+    on_signal=bend,
+)

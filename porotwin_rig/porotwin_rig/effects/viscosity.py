@@ -1,0 +1,23 @@
+"""The tracer's viscosity differs: mu = mu_water * viscosity_ratio ** c."""
+
+from dataclasses import replace
+
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def change(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with this viscosity ratio."""
+    return replace(rig, viscosity_ratio=values['viscosity_ratio'])
+
+
+EFFECT = AssetEffect(
+    name='viscosity',
+    order=30,
+    parameters={
+        'viscosity_ratio': Parameter(unit='-', above=0.0, default=1.0, neutral=1.0),
+    },
+    on_rig=change,
+    longest_step=15.0,
+)

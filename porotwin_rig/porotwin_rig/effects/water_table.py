@@ -1,0 +1,36 @@
+"""The water table sways: potential amplitude sin(2 pi t / period) (x / W - 1/2) on open sides."""
+
+from dataclasses import replace
+
+from numpy.random import Generator
+
+from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
+from porotwin_core.effect_parameter import Parameter, Values
+from porotwin_rig.effects.definition.asset_effect import AssetEffect
+from porotwin_rig.true_rig import TrueRig
+
+
+def sway(rig: TrueRig, values: Values) -> TrueRig:
+    """Return `rig` with this tilt of the water table."""
+    return replace(rig, table_amplitude=values['amplitude'], table_period=values['period'])
+
+
+def draw(generator: Generator, context: DrawContext) -> DrawnValues:
+    """Draw 1 to 2.5 mm, with a period of 0.5 to 1.2 recordings."""
+    return {
+        'amplitude': log_uniform(generator, 1e-3, 2.5e-3),
+        'period': log_uniform(generator, 0.5, 1.2) * context.duration,
+    }
+
+
+EFFECT = AssetEffect(
+    name='water_table',
+    order=250,
+    parameters={
+        'amplitude': Parameter(unit='m', default=0.0),
+        'period': Parameter(unit='s', above=0.0, default=1800.0),
+    },
+    on_rig=sway,
+    longest_step=30.0,
+    blind_draw=draw,
+)

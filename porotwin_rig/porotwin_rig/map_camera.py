@@ -1,0 +1,105 @@
+"""Concentration maps as an image analysis delivers them: grain, noise, blur, lost frames."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.grid import Grid
+
+FloatArray = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class MapNoise:
+    """How an image analysis blurs and disturbs a concentration map.
+
+    Args:
+        grain: standard deviation of the fixed pattern of the sand, relative to the signal.
+        grain_cells: correlation length of the grain [cells].
+        frame: standard deviation of the noise that is new in every frame, on full tracer.
+        frame_cells: correlation length of that noise [cells].
+        blur_cells: standard deviation of the Gaussian that smooths edges [cells].
+        background: noise of a frame without tracer, relative to that on full tracer.
+        lost: part of the frames that are missing.
+        patches: number of blind spots (NaN), the same in all frames.
+    """
+
+    grain: float = 0.025
+    grain_cells: float = 0.9
+    frame: float = 0.008
+    frame_cells: float = 0.8
+    blur_cells: float = 0.55
+    background: float = 0.6
+    lost: float = 0.0
+    patches: int = 0
+
+    @classmethod
+    def drawn(cls, seed: int) -> 'MapNoise':
+        """Return random noise as strong as an ordinary camera has it."""
+        generator = np.random.default_rng([seed, 5])
+        return cls(
+            grain=float(generator.uniform(0.015, 0.035)),
+            grain_cells=float(generator.uniform(0.6, 1.2)),
+            frame=float(generator.uniform(0.004, 0.012)),
+            frame_cells=float(generator.uniform(0.6, 1.0)),
+            blur_cells=float(generator.uniform(0.4, 0.8)),
+            background=float(generator.uniform(0.3, 1.0)),
+        )
+
+
+class MapCamera:
+    """Turns signals into maps as an image analysis delivers them.
+
+    The noise of a frame depends on `seed` and the number of the frame only, so that frames may be
+    made in any order.
+
+    Args:
+        grid: grid of signals and maps.
+        noise: strength of blur and noise.
+        seed: seed of all noise.
+    """
+
+    def __init__(self, grid: Grid, noise: MapNoise, *, seed: int) -> None:
+        self.grid = grid
+        self.noise = noise
+        self._seed = seed
+        generator = np.random.default_rng([seed, 6])
+        self._grain = noise.grain * _correlated(generator, grid.shape, noise.grain_cells)
+        self._blind = _patches(grid, noise.patches, generator)
+
+    def is_lost(self, number: int) -> bool:
+        """Return whether frame `number` is missing; the first one never is."""
+        generator = np.random.default_rng([self._seed, 7, number])
+        return number > 0 and bool(generator.random() < self.noise.lost)
+
+    def map(self, signal: FloatArray, number: int) -> FloatArray:
+        """Return frame `number` of `signal` (nz, nx) with noise: 0 to 1, NaN in blind spots."""
+        generator = np.random.default_rng([self._seed, 8, number])
+        blurred = signal
+        if self.noise.blur_cells > 0.0:
+            blurred = np.asarray(cv2.GaussianBlur(signal, (0, 0), self.noise.blur_cells))
+        flicker = self.noise.frame * _correlated(generator, signal.shape, self.noise.frame_cells)
+        share = self.noise.background + (1.0 - self.noise.background) * np.clip(blurred, 0.0, 1.0)
+        seen = np.clip(blurred * (1.0 + self._grain) + share * flicker, 0.0, 1.0)
+        return np.where(self._blind, np.nan, seen)
+
+
+def _correlated(generator: np.random.Generator, shape: tuple[int, ...], cells: float) -> FloatArray:
+    """Return Gaussian noise of standard deviation 1, correlated over about `cells`."""
+    field = generator.standard_normal(shape)
+    if cells <= 0.0:
+        return field
+    smooth = np.asarray(cv2.GaussianBlur(field, (0, 0), cells))
+    return smooth / smooth.std()
+
+
+def _patches(grid: Grid, count: int, generator: np.random.Generator) -> NDArray[np.bool_]:
+    """Return the blind cells: `count` discs with a radius of 1 to 3 % of the width."""
+    blind = np.zeros(grid.shape, dtype=bool)
+    for _ in range(count):
+        x, z = generator.uniform(0, grid.width), generator.uniform(0, grid.height)
+        radius = generator.uniform(0.01, 0.03) * grid.width
+        blind |= np.hypot(grid.x[None, :] - x, grid.z[:, None] - z) < radius
+    return blind

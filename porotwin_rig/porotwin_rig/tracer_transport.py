@@ -1,0 +1,272 @@
+"""One time step of the tracer in the virtual rig: transport, spreading and reactions."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.wells import WellRates
+from porotwin_rig.box_flow import Fluxes
+from porotwin_rig.characteristics import Carrier, arriving
+from porotwin_rig.effects import EffectSet
+from porotwin_rig.spreading import Spreading, spread
+from porotwin_rig.tracer import Tracer, TracerBalance
+from porotwin_rig.true_rig import TrueRig
+from porotwin_rig.water_flow import WaterFlow
+
+FloatArray = NDArray[np.floating]
+
+RIM_POINTS = 24
+"""Points on the rim of a producing well where the concentration of the water is read."""
+
+GAUSS_POINTS = (
+    (0.069432, 0.173927),
+    (0.330009, 0.326073),
+    (0.669991, 0.326073),
+    (0.930568, 0.173927),
+)
+"""Nodes and weights of the four-point Gauss rule on [0, 1]: the tracer that leaves in a step is an
+integral over time."""
+
+BESIDE_TRACER = 1e-3
+"""Least concentration near a vertex that counts as beside tracer, relative to the highest."""
+
+
+class TracerTransport:
+    """Steps of the tracer in a rig that does not change."""
+
+    def __init__(self, rig: TrueRig, effects: EffectSet) -> None:
+        """Prepare steps of `rig`; the reactions of `effects` act in every step."""
+        self._rig = rig
+        self._mesh = rig.mesh
+        self._storage = rig.storage
+        self._pore_depth = rig.pore_depth
+        self._area = rig.mesh.box_area
+        self._spreading = Spreading(
+            rig.diffusion, rig.longitudinal_dispersivity, rig.transverse_dispersivity
+        )
+        self._reactions = [
+            (effect.on_tracer, values, effect.removes_tracer)
+            for effect, values in effects
+            if effect.on_tracer is not None
+        ]
+
+    def empty(self) -> Tracer:
+        """Return a rig without tracer."""
+        return Tracer(np.zeros(self._mesh.shape), np.zeros(self._mesh.shape))
+
+    def dissolved(self, tracer: Tracer) -> FloatArray:
+        """Return the mean concentration of the pore water, mobile or not, (nz + 1, nx + 1)."""
+        if self._rig.immobile_fraction is None:
+            return tracer.mobile
+        return self._rig.mobile_fraction * tracer.mobile + tracer.stationary
+
+    def mobile_mass(self, tracer: Tracer) -> float:
+        """Return the volume of stock [m^3] that moves with the water or sorbs linearly."""
+        return float(np.sum(tracer.mobile * self._storage * self._area))
+
+    def total_mass(self, tracer: Tracer) -> float:
+        """Return the volume of stock [m^3] in the rig in any form."""
+        stationary = tracer.stationary * self._pore_depth * self._area
+        return self.mobile_mass(tracer) + float(np.sum(stationary))
+
+    def step(
+        self,
+        tracer: Tracer,
+        balance: TracerBalance,
+        *,
+        water: WaterFlow,
+        rates: WellRates,
+        time: float,
+        duration: float,
+    ) -> tuple[Tracer, TracerBalance]:
+        """Return tracer and balance after a step of `duration` [s] from `time` [s] on.
+
+        Reactions act half before and half after the transport (Strang splitting).
+
+        Args:
+            tracer: the tracer at `time`.
+            balance: its balance since the start.
+            water: the flow.
+            rates: true rates of all sources and sinks.
+            time: time since the start [s].
+            duration: length of the step [s].
+        """
+        fluxes = water.fluxes(rates, tracer.mobile, time)
+        carrier = self._carrier(water, fluxes, rates)
+        tracer, balance = self._reacted(tracer, balance, 0.5 * duration)
+        tracer, balance = self._carried(tracer, balance, carrier, water, fluxes, rates, duration)
+        mobile = spread(
+            self._mesh,
+            tracer.mobile,
+            storage=self._storage,
+            spreading=self._spreading,
+            velocity=self._vertex_velocity(fluxes) if self._spreading.follows_flow else None,
+            duration=duration,
+        )
+        tracer = tracer._replace(mobile=np.clip(mobile, 0.0, None))
+        return self._reacted(tracer, balance, 0.5 * duration)
+
+    def _reacted(
+        self, tracer: Tracer, balance: TracerBalance, duration: float
+    ) -> tuple[Tracer, TracerBalance]:
+        """Return tracer and balance after all reactions of `duration` [s]."""
+        for react, values, removes_tracer in self._reactions:
+            after = react(tracer, self._rig, values, duration)
+            if removes_tracer:
+                decayed = self.total_mass(tracer) - self.total_mass(after)
+                balance = replace(balance, decayed=balance.decayed + decayed)
+            tracer = after
+        return tracer, balance
+
+    def _carrier(self, water: WaterFlow, fluxes: Fluxes, rates: WellRates) -> Carrier:
+        """Return the velocities of one step: radial flows of the wells and a remainder."""
+        remainder = fluxes
+        for name, rate in rates.items():
+            remainder = remainder - water.radial[name] * rate.rate
+        wells = [
+            (*water.places[name], rate.rate, rate.concentration) for name, rate in rates.items()
+        ]
+        sides = self._rig.rig.boundaries
+        all_open = self._rig.background_flux is not None
+        return Carrier(
+            hx=self._mesh.hx,
+            hz=self._mesh.hz,
+            remainder_x=remainder.x / self._mesh.box_height[:, None],
+            remainder_z=remainder.z / self._mesh.box_width[None, :],
+            storage=self._storage,
+            wells=np.array(wells, dtype=float).reshape(-1, 5),
+            open_sides=np.array(
+                [
+                    all_open or side == 'open'
+                    for side in (sides.left, sides.right, sides.bottom, sides.top)
+                ]
+            ),
+            settling=self._rig.settling_velocity,
+        )
+
+    def _carried(
+        self,
+        tracer: Tracer,
+        balance: TracerBalance,
+        carrier: Carrier,
+        water: WaterFlow,
+        fluxes: Fluxes,
+        rates: WellRates,
+        duration: float,
+    ) -> tuple[Tracer, TracerBalance]:
+        """Return the tracer carried along the characteristics, its mass corrected at the fronts."""
+        x, z = np.meshgrid(self._mesh.x, self._mesh.z)
+        field = tracer.mobile
+        carried, low, high = arriving(carrier, field, x=x, z=z, duration=np.full(x.shape, duration))
+        gained = sum(
+            rate.rate * rate.concentration * duration for rate in rates.values() if rate.rate > 0.0
+        )
+        lost = self._lost_in_wells(field, carrier, water, rates, duration)
+        lost += self._lost_through_sides(field, carrier, fluxes, duration)
+        due = self.mobile_mass(tracer) + gained - lost
+        highest = max(float(field.max()), *(rate.concentration for rate in rates.values()), 0.0)
+        volume = self._storage * self._area
+        corrected = with_mass(carried, low, high, volume, due=due, highest=highest)
+        return tracer._replace(mobile=corrected), replace(
+            balance,
+            injected=balance.injected + gained,
+            removed=balance.removed + lost,
+            corrected=balance.corrected
+            + abs(float(np.sum((corrected - carried) * self._storage * self._area))),
+        )
+
+    def _lost_in_wells(
+        self,
+        field: FloatArray,
+        carrier: Carrier,
+        water: WaterFlow,
+        rates: WellRates,
+        duration: float,
+    ) -> float:
+        """Return the volume of stock [m^3] that sinks take out in a step of `duration` [s]."""
+        lost = 0.0
+        angle = (np.arange(RIM_POINTS) + 0.5) * (2.0 * math.pi / RIM_POINTS)
+        for name, rate in rates.items():
+            if rate.rate >= 0.0:
+                continue
+            x, z, radius = water.places[name]
+            for moment, weight in GAUSS_POINTS:
+                there, _, _ = arriving(
+                    carrier,
+                    field,
+                    x=x + radius * np.cos(angle),
+                    z=z + radius * np.sin(angle),
+                    duration=np.full(RIM_POINTS, moment * duration),
+                )
+                lost -= weight * duration * rate.rate * float(there.mean())
+        return lost
+
+    def _lost_through_sides(
+        self, field: FloatArray, carrier: Carrier, fluxes: Fluxes, duration: float
+    ) -> float:
+        """Return the volume of stock [m^3] that leaves with water through open sides."""
+        mesh = self._mesh
+        lost = 0.0
+        for flow, x, z in (
+            (fluxes.z[-1], mesh.x, np.full(mesh.nx + 1, mesh.height)),
+            (-fluxes.z[0], mesh.x, np.zeros(mesh.nx + 1)),
+            (fluxes.x[:, -1], np.full(mesh.nz + 1, mesh.width), mesh.z),
+            (-fluxes.x[:, 0], np.zeros(mesh.nz + 1), mesh.z),
+        ):
+            out = np.maximum(flow, 0.0)
+            if not out.any():
+                continue
+            for moment, weight in GAUSS_POINTS:
+                there, _, _ = arriving(
+                    carrier, field, x=x, z=z, duration=np.full(x.shape, moment * duration)
+                )
+                lost += weight * duration * float(np.sum(out * there))
+        return lost
+
+    def _vertex_velocity(self, fluxes: Fluxes) -> tuple[FloatArray, FloatArray]:
+        """Return the pore velocity (vx, vz) [m/s] at the vertices."""
+        pores = self._pore_depth * self._rig.mobile_fraction
+        along_x = 0.5 * (fluxes.x[:, 1:] + fluxes.x[:, :-1]) / self._mesh.box_height[:, None]
+        along_z = 0.5 * (fluxes.z[1:] + fluxes.z[:-1]) / self._mesh.box_width[None, :]
+        return along_x / pores, along_z / pores
+
+
+def with_mass(
+    field: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    volume: FloatArray,
+    *,
+    due: float,
+    highest: float,
+) -> FloatArray:
+    """Return `field` changed so that sum(field * volume) = `due`, within 0 and `highest`.
+
+    Values may move within [low, high], which differ at the fronts only: the change goes there, in
+    proportion to the room. A remainder goes to the vertices beside tracer, then anywhere.
+
+    Args:
+        field: carried concentration, (nz + 1, nx + 1).
+        low: least value of the interpolation, same shape.
+        high: greatest value of the interpolation, same shape.
+        volume: storage volume of the boxes [m^3], same shape.
+        due: volume of stock that is to be there [m^3].
+        highest: highest concentration in the rig and in the wells.
+    """
+    near_tracer = (high > BESIDE_TRACER * highest).astype(np.uint8)
+    beside = np.asarray(cv2.dilate(near_tracer, np.ones((3, 3))), bool)
+    for lowest_now, highest_now in (
+        (low, high),
+        (low, high),
+        (np.where(beside, 0.0, field), np.where(beside, highest, field)),
+        (np.zeros_like(field), np.maximum(field, highest)),
+    ):
+        missing = due - float(np.sum(field * volume))
+        room = np.maximum((highest_now - field) if missing > 0.0 else (field - lowest_now), 0.0)
+        held = float(np.sum(room * volume))
+        if held > 0.0:
+            field = field + math.copysign(min(abs(missing) / held, 1.0), missing) * room
+    return field

@@ -1,0 +1,127 @@
+"""The water of the virtual rig: fluxes through the boxes for given rates and tracer."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.wells import WellRates
+from porotwin_rig.box_flow import (
+    BoxFlow,
+    Fluxes,
+    HalfFaces,
+    held_vertices,
+    no_flux,
+    radial_fluxes,
+)
+from porotwin_rig.true_rig import TrueRig
+
+FloatArray = NDArray[np.floating]
+
+
+class WaterFlow:
+    """Flow in a rig that does not change; fluxes of unit rates are computed once and kept.
+
+    Attributes:
+        places: (x, z, radius) [m] of every source and sink, off the faces of the boxes.
+        radial: fluxes of a unit source at each place in an unbounded plane.
+        has_open_side: whether water can leave or enter through a side, so that rates need not
+            balance.
+    """
+
+    def __init__(self, rig: TrueRig) -> None:
+        mesh = rig.mesh
+        self._rig = rig
+        self._along_x, self._along_z = rig.transmissivity
+        self._held = held_vertices(mesh, rig.rig.boundaries)
+        self._flow = BoxFlow(mesh, self._along_x, self._along_z, held=self._held)
+        self.places = {
+            name: (*mesh.off_faces(x, z), radius) for name, (x, z, radius) in rig.places.items()
+        }
+        self.radial = {name: radial_fluxes(mesh, x, z) for name, (x, z, _) in self.places.items()}
+        self.has_open_side = bool(self._held.any())
+        self._unit: dict[str, Fluxes] = {}
+        self._background = self._background_fluxes()
+        self._tilt: Fluxes | None = None
+
+    def fluxes(self, rates: WellRates, tracer: FloatArray, time: float) -> Fluxes:
+        """Return the fluxes [m^3/s] at `time` [s].
+
+        Args:
+            rates: true rates of all sources and sinks.
+            tracer: concentration of the mobile water, (nz + 1, nx + 1); its density and viscosity
+                act on the flow.
+            time: time since the start [s]; the water table may sway.
+        """
+        total = self._background
+        if self._rig.density_difference == 0.0 and self._rig.viscosity_ratio == 1.0:
+            for name, rate in rates.items():
+                total = total + self._unit_fluxes(name) * rate.rate
+        else:
+            total = total + self._coupled_fluxes(rates, tracer)
+        return total + self._sway(time)
+
+    def _unit_fluxes(self, name: str) -> Fluxes:
+        """Return the fluxes of a unit rate at the place `name`."""
+        if name not in self._unit:
+            x, z, _ = self.places[name]
+            self._unit[name] = self._flow.well(x, z)
+        return self._unit[name]
+
+    def _coupled_fluxes(self, rates: WellRates, c: FloatArray) -> Fluxes:
+        """Return the fluxes where density or viscosity depends on the concentration `c`."""
+        ratio, density = self._rig.viscosity_ratio, self._rig.density_difference
+        in_elements = 0.25 * (c[:-1, :-1] + c[:-1, 1:] + c[1:, :-1] + c[1:, 1:])
+        mobility = ratio**-in_elements
+        along_x, along_z = self._along_x * mobility, self._along_z * mobility
+        driven = None
+        if density != 0.0:
+            mesh, water = self._rig.mesh, self._rig.rig.density_kg_m3
+            pull = -along_z * (density / water) * (0.5 * mesh.hx)
+            none = np.zeros_like(pull)
+            left_side = 0.5 * (c[:-1, :-1] + c[1:, :-1])
+            right_side = 0.5 * (c[:-1, 1:] + c[1:, 1:])
+            driven = HalfFaces(
+                none,
+                none,
+                pull * (0.75 * left_side + 0.25 * right_side),
+                pull * (0.25 * left_side + 0.75 * right_side),
+            )
+        return self._flow.combined(
+            [(*self.places[name][:2], rate.rate) for name, rate in rates.items()],
+            driven=driven,
+            along=None if ratio == 1.0 else (along_x, along_z),
+        )
+
+    def _sway(self, time: float) -> Fluxes:
+        """Return the fluxes of the tilted water table: potential on the open sides
+        amplitude sin(2 pi t / period) (x / W - 1/2)."""
+        rig, mesh = self._rig, self._rig.mesh
+        if rig.table_amplitude == 0.0:
+            return no_flux(mesh)
+        if self._tilt is None:
+            slope = np.broadcast_to(mesh.x / mesh.width - 0.5, mesh.shape)
+            self._tilt = self._flow.combined([], held_potential=np.where(self._held, slope, 0.0))
+        phase = 2.0 * math.pi * time / rig.table_period
+        return self._tilt * (rig.table_amplitude * math.sin(phase))
+
+    def _background_fluxes(self) -> Fluxes:
+        """Return the fluxes of water that is forced through all four sides.
+
+        The inflow through a side leaves through the opposite one.
+        """
+        mesh, depth = self._rig.mesh, self._rig.depth
+        x_velocity, z_velocity = self._rig.background_flux or (0.0, 0.0)
+        forced = no_flux(mesh)
+        if x_velocity == 0.0 and z_velocity == 0.0:
+            return forced
+        forced.x[:, 0] = x_velocity * depth[:, 0] * mesh.box_height
+        forced.x[:, -1] = x_velocity * depth[:, -1] * mesh.box_height
+        forced.z[0] = z_velocity * depth[0] * mesh.box_width
+        forced.z[-1] = z_velocity * depth[-1] * mesh.box_width
+        if z_velocity != 0.0:
+            forced.z[-1] *= forced.z[0].sum() / forced.z[-1].sum()
+        if x_velocity != 0.0:
+            forced.x[:, -1] *= forced.x[:, 0].sum() / forced.x[:, -1].sum()
+        closed = BoxFlow(mesh, self._along_x, self._along_z, held=np.zeros_like(self._held))
+        return closed.through_walls(forced)
