@@ -17,7 +17,7 @@ from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
-from porotwin_hub.control import Limits
+from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
 from porotwin_recording.concentration import open_maps
