@@ -15,7 +15,7 @@ from porotwin_core.rig import Rig, Well
 from porotwin_core.units import GRAVITY
 
 SMALL_WIDTH_M = 0.934
-"""Width of the paper's small rig [m], for which the strengths were chosen."""
+"""Width of the paper's small rig [m]; the strengths were chosen for this rig."""
 
 DrawnValues = dict[str, float | str]
 """Parameters of one effect by name, in the units of the effect."""
@@ -68,7 +68,7 @@ Draw = Callable[[Generator, DrawContext], DrawnValues]
 
 
 def log_uniform(generator: Generator, low: float, high: float) -> float:
-    """Return a number whose logarithm is uniform between those of `low` and `high`."""
+    """Return exp(u) with u uniform between log(low) and log(high)."""
     return float(np.exp(generator.uniform(np.log(low), np.log(high))))
 
 

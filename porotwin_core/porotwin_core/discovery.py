@@ -35,8 +35,8 @@ def discovered(package: str, attribute: str, kind: type[T], guide: str) -> dict[
         guide: the document that explains how to write such a module.
 
     Raises:
-        InputError: a module does not define the object, or defines it incompletely; one line that
-            names the module, the fault and the guide.
+        InputError: a module does not define the object, defines it incompletely, or gives it
+            another name than its own; one line that names the module, the fault and the guide.
     """
     found: dict[str, T] = {}
     for name in module_names(package):
@@ -47,6 +47,11 @@ def discovered(package: str, attribute: str, kind: type[T], guide: str) -> dict[
         if not isinstance(value, kind):
             raise InputError(
                 f'{package}.{name}: must define {attribute} = {kind.__name__}(...); see {guide}'
+            )
+        own_name = getattr(value, 'name', name)
+        if own_name != name:
+            raise InputError(
+                f'{package}.{name}: its {attribute} has the name {own_name!r}; see {guide}'
             )
         found[name] = value
     return found

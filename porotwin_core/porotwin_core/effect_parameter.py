@@ -12,7 +12,7 @@ Values = Mapping[str, Any]
 
 
 class Reading(NamedTuple):
-    """The unit in which a person reads a parameter: shown = `factor` * value, in `unit`."""
+    """The unit of a parameter in a report: shown = `factor` * value, in `unit`."""
 
     factor: float
     unit: str
@@ -28,7 +28,7 @@ class Parameter:
         low: least value.
         high: greatest value.
         default: value where none is given; None where one must be given.
-        neutral: value at which the effect changes nothing; 1 for a factor.
+        neutral: value without effect; 1 for a factor.
         reading: unit of the report where the usual one for `unit` does not suit.
         is_name: the value is the name of a well.
         may_be_fixed: some candidates of a search hold it fixed instead of fitting it.

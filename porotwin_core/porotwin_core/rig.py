@@ -97,7 +97,7 @@ class Control(_Section):
 
 
 class EffectDescription(_Section):
-    """An effect that a diagnosis added to the rig: its name and parameters (diagnosis contract)."""
+    """An effect with its parameters, as `docs/effects.md` lists them."""
 
     name: str
     parameters: dict[str, FiniteFloat | str] = Field(default_factory=dict)

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -47,6 +48,13 @@ def test_an_incomplete_module_is_refused_in_one_line(package, text, complaint) -
     assert '\n' not in str(refusal.value)
 
 
-def test_what_is_no_package_is_refused() -> None:
+def test_an_object_with_another_name_than_its_module_is_refused(package) -> None:
+    text = 'from types import SimpleNamespace\nTHING = SimpleNamespace(name="other")\n'
+    name = package('made_up_other', bad=text)
+    with pytest.raises(InputError, match=r"bad: its THING has the name 'other'; see the guide"):
+        discovered(name, 'THING', SimpleNamespace, 'the guide')
+
+
+def test_a_module_instead_of_a_package_is_refused() -> None:
     with pytest.raises(InputError, match='not a package'):
         module_names('porotwin_core.errors')

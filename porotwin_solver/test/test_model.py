@@ -50,7 +50,7 @@ EXAMPLES = {
     'registration': {'dx': 0.004, 'dz': -0.01, 'rotation': 0.01, 'scale': 1.01},
     'clock': {'offset': 100.0},
 }
-"""Every effect of the diagnosis contract, with parameters of a plausible size."""
+"""Every effect with parameters of a plausible size."""
 
 PHYSICS = [name for name in EXAMPLES if EFFECTS[name].on_physics is not None]
 

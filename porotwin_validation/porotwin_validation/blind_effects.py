@@ -1,4 +1,4 @@
-"""Effects that the blind check draws: those of the library, and those that no library names."""
+"""Effects that the blind check draws: the library, and effects that no library has."""
 
 from collections.abc import Mapping
 

@@ -1,6 +1,6 @@
 """The catalogue of effects: one module each, found by itself (docs/extend/effect.md).
 
-`definition` says what an effect consists of; every other module of this folder is an effect.
+`definition` defines the class of effects; every other module of this folder is an effect.
 """
 
 from porotwin_solver.effects.definition.registry import (

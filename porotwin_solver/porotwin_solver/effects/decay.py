@@ -39,7 +39,7 @@ def phrase(values: Values) -> str:
 
 
 def draw(generator: Generator, context: DrawContext) -> DrawnValues:
-    """Draw a rate at which 11 to 39 % of the first tracer is lost at the end."""
+    """Draw a rate that loses 11 to 39 % of the first tracer by the end."""
     return {'rate': log_uniform(generator, 0.12, 0.5) / context.duration}
 
 

@@ -66,7 +66,7 @@ def trials(context: SearchContext, centre: tuple[float, float]) -> Sequence[Cand
     if context.rig.closed:
         raise InputError('leak: the rig is closed on all sides; open one in rig.yaml')
     if context.strongest_rate == 0.0:
-        raise InputError('leak: no pump ever runs; give a recording in which one does')
+        raise InputError('leak: no pump ever runs; give a recording with a running pump')
     strongest = to_ml_h(context.strongest_rate)
     return [leak_at(context, centre, relative * strongest) for relative in TRIAL_RATES]
 

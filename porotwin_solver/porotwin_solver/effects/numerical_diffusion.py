@@ -1,4 +1,4 @@
-"""The model itself smears: artificial diffusion in addition to that of the scheme.
+"""The model itself smears: artificial diffusion on top of the diffusion of the scheme.
 
 The diagnosis compares schemes to find it; no search fits it.
 """

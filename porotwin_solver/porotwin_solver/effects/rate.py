@@ -30,7 +30,7 @@ def candidates(context: SearchContext) -> Sequence[Candidate]:
 
 
 def phrase(values: Values) -> str:
-    """Say what the pump delivers."""
+    """Say how much the pump delivers."""
     delivered = number(100 * values['factor'], 3)
     return f'pump {values["well"]} delivers {delivered} % of the commanded rate'
 
@@ -51,7 +51,7 @@ EFFECT = Effect(
     on_physics=misdeliver,
     candidates=candidates,
     phrase=phrase,
-    laboratory_check='collect what the pump delivers in a measuring cylinder for ten minutes',
+    laboratory_check='let the pump fill a measuring cylinder for ten minutes',
     blind_draw=draw,
     appearance=Appearance.DELAY,
 )

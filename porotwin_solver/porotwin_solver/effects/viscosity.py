@@ -19,7 +19,7 @@ def thicken(physics: Physics, values: Values) -> Physics:
 
 
 def candidates(_context: SearchContext) -> Sequence[Candidate]:
-    """Fit the ratio, starting from that of water."""
+    """Fit the ratio, starting from 1."""
     parameter = FitParameter('viscosity_ratio', '-', 1.0, 0.1, 0.02, 50.0, log=True)
     return [Candidate('viscosity', (parameter,))]
 

@@ -1,1 +1,1 @@
-"""What an effect consists of: physics or observation, search, words, blind draw; the registry."""
+"""The class of effects with its search parameters and words, and the registry of all effects."""

@@ -44,7 +44,7 @@ class FitParameter:
         return float(np.clip(self.neutral + self.step * scaled, self.low, self.high))
 
     def scaled(self, value: float) -> float:
-        """Return the steps at which the parameter has `value`."""
+        """Return the steps that give the parameter the value `value`; the inverse of `value()`."""
         if self.log:
             return math.log(value / self.neutral) / self.step
         return (value - self.neutral) / self.step
@@ -62,7 +62,7 @@ class FitParameter:
 
     @property
     def absent(self) -> float:
-        """Value at which the parameter changes nothing."""
+        """Value without effect."""
         return 0.0 if self.is_never_absent else self.neutral
 
 
@@ -74,7 +74,7 @@ class Candidate:
         effect: name of the effect.
         parameters: the fitted parameters.
         fixed: values of the other parameters.
-        starts: scaled parameters from which a fit may start; all zero where there are none.
+        starts: scaled parameters where a fit may start; all zero if there are none.
         variant: tells candidates of one effect apart that fit different parameters.
     """
 
@@ -107,13 +107,13 @@ class Candidate:
 
 @dataclass(frozen=True)
 class SearchContext:
-    """What search parameters may depend on.
+    """A recording as far as search parameters depend on it.
 
     Args:
         rig: the nominal rig.
         grid: grid of the recorded maps.
         duration: length of the recording [s].
-        pumping_wells: names of the wells through which water flows in the recording.
+        pumping_wells: names of the wells that pump in the recording.
         strongest_rate: largest absolute rate of a well [m^3/s].
         well: for an effect of a well, its name.
     """

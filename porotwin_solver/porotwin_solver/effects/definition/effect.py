@@ -1,4 +1,4 @@
-"""What an effect is: everything that the simulation, the search and the reports need of it."""
+"""The class of effects: all that the simulation, the search and the reports know about one."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ LAST = 1000
 
 
 class Scope(Enum):
-    """What an effect belongs to."""
+    """The part of the experiment that has the effect."""
 
     MODEL = 'model'
     """The numerical scheme itself; found by comparing schemes, not by a search."""
@@ -68,20 +68,20 @@ class Effect:
 
     Args:
         name: name of the effect and of its module.
-        scope: what it belongs to.
+        scope: the part of the experiment that has it.
         parameters: its parameters by name.
         on_physics: returns the changed physics.
         on_observation: returns the changed observation operator.
         candidates: returns the candidates of a search. With `Scope.WELL` it is called once per
             pumping well, `context.well`.
         places: how the search finds the place; for `Scope.PLACE` only.
-        phrase: states as HTML what the effect with these values says about the rig.
+        phrase: states the effect with these values in words, as HTML.
         laboratory_check: how to check the effect without the camera.
         blind_draw: draws parameters for the blind check; None where it draws no such case.
         appearance: how it shows; None where the blind check draws no pair with it.
         equal_to: returns the names of the effects that no map can tell from this one.
         order: position in lists, in searches and in the draws of the blind check.
-        replaces_nominal: it replaces what `rig.yaml` says of it; other effects add to that.
+        replaces_nominal: it replaces its own description in `rig.yaml`; other effects add to it.
         needs_simulation: without, it acts on maps that are simulated already.
         is_slow_on_fine_grids: a simulation on a large fine grid takes minutes.
         destabilises_fronts: whether fronts finger with these values.
@@ -152,7 +152,7 @@ class Effect:
 
     @property
     def has_equals(self) -> bool:
-        """Whether there are values at which no map can tell another effect from this one."""
+        """Whether for some values no map can tell another effect from this one."""
         return self.equal_to is not _equal_to_none
 
     @property

@@ -18,12 +18,9 @@ def _found() -> dict[str, Effect]:
     """Return the effects of the package in their order.
 
     Raises:
-        InputError: a module is incomplete, or named otherwise than its effect.
+        InputError: a module is no complete effect.
     """
     effects = discovered(PACKAGE, 'EFFECT', Effect, GUIDE)
-    for module, found in effects.items():
-        if found.name != module:
-            raise InputError(f"{PACKAGE}.{module}: its effect is named '{found.name}'; see {GUIDE}")
     return dict(sorted(effects.items(), key=lambda item: (item[1].order, item[0])))
 
 

@@ -1,4 +1,4 @@
-"""Numbers and directions in words, for the phrases with which effects describe a rig."""
+"""Numbers and directions in words, for the phrases of effects."""
 
 import math
 
@@ -24,7 +24,7 @@ LONGEST_IN_SECONDS = 90.0
 
 
 def reading(parameter: Parameter) -> Reading:
-    """Return the unit in which a report states `parameter`."""
+    """Return the unit of `parameter` in a report."""
     return parameter.reading or READINGS.get(parameter.unit, Reading(1.0, parameter.unit))
 
 
