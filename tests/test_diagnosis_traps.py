@@ -42,7 +42,7 @@ def spreading():
     noise = 0.02 * np.random.default_rng(4).standard_normal(clean.shape)
     maps = np.clip(clean + noise, 0, 1).astype(np.float32)
     stored = ConcentrationMaps(times, grid, lambda start, stop: maps[start:stop])
-    return Recording(Path('spreading'), SMALL, schedule(), maps=stored)
+    return Recording(SMALL, schedule(), maps=stored, source=Path('spreading'))
 
 
 def coarse_fitter(*recordings):

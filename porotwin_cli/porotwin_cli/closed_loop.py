@@ -17,9 +17,9 @@ from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
-from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
+from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.concentration import open_maps
 from porotwin_rig.camera import camera_before
 from porotwin_rig.pumps import Pumps

@@ -21,7 +21,7 @@ GRID = SMALL.grid(20, 12)
 
 def recording_of(times, maps):
     stored = ConcentrationMaps(np.array(times), GRID, lambda start, stop: maps[start:stop])
-    return Recording(Path('run'), SMALL, maps=stored)
+    return Recording(SMALL, maps=stored, source=Path('run'))
 
 
 def test_indices_are_spread_evenly_from_the_first_to_the_last():
