@@ -3,9 +3,8 @@
     python tests/prose.py                 # a table: words, clauses, clauses per 1,000 words
     python tests/prose.py porotwin_hub    # every clause of one package, with its line
 
-The clauses are those that begin with "what" or with a preposition and "which", and those that
-point back with "that of" or "those of". Well-known numerical libraries have 0.5 to 2 of them per
-1,000 words of docstrings.
+A hard clause begins with a word of HARD, such as a preposition and a relative pronoun. Well-known
+numerical libraries have 0.5 to 2 of them per 1,000 words of docstrings.
 """
 
 import ast

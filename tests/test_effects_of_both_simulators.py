@@ -1,4 +1,4 @@
-"""The effects of the solver and those of the virtual rig, which are written independently."""
+"""Solver and virtual rig have the same effects, although they are written independently."""
 
 import pytest
 

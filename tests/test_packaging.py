@@ -1,4 +1,4 @@
-"""The wheel of the checkout: what it contains, and that it imports without ROS."""
+"""The wheel of the checkout: its contents, and that it imports without ROS."""
 
 import subprocess
 import sys
@@ -24,6 +24,8 @@ sys.path.insert(0, sys.argv[1])
 import porotwin_core.rig, porotwin_core.grid, porotwin_core.wells
 import porotwin_solver.simulation
 import porotwin_costa.training, porotwin_imaging.total_variation
+import porotwin_recording.recording
+import porotwin_diagnosis.examine
 print(porotwin_solver.simulation.__file__)
 """
 

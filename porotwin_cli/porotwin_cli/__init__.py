@@ -1,1 +1,1 @@
-"""The porotwin command: one module in `commands/` for each, helpers beside."""
+"""The porotwin command: one module in `commands/` for each; the others are helpers."""

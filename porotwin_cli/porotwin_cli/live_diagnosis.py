@@ -30,7 +30,9 @@ POLL_S = 0.2
 class Server(Protocol):
     """An action client, as far as waiting for its server goes."""
 
-    def server_is_ready(self) -> bool: ...
+    def server_is_ready(self) -> bool:
+        """Return whether the server answers."""
+        ...
 
 
 def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) -> Any:

@@ -69,6 +69,9 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     """Photograph a known injection with the virtual camera; return the calibration file.
 
     The recording goes to `folder`/calibration_run, pictures and file to `folder`/calibration.
+
+    Raises:
+        InputError: the folder is not empty, or the photographs do not suffice for a calibration.
     """
     duration = CALIBRATION_MINUTES * 60.0
     make_experiment(
@@ -129,7 +132,11 @@ def training_runs(
 
 
 def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
-    """Return the frames of a recording, from its photographs with the twin's own imaging."""
+    """Return the frames of a recording, from its photographs with the twin's own imaging.
+
+    Raises:
+        InputError: a photograph or the calibration is unusable.
+    """
     baseline = make_baseline(
         recording.rig,
         grid,
@@ -162,8 +169,11 @@ def train_costa(
 ) -> Path:
     """Train COSTA on photographs of the training experiments; return the file of the model.
 
-    `photo_interval` is the time between photographs [s]; `preset` is the numerical scheme to
-    correct.
+    `photo_interval` is the time between photographs [s], `photo_width` their width [px]; `preset`
+    is the numerical scheme to correct; `seed` is that of the experiments and of the training.
+
+    Raises:
+        InputError: the calibration is unusable, or there are too few training pairs.
     """
     grid = rig.default_grid()
     runs = training_runs(

@@ -26,9 +26,9 @@ class RunAccount:
     """The course of a closed-loop run, one entry per photograph.
 
     The hub's reports give `times` [s], relative errors of the predictions [-], whether a correction
-    was applied, and the wall-clock times of optimisation and cycle [s]. The setpoints give
-    `setpoint_times` [s] and `rates_ml_h` by well [ml/h]. `observed` holds the maps (nz, nx) by
-    their time [s].
+    was applied (`corrected`), and the wall-clock times of optimisation and cycle [s].
+    The setpoints give `setpoint_times` [s] and `rates_ml_h` by well [ml/h]. `observed` holds the
+    maps (nz, nx) [-] by their time [s].
     """
 
     times: list[float] = field(default_factory=list)
@@ -99,7 +99,11 @@ class TrueTracer:
     maps: ConcentrationMaps | FloatArray
 
     def disallowed(self, rig: Rig) -> FloatArray:
-        """Return the tracer in the disallowed zone at every time [m^3], shape (nt,)."""
+        """Return the tracer in the disallowed zone at every time [m^3], shape (nt,).
+
+        Raises:
+            InputError: the rig has no control section, or its objective is wrong.
+        """
         objective = make_objective(rig, self.grid)
         return np.array([objective.disallowed_tracer(values) for values in self.maps])
 

@@ -59,7 +59,7 @@ class DrawContext:
 
     @property
     def porosity(self) -> float:
-        """Mean porosity."""
+        """Mean porosity [-]."""
         return float(np.mean(self.rig.nominal_map('porosity')))
 
 
@@ -68,7 +68,7 @@ Draw = Callable[[Generator, DrawContext], DrawnValues]
 
 
 def log_uniform(generator: Generator, low: float, high: float) -> float:
-    """Return exp(u) with u uniform between log(low) and log(high)."""
+    """Return exp(u) with u uniform between log(low) and log(high), in the unit of `low`."""
     return float(np.exp(generator.uniform(np.log(low), np.log(high))))
 
 

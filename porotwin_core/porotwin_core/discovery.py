@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import pkgutil
+from collections.abc import Collection
 from typing import TypeVar
 
 from porotwin_core.errors import InputError
@@ -14,6 +15,9 @@ def module_names(package: str) -> list[str]:
     """Return the names of the modules in the folder of `package`, sorted, without importing them.
 
     Sub-packages and modules whose name begins with an underscore hold helpers and are left out.
+
+    Raises:
+        InputError: `package` does not exist or is a module.
     """
     spec = importlib.util.find_spec(package)
     if spec is None or spec.submodule_search_locations is None:
@@ -25,14 +29,20 @@ def module_names(package: str) -> list[str]:
     )
 
 
-def discovered(package: str, attribute: str, kind: type[T], guide: str) -> dict[str, T]:
-    """Return the object `attribute` of every module in the folder of `package`, by module name.
+def discovered(
+    package: str, attribute: str, kind: type[T], guide: str, *, helpers: Collection[str] = ()
+) -> dict[str, T]:
+    """Return the object `attribute` of every module in the folder of `package`, by name.
+
+    The order is that of the module names. If the object has an attribute `name`, it is the name of
+    the module, perhaps with dashes instead of underscores. Otherwise the module's name counts.
 
     Args:
         package: dotted name of the package.
         attribute: name of the object that every module defines.
         kind: class of these objects.
         guide: the document that explains how to write such a module.
+        helpers: modules of the folder that define no such object.
 
     Raises:
         InputError: a module does not define the object, defines it incompletely, or gives it
@@ -40,6 +50,8 @@ def discovered(package: str, attribute: str, kind: type[T], guide: str) -> dict[
     """
     found: dict[str, T] = {}
     for name in module_names(package):
+        if name in helpers:
+            continue
         try:
             value = getattr(importlib.import_module(f'{package}.{name}'), attribute, None)
         except TypeError as error:  # a required argument of `kind` is missing
@@ -49,9 +61,9 @@ def discovered(package: str, attribute: str, kind: type[T], guide: str) -> dict[
                 f'{package}.{name}: must define {attribute} = {kind.__name__}(...); see {guide}'
             )
         own_name = getattr(value, 'name', name)
-        if own_name != name:
+        if own_name.replace('-', '_') != name:
             raise InputError(
                 f'{package}.{name}: its {attribute} has the name {own_name!r}; see {guide}'
             )
-        found[name] = value
+        found[own_name] = value
     return found

@@ -55,6 +55,18 @@ def test_an_object_with_another_name_than_its_module_is_refused(package) -> None
         discovered(name, 'THING', SimpleNamespace, 'the guide')
 
 
+def test_a_name_may_have_dashes_where_its_module_has_underscores(package) -> None:
+    text = 'from types import SimpleNamespace\nTHING = SimpleNamespace(name="two-words")\n'
+    name = package('made_up_dashes', two_words=text)
+    assert list(discovered(name, 'THING', SimpleNamespace, 'the guide')) == ['two-words']
+
+
+def test_helpers_need_no_object(package) -> None:
+    name = package('made_up_helped', thing='THING = 1', help_with_things='')
+    found = discovered(name, 'THING', int, 'the guide', helpers=['help_with_things'])
+    assert found == {'thing': 1}
+
+
 def test_a_module_instead_of_a_package_is_refused() -> None:
     with pytest.raises(InputError, match='not a package'):
         module_names('porotwin_core.errors')

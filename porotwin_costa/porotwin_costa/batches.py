@@ -18,8 +18,10 @@ TRACER_PRESENT = 0.02
 
 @dataclass(frozen=True)
 class Batches:
-    """Scaled inputs and targets: (samples, nz, nx), (samples, 2 wells), (samples, nz, nx).
+    """Scaled inputs and targets of a network, without units.
 
+    `concentration` holds the predictions and `target` the residuals, both (samples, nz, nx);
+    `rates` (samples, 2 wells) the water rate and tracer rate of each well.
     `tracer_present` is `TRACER_PRESENT` on the scale of the input.
     """
 
@@ -43,13 +45,13 @@ class Batches:
         )
 
     def answers(self, network: CorrectiveNetwork, size: int) -> Tensor:
-        """Return the output of the network for all samples, computed `size` at a time."""
+        """Return scaled sigma of all samples (samples, nz, nx), computed `size` at a time."""
         with torch.inference_mode():
             pieces = zip(self.concentration.split(size), self.rates.split(size), strict=True)
             return torch.cat([network(concentration, rates) for concentration, rates in pieces])
 
     def loss(self, network: CorrectiveNetwork, chosen: Tensor) -> Tensor:
-        """Return the mean squared error over the whole maps of the chosen samples."""
+        """Return the mean squared error over the whole maps of the samples `chosen`, (batch,)."""
         answer = network(self.concentration[chosen], self.rates[chosen])
         return nn.functional.mse_loss(answer, self.target[chosen])
 

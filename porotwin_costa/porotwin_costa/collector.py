@@ -32,11 +32,12 @@ LATE_RATES = 0.1
 
 @dataclass(frozen=True)
 class Pair:
-    """Two consecutive states (nz, nx), the rates between them, and the time of the second [s].
+    """Two consecutive states, the rates between them, and the time of the second.
 
-    Unseen cells are NaN. `experiment` numbers the uninterrupted sequences of pairs. `sequence`
-    counts interruptions and jumps of the clock: a prediction of one sequence says nothing about a
-    state of another.
+    `previous` and `following` are concentrations (nz, nx) [-]; unseen cells are NaN. `rates` holds
+    the mean rate [m^3/s] of each well; `end` [s] is the time of `following`. `experiment` numbers
+    the uninterrupted sequences of pairs. `sequence` counts interruptions and jumps of the clock: a
+    prediction of one sequence says nothing about a state of another.
     """
 
     previous: FloatArray

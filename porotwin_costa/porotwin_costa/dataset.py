@@ -31,8 +31,9 @@ class Dataset:
 
     The samples: `predicted` [-] and `residual` [1/s] are (samples, nz, nx), float32; `rates`
     (samples, wells, 2) holds a `frames.rate_vector` each; `time` [s] (samples,) is the end of the
-    pair. `experiment` (samples,) numbers the uninterrupted sequences, which training keeps together
-    where it can (`training.split_samples`).
+    pair, `time_step` [s] the time between its states.
+    `experiment` (samples,) numbers the uninterrupted sequences, which training keeps together where
+    it can (`training.split_samples`).
 
     The rig: `flow` is the flow of the wells through homogeneous sand, `porosity` [-] (nz, nx),
     `relative_depth` (nz, nx) the depth divided by its mean [-]. `physics` identifies the model that
@@ -95,7 +96,7 @@ class Dataset:
         }
 
     def tensors(self) -> dict[str, NDArray]:
-        """Return all arrays by the names that they have in a file."""
+        """Return all arrays by their names in a file, with shapes and units as in the class."""
         return {
             'predicted': self.predicted,
             'rates': self.rates,

@@ -15,14 +15,19 @@ from porotwin_costa.dataset import Dataset, empty_dataset
 from porotwin_costa.frames import Frames, frame_pairs, left_out, mean_rates, rate_vector
 
 PredictFn = Callable[[FloatArray, WellRates, float], FloatArray]
-"""(concentration, rates, time step [s]) -> predicted concentration, uncorrected."""
+"""(concentration, rates, time step [s]) -> predicted concentration, uncorrected; (nz, nx) [-]."""
 
 ResidualFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
-"""(previous, next, rates, time step [s]) -> exact residual r [1/s] (paper, eq. costa_residual)."""
+"""(previous, next, rates, time step [s]) -> exact residual r [1/s] (paper, eq. costa_residual);
+maps are (nz, nx)."""
 
 
 class TrainingSample(NamedTuple):
-    """One pair of frames: prediction and residual (nz, nx), rates, end [s], experiment number."""
+    """One pair of frames: prediction [-] and residual [1/s], (nz, nx), and what led to them.
+
+    `rates` are the mean rates [m^3/s] by well, `end` [s] is the time of the second frame,
+    `experiment` the number of its experiment.
+    """
 
     predicted: FloatArray
     residual: FloatArray

@@ -31,11 +31,13 @@ PAPER_TIMES = (600.0, 1800.0)
 
 @dataclass(frozen=True)
 class FrameErrors:
-    """Errors of one predicted frame, relative to the observed one: ||c - c_obs|| / ||c_obs||.
+    """Errors [-] of one predicted frame, relative to the observed one: ||c - c_obs|| / ||c_obs||.
 
     `time` [s] and `experiment` name the observed frame. Only observed cells count. Errors are NaN
-    where no tracer was observed. The mass defects are (sum c - sum c_obs) / sum c_obs of the
-    one-step predictions. `status` and `free_status` say whether sigma was applied, and why not.
+    where no tracer was observed. `predicted` and `corrected` are errors of one step; `free_...` are
+    those of a run from the first frame on. The mass defects [-] of the one-step predictions are
+    (sum c - sum c_obs) / sum c_obs. `status` and `free_status` say whether
+    sigma was applied, and why not.
     """
 
     experiment: str
@@ -52,7 +54,7 @@ class FrameErrors:
 
 @dataclass(frozen=True)
 class FrameFields:
-    """Fields (nz, nx) of one frame, for a picture like the paper's figures of COSTA results."""
+    """Concentrations (nz, nx) [-] at `time` [s], for a picture like the paper's COSTA figures."""
 
     experiment: str
     time: float
@@ -69,7 +71,7 @@ class Evaluation:
     shown: tuple[FrameFields, ...]
 
     def mean(self, name: str) -> float:
-        """Return the mean of a column of `FrameErrors` over the frames where it is defined."""
+        """Return the mean [-] of a column of `FrameErrors` over the frames where it is not NaN."""
         values = np.array([getattr(frame, name) for frame in self.frames])
         defined = values[~np.isnan(values)]
         return float(np.mean(defined)) if len(defined) else float('nan')

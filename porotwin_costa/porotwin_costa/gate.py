@@ -40,7 +40,13 @@ class TrainingRange:
 
     @classmethod
     def of(cls, predicted: FloatArray, rates: FloatArray, residual: FloatArray) -> Self:
-        """Return the ranges over samples: (n, nz, nx), (n, wells, 2), (n, nz, nx)."""
+        """Return the ranges over n samples.
+
+        Args:
+            predicted: predictions [-], (n, nz, nx).
+            rates: water rate and tracer rate of each well [m^3/s], (n, wells, 2).
+            residual: residuals [1/s], (n, nz, nx).
+        """
         return cls(
             rates=_ranges(rates[..., 0]),
             tracer_rates=_ranges(rates[..., 1]),

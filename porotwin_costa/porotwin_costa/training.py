@@ -26,7 +26,7 @@ LEAST_PAIRS = 4
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """State after an epoch; losses are mean squared errors divided by the mean squared residual.
+    """State after an epoch; losses [-] are mean squared errors over the mean squared residual.
 
     The validation loss without any correction is 1. The training loss over windows is larger,
     because it counts only cells near tracer. `remaining_seconds` is an estimate [s].
@@ -48,7 +48,7 @@ class TrainingCancelledError(Exception):
 
 
 class Losses(NamedTuple):
-    """Training and validation loss of the weights that are kept, and the number of epochs done."""
+    """Losses [-] of the weights that are kept, and the number of epochs; see `TrainingProgress`."""
 
     training: float
     validation: float

@@ -101,7 +101,7 @@ def _as_judged(
 ) -> tuple[HeldOut, ...]:
     """Return the held-out parts with the point spread and the noise floor that suit `verdict`.
 
-    A point spread measured beside a wrong model comes from its misplaced fronts. Where the gap is
+    A point spread measured with a wrong model comes from its misplaced fronts. Where the gap is
     unexplained, the usual point spread of a camera is assumed instead.
     """
     if verdict.name != UNEXPLAINED:

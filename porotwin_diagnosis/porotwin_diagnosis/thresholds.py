@@ -76,11 +76,11 @@ only roughly, so that the first one need not be the right one."""
 # Pairs
 
 PAIR_BASES = 3
-"""Largest number of single effects that get partners, beside the best judged one."""
+"""Largest number of single effects that get partners, in addition to the best judged one."""
 
 PAIR_PARTNERS = 4
-"""Number of partners that are fitted beside each base, chosen by their linear response; it bounds
-the time."""
+"""Number of partners that are fitted together with each base, chosen by their linear response; it
+bounds the time."""
 
 PAIR_BASE_MISFIT = 1.8
 """Ratio of the misfits of a single effect and of the best one above which no pairs are made from

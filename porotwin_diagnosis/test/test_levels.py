@@ -32,18 +32,18 @@ def test_the_point_spread_is_measured_with_a_model_that_fits(quiet):
 def test_a_simulation_on_the_finest_cells_corrects_the_judging_cells(quiet):
     levels = levels_of(quiet)
     before = levels.null()
-    attuned = levels.attuned(before)
-    assert attuned.judging.forwards[0].correction is not None
-    assert score(attuned.null()) < score(before)
+    corrected = levels.corrected_at(before)
+    assert corrected.judging.forwards[0].correction is not None
+    assert score(corrected.null()) < score(before)
 
 
 def test_levels_do_not_change_when_others_are_made_from_them(quiet):
     levels = levels_of(quiet)
     before, width = levels.null(), levels.judging.point_spread_width
-    attuned = levels.attuned(before)
+    corrected = levels.corrected_at(before)
     levels.with_corrected_coarse_cells(())
     assert corrections(levels) == [None, None]
-    assert corrections(attuned)[1] is None
+    assert corrections(corrected)[1] is None
     assert levels.judging.point_spread_width == width
     after = levels.null()
     assert (after.fitted_misfit, after.held_out_misfit) == (
@@ -59,11 +59,11 @@ def test_corrected_coarse_cells_predict_like_the_judging_cells(quiet):
     np.testing.assert_allclose(corrected.refining.forwards[0].maps(()), fine, atol=1e-6)
 
 
-def test_levels_are_not_attuned_to_a_fit_with_a_large_gap(denser_sand):
+def test_levels_are_not_corrected_at_a_fit_with_a_large_gap(denser_sand):
     levels = levels_of(denser_sand)
     null = levels.null()
     assert normalised_misfit(null) > NEARLY_CLOSED_MISFIT
-    assert levels.attuned(null) is levels
+    assert levels.corrected_at(null) is levels
 
 
 def test_no_fits_are_judged_again_without_a_change(quiet):

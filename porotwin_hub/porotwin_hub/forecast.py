@@ -23,7 +23,7 @@ class PhysicsModel(Protocol):
     """The physics-based model; maps are (nz, nx), `time_step` is in seconds."""
 
     def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
-        """Return the prediction c~^(n+1) [-], which solves L c = f_c.
+        """Return the prediction c~^(n+1) (nz, nx) [-], which solves L c = f_c.
 
         Raises:
             ModelUnavailable: the model does not answer.
@@ -33,7 +33,7 @@ class PhysicsModel(Protocol):
     def correct(
         self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
     ) -> FloatArray:
-        """Return the corrected prediction c^(n+1) [-], which solves L c = f_c + sigma.
+        """Return the corrected prediction c^(n+1) (nz, nx) [-], which solves L c = f_c + sigma.
 
         `sigma` (nz, nx) [1/s] is the corrective source term.
 

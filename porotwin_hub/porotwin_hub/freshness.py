@@ -33,7 +33,7 @@ class PhotographClock:
         """Stamp and arrival of the last photograph [s]."""
 
     def lateness(self, stamp: float, arrival: float) -> float:
-        """Return the age [s] of a photograph on arrival; 0 if its stamp tells no age.
+        """Return the age [s] of a photograph on arrival; 0 if its stamp is no time since 1970.
 
         Call it once for every photograph, in the order of their arrivals.
 

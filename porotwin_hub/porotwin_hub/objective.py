@@ -33,7 +33,7 @@ class Objective(Protocol):
     def disallowed_tracer(self, concentration: FloatArray) -> float:
         """Return the volume of tracer stock [m^3] where it must not be, for reports and pictures.
 
-        Unseen cells (NaN) count as empty.
+        `concentration` is a map (nz, nx) [-]; unseen cells (NaN) count as empty.
         """
         ...
 

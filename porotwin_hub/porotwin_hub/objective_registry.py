@@ -1,11 +1,10 @@
 """All objectives by name, and the objective that a rig description asks for."""
 
-import importlib
-import pkgutil
 from typing import Any
 
 import pydantic
 
+from porotwin_core.discovery import discovered
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Control, Rig
@@ -13,16 +12,9 @@ from porotwin_core.rig.complaints import one_line
 from porotwin_hub import objectives
 from porotwin_hub.objective import Objective, ObjectiveKind, ObjectiveParameters
 
-
-def _find_objectives() -> dict[str, ObjectiveKind]:
-    found = {}
-    for module in pkgutil.iter_modules(objectives.__path__):
-        kind = importlib.import_module(f'{objectives.__name__}.{module.name}').OBJECTIVE
-        found[kind.name] = kind
-    return found
-
-
-OBJECTIVES: dict[str, ObjectiveKind] = _find_objectives()
+OBJECTIVES: dict[str, ObjectiveKind] = discovered(
+    objectives.__name__, 'OBJECTIVE', ObjectiveKind, 'docs/extend/objective.md'
+)
 """All objectives by name; every module in `porotwin_hub/objectives` defines one."""
 
 

@@ -47,7 +47,11 @@ class Search(Protocol):
 
 @dataclass(frozen=True)
 class Decision:
-    """The rates chosen, their cost, the cost of the unchanged rates, and the points evaluated."""
+    """The result of an optimisation.
+
+    `rates` [m^3/s] are the chosen ones of all wells, `cost` is theirs and `cost_unchanged` that of
+    the unchanged rates, in the unit of the cost function. `evaluations` counts evaluated points.
+    """
 
     rates: dict[str, WellRate]
     cost: float

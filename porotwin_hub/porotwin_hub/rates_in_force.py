@@ -23,10 +23,11 @@ MOST_PERIODS = 8
 
 
 class KnownRates(NamedTuple):
-    """Rates that the pumps measured or the operator confirmed; times [s] by the photographs' clock.
+    """Rates [m^3/s] that the pumps measured or the operator confirmed.
 
-    Measured rates hold from `start` to `end`. Confirmed rates begin to hold at `start`; their
-    `end` equals `start`, because nobody knows how long they will hold.
+    Measured rates hold from `start` to `end`, times [s] by the photographs' clock. Confirmed
+    rates begin to hold at `start`; their `end` equals `start`, because nobody knows how long they
+    will hold.
     """
 
     start: float

@@ -14,7 +14,7 @@ VALIDITY_INTERVALS = 3
 
 @dataclass(frozen=True)
 class SetpointDecision:
-    """Rates for every well [m^3/s], the time until which they are valid [s], and the reason."""
+    """Rates of every well [m^3/s], valid until `valid_until` [s], and their reason in words."""
 
     rates: dict[str, WellRate]
     valid_until: float

@@ -37,6 +37,7 @@ class Limits:
 
     `wells` are the control wells in the order of the optimiser's variables; `fixed` wells keep
     their rates; `producer` balances all others; every other well of `all_wells` stays off.
+    `max_rate` [m^3/s] bounds the rate of each control well, `max_total_rate` [m^3/s] their sum.
     """
 
     wells: tuple[str, ...]

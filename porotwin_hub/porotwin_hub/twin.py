@@ -51,10 +51,11 @@ class Cycle:
 
     Attributes:
         observation: the state that the asset emitted.
-        state: the observation with its unseen cells filled in, (nz, nx).
-        periods: the rates in force since the last observation; empty: there was none, or no model.
+        state: the observation with its unseen cells filled in, (nz, nx) [-].
+        periods: the rates in force [m^3/s] since the last observation; empty: there was none, or
+            no model.
         pumped: the rates in force when the observation was made.
-        prediction_error: relative error of the prediction made for the observation; NaN: none.
+        prediction_error: relative error [-] of the prediction made for the observation; NaN: none.
         corrected_error: the same for the corrected prediction.
         disallowed_tracer: observed tracer where the objective does not allow it [m^3].
         setpoint: the rates to command; None: none follows from this observation.

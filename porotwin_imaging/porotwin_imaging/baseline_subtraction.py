@@ -26,7 +26,7 @@ _SMALLEST_DIVISOR = 1e-6
 
 
 def log_ratio(state: Array, baseline: Array) -> Array:
-    """Return ln(state / baseline) of linear light, which is 0 in cells without samples."""
+    """Return ln(state / baseline) [-] of linear light; both (nz, nx, 3), 0 without samples."""
     return np.log(np.maximum(state, _LEAST_LIGHT) / np.maximum(baseline, _LEAST_LIGHT))
 
 

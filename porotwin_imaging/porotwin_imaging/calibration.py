@@ -47,8 +47,8 @@ class Response:
     """A monotone, piecewise linear curve from signal to concentration.
 
     Attributes:
-        signal: increasing signals of its points.
-        concentration: their concentrations, not decreasing, 1 = tracer stock.
+        signal: increasing signals of its points [-], (n,).
+        concentration: their concentrations [-], (n,), not decreasing, 1 = tracer stock.
 
     Raises:
         InputError: there are fewer than 2 points, or the curve does not increase.

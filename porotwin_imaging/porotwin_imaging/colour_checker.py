@@ -204,8 +204,9 @@ def fit_matrix(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return (matrix (3, 3), used (24,)) with `patches @ matrix.T` close to `target` (24, 3).
 
-    Over-exposed patches are omitted. Tukey's biweight reduces the influence of covered patches and
-    patches in glare (iteratively reweighted least squares).
+    `patches` (24, 3) and `target` are linear red, green and blue. Over-exposed patches
+    are omitted. Tukey's biweight reduces the influence of covered patches and patches in glare
+    (iteratively reweighted least squares).
     """
     usable = (patches < settings.over_exposed).all(axis=1) & (patches > 0).any(axis=1)
     scale = 1.0 / (target.mean(axis=1) + 0.02)  # relative errors, except in dark patches

@@ -54,7 +54,7 @@ class Geometry:
         columns: columns of the crop [px].
         rows: rows of the crop [px].
         to_photograph: homography from crop to photograph pixels (column, row), shape (3, 3).
-        curvature: the terms of the module by key.
+        curvature: terms [1/px^2] and offsets [px] by key; see the table of the module.
     """
 
     width: float

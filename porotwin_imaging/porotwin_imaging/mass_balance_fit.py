@@ -114,10 +114,11 @@ def fit_response(
     """Return the monotone curve that balances the mass in all photographs, and its relative misfit.
 
     Args:
-        signals: signal of each photograph, shape (nz, nx), NaN where it is not visible.
+        signals: signal of each photograph [-], shape (nz, nx), NaN where it is not visible.
         pore_volume: phi d dA of the cells [m^3], shape (nz, nx).
         injected: injected volume at each photograph [m^3].
-        scale: scale of the linear fit; the penalty on bending pulls the curve towards it.
+        scale: concentration per signal of the linear fit [-]; the penalty on bending pulls the
+            curve towards it.
         settings: knots and stiffness.
     """
     values = [np.where(np.isfinite(signal), signal, 0.0) for signal in signals]

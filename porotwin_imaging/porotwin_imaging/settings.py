@@ -52,7 +52,7 @@ class SamplingSettings:
     """How finely a photograph is decoded and sampled (`sampling.py`)."""
 
     least_pixels_per_cell: float = 1.4
-    """Decoded pixels per cell in each direction that a coarser decoding must leave."""
+    """Decoded pixels per cell in each direction that a coarser decoding must leave [px]."""
     least_pixels_per_fine_cell: float = 1.2
     """The same limit for the last step from half to full resolution, which costs the most time."""
     least_columns: int = 1200
@@ -171,7 +171,7 @@ class NoiseSettings:
     fewest_samples_across: int = 5
     """Samples in each direction needed to estimate the scatter; smaller cells are pooled."""
     averaging_reach_cells: float = 5.0
-    """Denoising averages over at most this many cells in each direction."""
+    """Denoising averages over at most this distance in each direction [cells]."""
     light_error: float = 1.5e-3
     """Standard deviation of the light drift that remains after its removal [-]."""
     credible: tuple[float, float] = (-0.5, 1.5)
@@ -188,7 +188,7 @@ class SandSettings:
     fewest_cells: int = 50
     """Visible cells below which the rig counts as one sand."""
     separation: float = 3.0
-    """Distance of two classes, in spreads of their features, below which they are one sand."""
+    """Distance of two classes below which they are one sand [spreads of their features]."""
     least_spread: float = 0.05
     """Smallest spread of a feature [log]: light and lens alone cause this much."""
     smallest_share: float = 0.004

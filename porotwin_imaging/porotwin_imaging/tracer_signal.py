@@ -33,7 +33,7 @@ class TracerSignal:
 
     Attributes:
         contrast: 'difference' or 'absorbance', see the module.
-        weights: weights of red, green and blue.
+        weights: weights of red, green and blue [-].
     """
 
     contrast: Contrast = 'difference'

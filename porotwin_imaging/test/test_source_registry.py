@@ -3,12 +3,12 @@
 import pytest
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.sources.source_registry import source_at, source_kinds
+from porotwin_imaging.sources.source_registry import SOURCES, source_at
 
 
 def test_the_modules_of_the_folder_are_found() -> None:
-    assert {'device', 'folder'} <= set(source_kinds())
-    assert all(name == kind.name and kind.address for name, kind in source_kinds().items())
+    assert {'device', 'folder'} <= set(SOURCES)
+    assert all(name == kind.name and kind.address for name, kind in SOURCES.items())
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def png(pixels: Colours) -> bytes:
 
 
 def difference_limit(difference: FloatArray) -> float:
-    """Return the limit [-] of a symmetric scale that covers 99.8 % of the differences."""
+    """Return the limit [-] of a symmetric scale that covers 99.8 % of `difference` (nz, nx)."""
     size = np.abs(difference[np.isfinite(difference)])
     largest = float(np.quantile(size, _SHOWN_FRACTION)) if size.size else 0.0
     return next((limit for limit in DIFFERENCE_LIMITS if limit >= largest), DIFFERENCE_LIMITS[-1])

@@ -144,8 +144,8 @@ class ShownMap:
         values: (nz, nx) [-], row 0 at the bottom; NaN where nothing was seen.
         time: when the map is valid [s].
         number: changes with every new map.
-        low: value of the first colour.
-        high: value of the last colour.
+        low: value of the first colour [-].
+        high: value of the last colour [-].
         notes: short texts behind the time.
     """
 

@@ -92,6 +92,9 @@ def latched_before(bag: BagReader, names: Collection[str], start: int) -> Iterat
 
     A node that joins a live run in its middle receives them. A node that joins a replay needs them
     as well.
+
+    Raises:
+        InputError: a chunk of the file is damaged.
     """
     latched = [name for name in names if bag.topics[name].qos.latched]
     kept: dict[str, list[BagMessage]] = {}

@@ -82,8 +82,8 @@ class VirtualCamera:
         layout: the scene.
         width_px: width of the photographs [px].
         height_px: height of the photographs [px].
-        tilt: displacement of the corners of the scene relative to the width.
-        bulge: the barrel term, negative; -0.03 moves the corners by 3 % of half the diagonal.
+        tilt: displacement of the corners of the scene relative to the width [-].
+        bulge: the barrel term [-], negative; -0.03 moves the corners by 3 % of half the diagonal.
     """
 
     layout: SceneLayout

@@ -32,8 +32,9 @@ class Carrier:
             flow of the wells [m^2/s], (nz + 1, nx + 2).
         remainder_z: the same along z, (nz + 2, nx + 1).
         storage: porosity times depth times retardation [m], (nz + 1, nx + 1).
-        wells: rows (x [m], z [m], radius [m], rate [m^3/s], concentration).
-        open_sides: whether water may enter through left, right, bottom, top; it has no tracer.
+        wells: rows (x [m], z [m], radius [m], rate [m^3/s], concentration [-]), (wells, 5).
+        open_sides: whether water may enter through left, right, bottom, top, (4,); it has no
+            tracer.
         settling: settling velocity of the tracer [m/s].
         settling_length: height over which the settling velocity falls to zero at the bottom [m].
     """

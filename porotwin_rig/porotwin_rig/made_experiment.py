@@ -49,20 +49,20 @@ class MadeExperiment:
 
 
 class NoiseFloor:
-    """The relative L2 norm of map minus signal, summed frame by frame."""
+    """The relative L2 norm [-] of map minus signal: sqrt(sum (map - signal)^2 / sum signal^2)."""
 
     def __init__(self) -> None:
         self._difference = 0.0
         self._signal = 0.0
 
     def add(self, seen: FloatArray, signal: FloatArray) -> None:
-        """Add a frame: the map `seen` (nz, nx), NaN where blind, and its `signal`."""
+        """Add a frame: the map `seen`, NaN where blind, and its `signal`, (nz, nx) [-] each."""
         self._difference += float(np.nansum((seen - signal) ** 2))
         self._signal += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
 
     @property
     def value(self) -> float:
-        """The norm; 0 without any signal."""
+        """The norm [-]; 0 without any signal."""
         return float(np.sqrt(self._difference / self._signal)) if self._signal > 0.0 else 0.0
 
 
@@ -72,6 +72,9 @@ def signals(
     """Yield (time, signal (nz, nx)) of photographs at ascending `times` [s] while `rig` runs.
 
     The photograph stamped t shows the rig at pump time t + `rig.clock_offset`.
+
+    Raises:
+        InputError: a well of the schedule is not known.
     """
     for time in times:
         until = max(time + rig.clock_offset, 0.0)

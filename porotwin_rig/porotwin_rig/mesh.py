@@ -116,7 +116,10 @@ class Mesh:
         return _off_edges(x, self.hx), _off_edges(z, self.hz)
 
     def to_vertices(self, field: FloatArray) -> FloatArray:
-        """Return the mean of a map on any uniform grid over the box of each vertex."""
+        """Return the mean of a map over the box of each vertex, (nz + 1, nx + 1).
+
+        The map may have any uniform grid over the rig, of any shape (rows, columns).
+        """
         rows = _overlap(box_edges(self.nz, 1.0), np.linspace(0.0, 1.0, field.shape[0] + 1))
         columns = _overlap(box_edges(self.nx, 1.0), np.linspace(0.0, 1.0, field.shape[1] + 1))
         return rows @ field @ columns.T
@@ -138,7 +141,7 @@ class Mesh:
 
 
 def _default_cell(rig: Rig) -> float:
-    """Return the default size of elements [m]: small beside the cells of the permeability map."""
+    """Return the default size of elements [m]: smaller than the cells of the permeability map."""
     area = rig.width_m * rig.height_m
     cell = math.sqrt(area / DEFAULT_VERTICES)
     permeability = rig.nominal_map('permeability_m2')
@@ -155,7 +158,7 @@ def _off_edges(place: float, size: float) -> float:
 
 
 def box_edges(elements: int, length: float) -> FloatArray:
-    """Return the edges of the boxes along a side of `length`, shape (elements + 2,)."""
+    """Return the edges of the boxes along a side, in the unit of its `length`, (elements + 2,)."""
     inner = (np.arange(elements) + 0.5) * (length / elements)
     return np.concatenate(([0.0], inner, [length]))
 

@@ -78,8 +78,8 @@ class RunningPumps:
 def balanced(rates: WellRates) -> dict[str, WellRate]:
     """Return the rates in a rig without an open side: sinks take out as much as is injected.
 
-    Sand and water do not yield. The pressure of a pump that would take more or less changes until
-    it does not.
+    Sand and water are incompressible. The pressure at the producers changes until the rates
+    balance.
     """
     put_in = math.fsum(rate.rate for rate in rates.values() if rate.rate > 0.0)
     taken = -math.fsum(rate.rate for rate in rates.values() if rate.rate < 0.0)

@@ -69,7 +69,11 @@ class AssetSession:
         self._command = Command(dict(rates), valid_until)
 
     def advance(self) -> dict[str, WellRate]:
-        """Advance by one photo interval; return the mean metered rates."""
+        """Advance by one photo interval; return the mean metered rates.
+
+        Raises:
+            InputError: a well of the command is not known.
+        """
         end = self.time + self._interval
         switch = min(max(self._command.valid_until, self.time), end)
         shares: list[tuple[float, dict[str, WellRate]]] = []

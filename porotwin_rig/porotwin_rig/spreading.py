@@ -93,8 +93,16 @@ def spread(
 ) -> FloatArray:
     """Return `concentration` (nz + 1, nx + 1) after `duration` [s] of diffusion and dispersion.
 
-    `velocity`: pore velocity (vx, vz) [m/s] at the vertices; None where nothing depends on it.
     The mass, sum(concentration * storage * box area), is kept to round-off.
+
+    Args:
+        mesh: the mesh.
+        concentration: of the mobile water at the vertices [-], (nz + 1, nx + 1).
+        storage: porosity times depth times retardation [m], (nz + 1, nx + 1).
+        spreading: diffusion and dispersivities.
+        velocity: pore velocity (vx, vz) at the vertices [m/s], (nz + 1, nx + 1) each; None where
+            nothing depends on it.
+        duration: [s].
     """
     conductances, fastest = _conductances(mesh, storage, spreading, velocity)
     mass = storage * mesh.box_area

@@ -10,7 +10,7 @@ FloatArray = NDArray[np.floating]
 
 
 class Tracer(NamedTuple):
-    """The tracer at the vertices of the mesh, (nz + 1, nx + 1).
+    """The tracer at the vertices of the mesh, (nz + 1, nx + 1) [-] each.
 
     `mobile` is the concentration of the mobile water. `stationary` is the tracer in immobile water
     or on the sand, per pore volume.

@@ -31,7 +31,7 @@ GAUSS_POINTS = (
 integral over time."""
 
 BESIDE_TRACER = 1e-3
-"""Least concentration near a vertex that counts as beside tracer, relative to the highest."""
+"""Least concentration near a vertex that counts as next to tracer, relative to the highest."""
 
 
 class TracerTransport:
@@ -58,7 +58,7 @@ class TracerTransport:
         return Tracer(np.zeros(self._mesh.shape), np.zeros(self._mesh.shape))
 
     def dissolved(self, tracer: Tracer) -> FloatArray:
-        """Return the mean concentration of the pore water, mobile or not, (nz + 1, nx + 1)."""
+        """Return the mean concentration [-] of all pore water, (nz + 1, nx + 1)."""
         if self._rig.immobile_fraction is None:
             return tracer.mobile
         return self._rig.mobile_fraction * tracer.mobile + tracer.stationary

@@ -31,20 +31,20 @@ class TrueRig:
         rig: the nominal rig.
         mesh: the mesh.
         permeability: of the elements [m^2].
-        depth_factor: of the elements; multiplies the nominal depth.
-        anisotropies: of the elements; each multiplies the conductivity along x and divides it along
-            z.
+        depth_factor: of the elements [-]; multiplies the nominal depth.
+        anisotropies: of the elements [-]; each multiplies the conductivity along x and divides it
+            along z.
         depth: of the vertices [m].
-        porosity: of the vertices.
+        porosity: of the vertices [-].
         places: (x, z, radius) [m] of every well and of other sources and sinks.
-        constant_rates: rates of the sources and sinks that are no wells.
+        constant_rates: rates [m^3/s] of the sources and sinks that are no wells.
         diffusion: diffusion in the pores [m^2/s].
         longitudinal_dispersivity: dispersivity along the flow [m].
         transverse_dispersivity: dispersivity across the flow [m].
         density_difference: density of tracer stock minus density of water [kg/m^3].
-        viscosity_ratio: viscosity of tracer stock relative to water.
-        retardation_factor: factor on the storage of the mobile water.
-        immobile_fraction: part of the pore water that does not move; None where all moves.
+        viscosity_ratio: viscosity of tracer stock relative to water [-].
+        retardation_factor: factor on the storage of the mobile water [-].
+        immobile_fraction: fraction of the pore water that does not move [-]; None where all moves.
         background_flux: Darcy flux (x, z) [m/s] through all four sides; None without.
         settling_velocity: velocity of tracer sinking through the water [m/s].
         table_amplitude: amplitude of the tilt of the water table [m].
@@ -125,7 +125,7 @@ class TrueRig:
 
     @property
     def mobile_fraction(self) -> float:
-        """Part of the pore water that moves."""
+        """Fraction [-] of the pore water that moves."""
         return 1.0 - (self.immobile_fraction or 0.0)
 
     @property

@@ -33,8 +33,8 @@ class VirtualRig:
     `true_rig`, the camera in `camera_signal` and `render`.
 
     Args:
-        rig: the nominal rig; its own `effects` are the owner's beliefs, not the truth.
-        effects: true effects of the rig and its camera that the owner does not know.
+        rig: the nominal rig. Its own `effects` are ignored: they are nominal, not true.
+        effects: true effects of the rig and its camera, not part of the description.
         pumps: how the pumps follow their commands; exactly by default.
         cell: approximate size of an element [m]; by default 2.1 mm on the small rig.
 
@@ -114,7 +114,7 @@ class VirtualRig:
         return self.mesh.to_grid(self._visible, self._true_rig.pore_depth, grid)
 
     def visible(self) -> FloatArray:
-        """Return the visible tracer at the vertices of the mesh, (nz + 1, nx + 1)."""
+        """Return the visible concentration [-] at the vertices of the mesh, (nz + 1, nx + 1)."""
         return self._visible
 
     def mobile_mass(self) -> float:

@@ -14,7 +14,7 @@ from porotwin_solver.simulation import simulate
 
 @dataclass(frozen=True)
 class Job:
-    """One simulation: the arguments of `simulate`."""
+    """One simulation: the arguments of `simulate`; `times` [s] are those of the maps."""
 
     rig: Rig
     schedule: Schedule
@@ -46,7 +46,7 @@ class Client(Protocol):
         """Submit one call per item and return their futures."""
 
     def gather(self, futures: list[object]) -> list[FloatArray]:
-        """Wait for all futures and return their results, in the same order."""
+        """Wait for all futures and return their maps (nt, nz, nx), in the same order."""
 
 
 def simulate_many(

@@ -30,7 +30,7 @@ LEAST_SPEED = 1e-300
 
 
 class DispersionTensor(NamedTuple):
-    """The symmetric tensor D of every cell; each component (nz, nx) [m^2/s]."""
+    """The symmetric tensor D of every cell; `xx`, `xz` and `zz` are (nz, nx) [m^2/s] each."""
 
     xx: FloatArray
     xz: FloatArray
@@ -53,7 +53,11 @@ class Exchanges(NamedTuple):
 
 
 def dispersion_tensor(physics: Physics, flux: FaceField) -> DispersionTensor:
-    """Return D of every cell for the water flux [m^3/s] through its faces."""
+    """Return D of every cell for the water flux [m^3/s] through its faces.
+
+    Scheidegger's tensor D = (D_m + a_T |v|) I + (a_L - a_T) v v^T / |v| with the pore velocity v
+    (Bear 1972, sec. 10.4).
+    """
     isotropic = physics.diffusion + physics.model_diffusion
     along, across = physics.longitudinal_dispersivity, physics.transverse_dispersivity
     shape = physics.grid.shape

@@ -1,4 +1,9 @@
-"""Compiled kernels of `diffusion`: pairs of cells, and the tracer that they exchange."""
+"""Compiled kernels of `diffusion`: pairs of cells, and the tracer that they exchange.
+
+Arguments that recur: `tensor` a DispersionTensor per squared cell size [1/s], (nz, nx) each;
+`water` the volume of mobile water (nz, nx) [m^3]; `level` the local time step levels, flat
+(nz * nx,). Cells are numbered by their flat index.
+"""
 
 # mypy: disable-error-code="no-untyped-def"
 
@@ -62,7 +67,10 @@ def pair_cells(tensor, water, storage, duration, limit):
 
 @compiled
 def named_pairs(tensor, water):
-    """Return the pairs that the cells name: both cells, exchanged volume [m^3/s], sum per cell.
+    """Return the pairs that the cells name: `first`, `second`, `volume` and `total`.
+
+    `first` and `second` (pairs,) are the cells of each pair, `volume` (pairs,) [m^3/s] is what they
+    exchange, `total` (nz * nx,) [m^3/s] the sum over the pairs of each cell.
 
     Every cell gives half of its own weights to the pairs on both sides of it. Most pairs are named
     twice, once by each cell.

@@ -61,7 +61,13 @@ class State:
 
 
 class StepCoefficients(NamedTuple):
-    """The coefficients of one splitting step; `exchanges` covers half of it."""
+    """The coefficients of one splitting step.
+
+    flux: water through the faces [m^3/s].
+    sources: water and tracer of wells and leaks [m^3/s].
+    levels: local time step levels of advection.
+    exchanges: diffusive exchange between cells, for half the step.
+    """
 
     flux: FaceField
     sources: Sources
@@ -70,7 +76,10 @@ class StepCoefficients(NamedTuple):
 
 
 class StepTapes(NamedTuple):
-    """Concentrations before every substep of the three parts of `Engine.transport`."""
+    """Concentrations [-] before every substep of the three parts of `Engine.transport`.
+
+    Each tape has one number per cell and substep (see `tape_length`), or none to record nothing.
+    """
 
     first_diffusion: FloatArray = NO_TAPE
     advection: FloatArray = NO_TAPE
@@ -175,6 +184,9 @@ class Engine:
         """Return dJ/dmobile (nz, nx) and dJ/dsource, through the tracer-driven part of the flux.
 
         `bar` is dJ/dflux of `coupled_flux`. The sources [m^3/s] are those on the coupling's grid.
+
+        Raises:
+            InputError: the iterative solver for large grids does not converge.
         """
         assert self.coupling is not None
         coarse = coarsen(mobile, self.coupling.grid.shape)
@@ -220,6 +232,9 @@ class Engine:
 
         The caller advances `state` by `step` before it takes the next ones. They change from step
         to step only where the tracer changes the flow.
+
+        Raises:
+            InputError: as `water_flux` and `coupled_flux`.
         """
         sources, water = self.sources_and_sinks.sources(rates), self.water_flux(rates)
         count, length = self.splitting(duration)
@@ -327,7 +342,7 @@ class Engine:
 
 
 def _weighted_sum(weights: FloatArray, fields: FloatArray) -> FloatArray:
-    """Return the sum of weight times field over the first axis (a lean np.tensordot)."""
+    """Return the sum of weight times field over the first axis (a fast np.tensordot)."""
     count = len(weights)
     rows = fields.reshape(count, math.prod(fields.shape[1:]))
     total: FloatArray = np.dot(weights.reshape(1, count), rows)

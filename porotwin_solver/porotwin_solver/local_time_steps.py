@@ -61,10 +61,10 @@ def lowest_starting_level(substep, highest):
 
 @compiled
 def assign_levels(rate, duration, limit, level):
-    """Fill the flat `level` such that rate * duration / 2**level <= limit in every cell.
+    """Fill `level` (cells,) such that rate * duration / 2**level <= limit in every cell.
 
-    `rate` [1/s] is the CFL number of each cell per time. Returns `order` and `count_at_least` as in
-    `TimeStepLevels`.
+    `rate` (cells,) [1/s] is the CFL number of each cell per time, `duration` is [s].
+    Returns `order` and `count_at_least` as in `TimeStepLevels`.
     """
     count = np.zeros(HIGHEST_LEVEL + 1, np.int64)
     highest = 0

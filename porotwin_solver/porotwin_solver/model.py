@@ -20,7 +20,11 @@ from porotwin_solver.refinement import coarsen, refine
 
 
 class Prediction(NamedTuple):
-    """A prediction and the arguments that led to it."""
+    """A prediction (nz, nx) [-] and the arguments that led to it.
+
+    `previous` (nz, nx) [-] is the state before, `rates` are those of the wells [m^3/s], `time_step`
+    is [s].
+    """
 
     previous: FloatArray
     rates: tuple[tuple[str, WellRate], ...]
@@ -28,7 +32,10 @@ class Prediction(NamedTuple):
     predicted: FloatArray
 
     def answers(self, previous: FloatArray, rates: WellRates, time_step: float) -> bool:
-        """Return whether the arguments are the same, to the last bit of every number."""
+        """Return whether the arguments are the same, to the last bit of every number.
+
+        `previous` (nz, nx) [-]; `rates` [m^3/s] by well; `time_step` [s].
+        """
         return (
             self.time_step == time_step
             and self.rates == tuple(rates.items())
@@ -93,7 +100,11 @@ class Model:
         self._latest: Prediction | None = None
 
     def prepare(self) -> None:
-        """Load the compiled kernels and solve the unit flows ahead of the first request."""
+        """Load the compiled kernels and solve the unit flows ahead of the first request.
+
+        Raises:
+            InputError: the iterative solver for large grids does not converge.
+        """
         self.predict(self.initial_condition(), {}, 1.0)
 
     def initial_condition(self) -> FloatArray:

@@ -13,7 +13,7 @@ from porotwin_core.units import MOLECULAR_DIFFUSION
 
 @dataclass(frozen=True)
 class SourceSink:
-    """The place where water enters or leaves: a disc of `radius` about (`x`, `z`), all in m."""
+    """The place where water enters or leaves: a disc of `radius` [m] about (`x` [m], `z` [m])."""
 
     x: float
     z: float

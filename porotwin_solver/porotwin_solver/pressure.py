@@ -40,7 +40,14 @@ def pressure_solver(
 ) -> PressureSolver:
     """Return a solver for the symmetric positive definite `matrix` of (nz, nx) = `shape` cells.
 
-    Up to `largest_factor` cells the matrix is factorised; beyond, `two_grid` iterates.
+    Up to `largest_factor` cells the matrix is factorised; beyond, `two_grid` iterates, and its
+    solver raises InputError where it does not converge.
+
+    Args:
+        matrix: potential [Pa] to net outflow [m^3/s], (nz * nx, nz * nx).
+        shape: (nz, nx).
+        largest_factor: most cells of a matrix that is factorised.
+        max_iterations: most iterations of one solution.
     """
     if matrix.shape[0] <= largest_factor:
         return factorised(matrix)
@@ -48,7 +55,10 @@ def pressure_solver(
 
 
 def factorised(matrix: csc_matrix) -> PressureSolver:
-    """Return a solver by sparse LU without pivoting, columns in minimum-degree order."""
+    """Return a solver for `matrix` (nz * nx, nz * nx) by sparse LU without pivoting.
+
+    The columns are in minimum-degree order, which suits a symmetric positive definite matrix.
+    """
     factor = splu(
         matrix,
         permc_spec='MMD_AT_PLUS_A',

@@ -1,4 +1,7 @@
-"""Quantities of interest of a concentration map, such as the tracer volume and the centroid."""
+"""Quantities of interest of a concentration map, such as the tracer volume and the centroid.
+
+The argument `concentration` is a map (nz, nx) [-] without NaN.
+"""
 
 from collections.abc import Callable
 
@@ -13,27 +16,27 @@ PLUME_THRESHOLD = 0.05
 
 
 def tracer_volume(physics: Physics, concentration: FloatArray) -> float:
-    """Return the volume of tracer stock in the rig [m^3], sorbed tracer included."""
+    """Return the tracer stock [m^3] of a map (nz, nx), sorbed tracer included: sum(c storage)."""
     return float(np.sum(physics.storage * concentration))
 
 
 def plume_centroid_x(physics: Physics, concentration: FloatArray) -> float:
-    """Return the distance of the tracer's centroid from the left side [m]; NaN without tracer."""
+    """Return x of the tracer's centroid [m] for a map (nz, nx); NaN without tracer."""
     return _centroid(physics, concentration, physics.grid.x[None, :])
 
 
 def plume_centroid_z(physics: Physics, concentration: FloatArray) -> float:
-    """Return the height of the tracer's centroid above the bottom [m]; NaN without tracer."""
+    """Return z of the tracer's centroid [m] for a map (nz, nx); NaN without tracer."""
     return _centroid(physics, concentration, physics.grid.z[:, None])
 
 
 def plume_area(physics: Physics, concentration: FloatArray) -> float:
-    """Return the area of all cells above PLUME_THRESHOLD, in the plane of the rig [m^2]."""
+    """Return the area [m^2] of the cells of a map (nz, nx) above PLUME_THRESHOLD."""
     return float(np.count_nonzero(concentration > PLUME_THRESHOLD) * physics.grid.cell_area)
 
 
 def max_concentration(physics: Physics, concentration: FloatArray) -> float:  # noqa: ARG001
-    """Return the largest concentration [-]."""
+    """Return the largest concentration [-] of a map (nz, nx)."""
     return float(concentration.max())
 
 

@@ -129,7 +129,7 @@ class PlainModel:
 
 
 def plain_maps(rig: Rig, schedule: Schedule, grid: Grid) -> FloatArray:
-    """Return the maps of the plain model at ERROR_TIMES."""
+    """Return the maps [-] of the plain model at ERROR_TIMES, (times, nz, nx)."""
     model = PlainModel(nominal_physics(rig, grid))
     state: FloatArray = np.zeros(grid.shape)
     maps = []

@@ -69,7 +69,7 @@ class SourcesAndSinks:
         return Sources(inflow, tracer, outflow)
 
     def disc_mean(self, source_sink: SourceSink, field: FloatArray) -> float:
-        """Return the mean of `field` (nz, nx) over the disc of `source_sink`."""
+        """Return the mean of `field` (nz, nx) over the disc of `source_sink`, in its unit."""
         cells, fractions = self._fractions_of(source_sink)
         return float(fractions @ field.ravel()[cells])
 

@@ -17,7 +17,7 @@ from porotwin_solver.scheme import Scheme
 
 
 class Sides(NamedTuple):
-    """One number for each side of a cell."""
+    """One number for each side of a cell, in the unit of the caller."""
 
     west: float
     east: float
@@ -156,7 +156,7 @@ def advection(c, flux, sources, storage, levels, scheme, accumulators, tracer_lo
 
 @compiled
 def cells_with_tracer(c, sources):
-    """Return a flat array: 1 where a cell holds or receives tracer, 0 elsewhere.
+    """Return a flat array (nz * nx,): 1 where a cell holds or receives tracer, 0 elsewhere.
 
     `evaluate_faces` adds the cells that the tracer reaches. The kernels skip all others.
     """

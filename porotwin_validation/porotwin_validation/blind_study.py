@@ -131,6 +131,9 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
     """Make the recording of `case` on the virtual rig, and its maps without noise in `clean`.
 
     A folder that exists is an unfinished recording, and is made again.
+
+    Raises:
+        InputError: an effect of the case is not known or impossible.
     """
     if folder.exists():
         shutil.rmtree(folder)

@@ -31,7 +31,7 @@ SCALE_RANGE, SHIFT_RANGE = (0.1, 5.0), (-5.0, 5.0)
 
 
 class ConfidenceMap(NamedTuple):
-    """frequency = logistic(scale * log_odds + shift); the identity is (1, 0)."""
+    """frequency = 1 / (1 + exp(-scale * log_odds - shift)); the identity is (1, 0)."""
 
     scale: float
     shift: float

@@ -1,4 +1,4 @@
-"""The diagnosis beside a baseline, sparse regression, on the same recordings of the virtual rig."""
+"""The diagnosis compared with sparse regression on the same recordings of the virtual rig."""
 
 import tempfile
 import time

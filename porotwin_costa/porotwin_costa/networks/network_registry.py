@@ -1,9 +1,6 @@
 """All architectures by name, collected from the modules of this folder."""
 
-import importlib
-import pkgutil
-from pathlib import Path
-
+from porotwin_core.discovery import discovered
 from porotwin_core.errors import InputError
 from porotwin_costa.networks.corrective_network import Architecture
 
@@ -11,15 +8,14 @@ DEFAULT = 'paper'
 """Trained when nobody chooses: the network that the paper describes."""
 
 
-def _found() -> dict[str, Architecture]:
-    architectures: dict[str, Architecture] = {}
-    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
-        found = importlib.import_module(f'{__package__}.{module.name}').__dict__.get('ARCHITECTURE')
-        if isinstance(found, Architecture):
-            if found.name in architectures:
-                raise ValueError(f"two modules of {__package__} define '{found.name}'")
-            architectures[found.name] = found
-    return architectures
+ARCHITECTURES = discovered(
+    __package__,
+    'ARCHITECTURE',
+    Architecture,
+    'docs/extend/network.md',
+    helpers=('corrective_network', 'network_registry'),
+)
+"""Every architecture by its name, in the order of the module names."""
 
 
 def architecture(name: str = '') -> Architecture:
@@ -32,7 +28,3 @@ def architecture(name: str = '') -> Architecture:
     if name not in ARCHITECTURES:
         raise InputError(f"architecture '{name}': unknown; choose from {', '.join(ARCHITECTURES)}")
     return ARCHITECTURES[name]
-
-
-ARCHITECTURES = _found()
-"""Every architecture by its name, in the order of the module names."""

@@ -20,7 +20,7 @@ TRIAL_STEP = 1.0
 
 
 class Strength(NamedTuple):
-    """The least deviation of a parameter that would have been visible, in its `unit`."""
+    """The least deviation `value` [`unit`] of a `parameter` that would have been visible."""
 
     parameter: str
     value: float
@@ -43,6 +43,9 @@ def smallest_strengths(fitter: Fitter) -> dict[str, Strength]:
     effect (from 1 for a factor), or from the rig description if it contains the effect. Of several
     parameters the first is tried; an effect that needs a place is put in the middle of the rig; of
     several wells the most visible one counts. Effects that change nothing are left out.
+
+    Raises:
+        InputError: the model cannot run without effects.
     """
     base = fitter.residuals((), SMOOTHING_WIDTH)
     cells = max(sum(sample.tracer_cells for sample in fitter.samples), 1)

@@ -27,7 +27,7 @@ CLIPPING_TABLE_SIZE = 2001
 below the noise of any camera, so that linear interpolation is exact enough."""
 
 LARGEST_EXPONENT = 80.0
-"""Largest z^2 in the normal density; exp(-40) is zero beside 1 in double precision."""
+"""Largest z^2 in the normal density; 1 + exp(-40) is 1 in double precision."""
 
 LARGEST_NORMAL_ARGUMENT = 40.0
 """Largest |z| of the second moment; it prevents infinity times zero."""

@@ -2,7 +2,7 @@
 
 The grain and the frame noise in the plume come from cells where the plume is full. The background
 noise comes from cells without tracer, where clipping keeps half of a normal distribution. The point
-spread shows only beside a model.
+spread shows only in comparison with a model.
 """
 
 import numpy as np

@@ -88,7 +88,7 @@ class Sample:
         start: time of the first map of the recording [s].
         held_out_start: beginning of the held-out part [s].
         end: time of the last map of the recording [s].
-        initial: first map (nz, nx) if it holds tracer that no pump has injected; else None.
+        initial: first map (nz, nx) [-] if it holds tracer that no pump has injected; else None.
     """
 
     rig: Rig
@@ -145,7 +145,7 @@ class Sample:
 
     @cached_property
     def front_mask(self) -> NDArray[np.bool_]:
-        """True at compared cells with tracer but not full stock, where a gap shows."""
+        """True at compared cells with tracer below full stock, where gaps show; (nt, nz', nx')."""
         seen = self.weight(SMOOTHING_WIDTH) > 0
         smoothed = self.smoothed_observed
         return (smoothed > TRACER_PRESENT) & (smoothed < FULL_STOCK) & seen

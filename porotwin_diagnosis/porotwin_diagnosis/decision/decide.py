@@ -1,8 +1,6 @@
 """The verdict, made in one place: rules on the evidence, in their order."""
 
-from porotwin_diagnosis.decision.evidence import Evidence
-from porotwin_diagnosis.decision.explanation import lack_of_fit
-from porotwin_diagnosis.decision.odds import (
+from porotwin_diagnosis.decision.confidence import (
     confidence,
     missing_log_odds,
     no_gap_log_odds,
@@ -11,6 +9,8 @@ from porotwin_diagnosis.decision.odds import (
     single_log_odds,
     sufficient_log_odds,
 )
+from porotwin_diagnosis.decision.evidence import Evidence
+from porotwin_diagnosis.decision.explanation import lack_of_fit
 from porotwin_diagnosis.decision.probabilities import effect_probabilities
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
 from porotwin_diagnosis.search.ranking import normalised_misfit

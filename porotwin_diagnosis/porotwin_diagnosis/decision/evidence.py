@@ -19,8 +19,8 @@ class Evidence:
         findings: fits of the single effects and of pairs.
         explanation: the model that was kept, which the verdict accepts or rejects.
         numerics: misfits of the configured and of the accurate scheme.
-        held_out_errors: errors of the held-out maps before and after, with predictions blurred as
-            the camera blurs them.
+        held_out_errors: relative L2 errors of the held-out maps before and after, with predictions
+            blurred as the camera blurs them.
         columns: columns of cells of the widest recording.
         fitted_frames: frames that the fits saw, of all recordings.
     """

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from porotwin_diagnosis.decision.odds import strengths
+from porotwin_diagnosis.decision.confidence import strengths
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import normalised_misfit, score

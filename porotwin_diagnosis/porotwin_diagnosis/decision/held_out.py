@@ -38,13 +38,13 @@ class HeldOut:
 
     Attributes:
         times: times of the frames [s], (nt,).
-        observed: observed maps, (nt, nz, nx), NaN where the image says nothing.
-        before: maps predicted by the configured model, (nt, nz, nx).
-        after: maps predicted with the kept effects, (nt, nz, nx).
+        observed: observed maps [-], (nt, nz, nx), NaN where the image says nothing.
+        before: maps [-] predicted by the configured model, (nt, nz, nx).
+        after: maps [-] predicted with the kept effects, (nt, nz, nx).
         error_before: relative L2 error of `before`.
         error_after: relative L2 error of `after`.
         noise_floor: relative L2 error of true maps, from noise and blur.
-        blur: width [cells] over which the camera blurs maps.
+        point_spread_width: width [cells] over which the camera blurs maps.
     """
 
     times: FloatArray
@@ -58,7 +58,7 @@ class HeldOut:
 
     @property
     def remainder(self) -> FloatArray:
-        """Root mean square over the frames of after - observed, (nz, nx); 0 where never seen."""
+        """Root mean square over the frames of after - observed [-], (nz, nx); 0 if never seen."""
         known = np.isfinite(self.observed)
         square = np.where(known, self.after - self.observed, 0.0) ** 2
         return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(known.sum(axis=0), 1)))
@@ -69,7 +69,7 @@ class HeldOut:
         return replace(self, noise_floor=floor, point_spread_width=width)
 
     def blurred_errors(self) -> tuple[float, float]:
-        """Return the errors before and after of predictions blurred as the camera blurs them."""
+        """Return the relative L2 errors before and after, predictions blurred as by the camera."""
         before, after = (
             blurred(maps, self.point_spread_width) for maps in (self.before, self.after)
         )
@@ -107,6 +107,9 @@ def measure_held_out(
     """Return the held-out part of `recording` without and with the effects of `model`.
 
     The blur is chosen so that the prediction after lies nearest to the observed maps.
+
+    Raises:
+        InputError: the model cannot run with the effects of `model`.
     """
     chosen = np.flatnonzero(recording.times >= sample.held_out_start)
     observed = recording.concentration[chosen].astype(float)
@@ -166,7 +169,7 @@ def gap_closed_with_interval(parts: Sequence[HeldOut]) -> tuple[float, tuple[flo
 
 
 def root_mean_square(values: Sequence[float]) -> float:
-    """Return the root mean square of the errors of several recordings."""
+    """Return the root mean square of `values`, the relative errors of several recordings."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

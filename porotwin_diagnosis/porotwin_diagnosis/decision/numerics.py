@@ -1,4 +1,4 @@
-"""Numerical diffusion as a cause of the gap: the configured scheme beside a sharper one.
+"""Numerical diffusion as a cause of the gap: the configured scheme compared with a sharper one.
 
 A scheme that smears fronts looks like dispersion. The accurate scheme on finer cells shows how much
 of the gap it makes, and a fitted diffusion says how large it is.
@@ -22,7 +22,7 @@ from porotwin_diagnosis.search.ranking import overall_misfit, score
 from porotwin_diagnosis.thresholds import LEAST_NUMERICAL_MISFIT, SHARPER_SCHEME_GAIN
 
 ACCURATE = 'accurate'
-"""The preset that the diagnosis itself uses; its numerical diffusion is not looked for."""
+"""The preset that the diagnosis itself uses; its numerical diffusion is taken as zero."""
 
 EXPONENTS = (-1.5, 3.0)
 """Range of log10(D T / dx^2) that is searched for the equivalent diffusion D, with the duration T
@@ -34,7 +34,7 @@ EXPONENT_TOLERANCE, MOST_RUNS = 0.05, 14
 
 @dataclass(frozen=True)
 class Numerics:
-    """Misfits of the configured and of the accurate scheme.
+    """Normalised misfits [-] of the configured and of the accurate scheme.
 
     Attributes:
         preset: preset of the solver whose gap is diagnosed.
@@ -72,6 +72,9 @@ def measure_numerics(samples: Sequence[Sample], null: Fit, model: Fit, *, preset
 
     `null` is the model without effects as it was judged with the accurate scheme, `model` the one
     that was kept. Only as many simulations are made as the answer needs.
+
+    Raises:
+        InputError: the model cannot run with the effects of `model`.
     """
     sharp = score(null)
     if preset == ACCURATE:

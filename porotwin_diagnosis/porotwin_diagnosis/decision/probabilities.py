@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from porotwin_diagnosis.decision.odds import log_odds_against
+from porotwin_diagnosis.decision.confidence import log_odds_against
 from porotwin_diagnosis.decision.verdict import NONE, Verdict
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import larger_misfit

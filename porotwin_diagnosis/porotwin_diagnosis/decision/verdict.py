@@ -19,7 +19,7 @@ class Verdict:
 
     Attributes:
         name: `NONE`, `UNEXPLAINED`, `NUMERICAL`, or the name of the strongest effect.
-        confidence: probability of the verdict, stated without a fitted map (see `odds`).
+        confidence: probability of the verdict, stated without a fitted map (see `confidence`).
         model: the fit that was kept; for `NONE` and `NUMERICAL` the model without effects.
         members: names of the effects that are named, the strongest first.
         inseparable: other effects that look the same as the first member.

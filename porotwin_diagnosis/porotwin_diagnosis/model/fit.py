@@ -13,7 +13,7 @@ from porotwin_solver.effects.definition.candidate import Candidate
 
 
 class MemberParameters(NamedTuple):
-    """One effect of a fit: its scaled parameters and their standard deviations, (p,) each."""
+    """One effect of a fit: its scaled parameters [-] and their standard deviations, (p,) each."""
 
     candidate: Candidate
     scaled: FloatArray

@@ -35,8 +35,8 @@ POLISHING_TRIALS = 1
 """Trial steps per iteration with such slopes: if the first fails, they are no longer good."""
 
 CENTRAL_DIFFERENCE = 0.25
-"""Half the difference [scaled] of a central derivative: small beside the valley of a registration,
-and far above round-off."""
+"""Half the difference [scaled] of a central derivative: smaller than the width of the minimum
+of a registration, and far above round-off."""
 
 ONE_SIDED_DIFFERENCE = 1.0
 """Difference [scaled] of a one-sided derivative: one natural step, which changes the maps clearly

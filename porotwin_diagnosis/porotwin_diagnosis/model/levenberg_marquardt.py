@@ -53,13 +53,13 @@ matrix regular where a parameter changes nothing."""
 
 
 class Bounds(NamedTuple):
-    """Least and largest scaled parameters, (p,) each."""
+    """Scaled parameters [-]: the least ones `low` and the largest ones `high`, (p,) each."""
 
     low: FloatArray
     high: FloatArray
 
     def clip(self, parameters: FloatArray) -> FloatArray:
-        """Return `parameters` (p,) within the bounds."""
+        """Return scaled `parameters` (p,), each moved to the nearest value within the bounds."""
         return np.clip(parameters, self.low, self.high)
 
 

@@ -196,7 +196,7 @@ def _hot_spots(result: Diagnosis) -> str:
 def _how_much(result: Diagnosis, summary: Summary) -> str:
     """List the parameters with their intervals, and the errors.
 
-    Inseparable effects are listed too, but not beside a second member: they were fitted alone.
+    Inseparable effects are listed too, but not for a pair: they were fitted alone.
     """
     verdict, errors = result.verdict, summary['error']
     named = verdict.members
@@ -268,7 +268,7 @@ def _row(name: str, summary: Summary) -> Mapping[str, Any]:
 
 
 def label(fit: Fit) -> str:
-    """Return the effects of `fit` as one says them, as HTML."""
+    """Return the effects of `fit` in words, as HTML."""
     return html.escape(spoken(fit.label))
 
 

@@ -22,15 +22,16 @@ from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
 from porotwin_solver.effects import EFFECTS
 
 MODEL_DIFFUSION_RANGE = (0.5, 2.0)
-"""Interval of the equivalent numerical diffusion, relative to its value: it depends on the front
-that is looked at, and no better is claimed."""
+"""Interval of the equivalent numerical diffusion, relative to its value: different fronts give
+different values."""
 
 
 class Errors(NamedTuple):
-    """Errors of the held-out part, rounded as they are stated.
+    """Errors [-] of the held-out part, rounded as they are stated.
 
-    Relative L2 norms: of noise and blur alone, and of the model before and after. `gap_closed` is
-    the share of the gap above the noise floor that closes, from `low` to `high` with 90 %.
+    `noise_floor`, `before` and `after` are relative L2 norms: of noise and blur alone, and of the
+    model before and after. `gap_closed` is the share of the gap above the noise floor that closes;
+    `gap_closed_low` to `gap_closed_high` is its 90 % interval.
     """
 
     noise_floor: float
@@ -191,7 +192,7 @@ def _effects(result: Diagnosis) -> list[dict[str, Any]]:
 def _best_fits(findings: Findings) -> dict[str, Fit]:
     """Return the best fit of every effect alone, by its name.
 
-    The members of the best pair come last: a member may have been found only beside the other.
+    The members of the best pair come last: one may have been found only together with the other.
     """
     best: dict[str, Fit] = {}
     for fit in (*findings.singles, *findings.screened, *findings.parts):
@@ -231,7 +232,7 @@ def _numerical_row(result: Diagnosis, errors: Errors) -> dict[str, Any]:
 
 
 def remaining_error(fit: Fit, errors: Errors, findings: Findings) -> float:
-    """Return the held-out error with the effects of `fit`.
+    """Return the relative L2 error of the held-out part with the effects of `fit`.
 
     The fit was judged on other cells than the stated errors, so that its error is scaled by the
     error of the model without effects on the same cells: after = before * e_fit / e_null. Maps on

@@ -9,7 +9,7 @@ from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report import figures
 from porotwin_diagnosis.report.answer import Summary, answer, closed, these
 from porotwin_diagnosis.report.markup import figure_with_caption, percent, table
-from porotwin_diagnosis.report.sections import (
+from porotwin_diagnosis.report.report_sections import (
     laboratory_checks,
     method,
     next_experiments,

@@ -2,7 +2,7 @@
 
 Pairs are made from the best single effects. The partners of a single effect are the ones whose
 linear response explains most of its residual and cannot be imitated by its own parameters. In the
-best pair either member is exchanged for an effect that explains more beside the other member, as
+best pair either member is exchanged for an effect that explains more with the other member, as
 long as this helps. Pairs are screened, refined and judged like single effects.
 """
 
@@ -65,6 +65,9 @@ def judged_pairs(
         screened: fits of single effects on the screening cells.
         best: the best judged single effect.
         null: the judged model without effects.
+
+    Raises:
+        InputError: the model cannot run with one of the fits.
     """
     pairs = levels.judged(_refined(levels, space, screened, best), 0.78)
     return levels.judged_again(pairs, null, 0.86)
@@ -77,6 +80,9 @@ def judged_exchanges(
 
     Screening cells may have hidden that another member fits better. `screened` and `null` are as in
     `judged_pairs`.
+
+    Raises:
+        InputError: the model cannot run with one of the fits.
     """
     found = exchanged_pairs(levels, space, {member_labels(pair.members): pair}, screened)
     refined = levels.refined(sorted(found.values(), key=score)[:REFINED_FITS], 0.87)
@@ -169,7 +175,7 @@ def _screened_pairs(
 
 
 def _relocated(levels: Levels, pairs: Mapping[frozenset[str], Fit]) -> Pairs:
-    """Return the best pairs with a leak or a zone, with its place found beside the other member.
+    """Return the best pairs with a leak or a zone, its place found with the other member present.
 
     The place that was found for it alone imitates both members. A pair is kept as it is if no other
     place fits better.
@@ -221,7 +227,7 @@ def _partners(
     """Return the partners of `base`, by the share of its residual that they explain.
 
     With `all_partners`, these include all effects with one parameter that belong to no well, and
-    effects with a place, at the place that fits best beside `base`.
+    effects with a place, at the place that fits best together with `base`.
     """
     partners = [
         candidate
@@ -238,7 +244,7 @@ def _partners(
 
 
 def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[Candidate]:
-    """Return the `screened` effects without a place, the largest linear gain beside `base` first.
+    """Return the `screened` effects without a place, the largest linear gain with `base` first.
 
     The gain is reduced by PARTNER_GAIN_PER_PARAMETER for every parameter.
     """

@@ -73,13 +73,13 @@ def search_effects(
     screened = screened_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     levels, singles = _judged_singles(levels, screened, null)
-    levels = levels.attuned(null)
+    levels = levels.corrected_at(null)
     findings = Findings(levels.null(), screened_null, screened, singles)
     if normalised_misfit(singles[0]) > EXPLAINED_MISFIT:
         levels, pairs = _found_pairs(levels, space, findings)
         findings = replace(findings, pairs=pairs)
         if pairs:
-            levels = levels.attuned(pairs[0])
+            levels = levels.corrected_at(pairs[0])
     findings = replace(findings, parts=_parts(levels, findings.pairs))
     levels, singles = fitted_again_alone(levels, findings)
     findings = replace(findings, singles=singles)
@@ -127,6 +127,9 @@ def fitted_again_alone(levels: Levels, findings: Findings) -> Judgement:
 
     A member is fitted again if, with its parameters in the pair, it scores better than every single
     fit: its own fit was stuck before it reached them.
+
+    Raises:
+        InputError: the model cannot run with one of the fits.
     """
     singles = list(findings.singles)
     better = [part for part in findings.parts if score(part) < score(singles[0])]

@@ -136,7 +136,7 @@ class Levels:
 
         return replace(self, screening=corrected(self.screening), refining=corrected(self.refining))
 
-    def attuned(self, fit: Fit) -> 'Levels':
+    def corrected_at(self, fit: Fit) -> 'Levels':
         """Return levels whose judging is corrected at `fit` and has the point spread that suits it.
 
         The correction is the extrapolated difference between the finest and the judging cells. A
@@ -210,10 +210,10 @@ class Levels:
     def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> Judgement:
         """Return the ranked `fits` judged again on corrected levels.
 
-        Every fit that nearly closes the gap is judged on levels attuned to itself, the others on
-        levels attuned to the best model, since the point spread of a wrong model would be the one
+        Every fit that nearly closes the gap is judged on levels corrected at itself, the others on
+        levels corrected at the best model, since the point spread of a wrong model would be the one
         of its misplaced fronts. The best model is the first fit, or `null` if that leaves a small
-        gap. The returned levels are attuned to it. `begin` is the progress at the beginning.
+        gap. The returned levels are corrected at it. `begin` is the progress at the beginning.
 
         Raises:
             InputError: the model cannot run with one of the fits.
@@ -227,9 +227,9 @@ class Levels:
         polished = []
         for index, fit in enumerate([*closing, *others]):
             self.progress(f'polishing {fit.label}', begin + POLISHING_PROGRESS * index / len(fits))
-            levels = levels.attuned(best if fit in others else fit)
+            levels = levels.corrected_at(best if fit in others else fit)
             polished.append(levels.judging.polish(fit, levels.refining))
-        return Judgement(levels.attuned(best), self.ranked(polished))
+        return Judgement(levels.corrected_at(best), self.ranked(polished))
 
     def ranked(self, fits: Sequence[Fit]) -> list[Fit]:
         """Return the judged `fits`, the most plausible first.

@@ -1,1 +1,1 @@
-"""Camera sources: each module in this folder that defines `SOURCE` is found by the registry."""
+"""Camera sources: one module each; `source_registry` finds them."""

@@ -1,12 +1,9 @@
-"""The registry of camera sources: finds every module in this folder that defines `SOURCE`."""
+"""All camera sources by name, and the source that an address names."""
 
-import importlib
-import pkgutil
 import re
-from functools import cache
 
+from porotwin_core.discovery import discovered
 from porotwin_core.errors import InputError
-from porotwin_imaging import sources
 from porotwin_imaging.sources.camera_source import SourceKind
 
 DEFAULT_SOURCE = 'device'
@@ -15,22 +12,14 @@ _NAMED_ADDRESS = re.compile(r'(?P<name>[a-z][a-z0-9_]*):(?!//)(?P<address>.+)', 
 """NAME:ADDRESS; a URL such as rtsp://camera is an address without a name."""
 
 
-@cache
-def source_kinds() -> dict[str, SourceKind]:
-    """Return all sources by name, in alphabetical order.
-
-    Raises:
-        ValueError: two modules announce the same name.
-    """
-    kinds: dict[str, SourceKind] = {}
-    for module in pkgutil.iter_modules(sources.__path__, sources.__name__ + '.'):
-        kind = getattr(importlib.import_module(module.name), 'SOURCE', None)
-        if kind is None:
-            continue
-        if kind.name in kinds:
-            raise ValueError(f"two camera sources are named '{kind.name}'")
-        kinds[kind.name] = kind
-    return dict(sorted(kinds.items()))
+SOURCES: dict[str, SourceKind] = discovered(
+    __package__,
+    'SOURCE',
+    SourceKind,
+    'docs/extend/source.md',
+    helpers=('baseline_choice', 'camera_source', 'photo_protocol', 'source_registry'),
+)
+"""All camera sources by name, in alphabetical order."""
 
 
 def source_at(text: str) -> tuple[SourceKind, str]:
@@ -39,19 +28,18 @@ def source_at(text: str) -> tuple[SourceKind, str]:
     Raises:
         InputError: there is no source of this name, or no text.
     """
-    kinds = source_kinds()
     named = _NAMED_ADDRESS.fullmatch(text)
     if named is None:
         if not text:
             raise InputError(f'no camera source; give one of {described_sources()}')
-        return kinds[DEFAULT_SOURCE], text
-    if named['name'] not in kinds:
+        return SOURCES[DEFAULT_SOURCE], text
+    if named['name'] not in SOURCES:
         raise InputError(
             f"no camera source is named '{named['name']}'; give one of {described_sources()}"
         )
-    return kinds[named['name']], named['address']
+    return SOURCES[named['name']], named['address']
 
 
 def described_sources() -> str:
     """Return all sources with the meaning of their addresses, for messages."""
-    return ', '.join(f'{kind.name}:({kind.address})' for kind in source_kinds().values())
+    return ', '.join(f'{kind.name}:({kind.address})' for kind in SOURCES.values())

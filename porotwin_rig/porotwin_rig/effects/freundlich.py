@@ -19,7 +19,9 @@ MOST_ITERATIONS = 50
 
 @numba.njit(cache=True, nogil=True)
 def dissolved_in_equilibrium(total: FloatArray, capacity: float, exponent: float) -> FloatArray:
-    """Return the dissolved part c of `total` = c + capacity c^exponent, per pore volume.
+    """Return the dissolved part c [-] of `total` = c + capacity c^exponent, per pore volume.
+
+    `total` (nz + 1, nx + 1) and the result have the same shape; nothing has a unit.
 
     Newton's method in log c from above, where the sum is convex: it never overshoots.
     """

@@ -10,7 +10,7 @@ from porotwin_rig.effects.definition.asset_effect import AssetEffect
 
 
 def rate_factor(values: Values, start: float, end: float) -> float:
-    """Return the mean factor in [start, end] [s]."""
+    """Return the mean of the factor [-] of the rate from `start` to `end` [s]."""
     frequency = 2.0 * math.pi / float(values['period'])
     swing = (math.cos(frequency * start) - math.cos(frequency * end)) / (frequency * (end - start))
     return max(0.0, 1.0 + float(values['amplitude']) * swing)

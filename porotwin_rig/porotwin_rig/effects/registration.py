@@ -11,7 +11,7 @@ from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
 def displace(signal: FloatArray, grid: Grid, _time: float, values: Values) -> FloatArray:
-    """Return the displaced signal; beyond the edge of the rig it looks like the edge."""
+    """Return the displaced signal (nz, nx); beyond the edge of the rig it looks like the edge."""
     rotation, scale = values['rotation'], values['scale']
     middle_x, middle_z = 0.5 * grid.width, 0.5 * grid.height
     x, z = np.meshgrid(grid.x, grid.z)

@@ -8,7 +8,7 @@ from porotwin_rig.effects.definition.asset_effect import AssetEffect, FloatArray
 
 
 def bend(signal: FloatArray, _grid: Grid, _time: float, values: Values) -> FloatArray:
-    """Return the signal of a camera with a nonlinear response."""
+    """Return the signal (nz, nx) [-] of a camera with a nonlinear response, c ** exponent."""
     return np.clip(signal, 0.0, None) ** values['exponent']
 
 

@@ -16,7 +16,7 @@ def sway(rig: TrueRig, values: Values) -> TrueRig:
 
 
 def draw(generator: Generator, context: DrawContext) -> DrawnValues:
-    """Draw 1 to 2.5 mm, with a period of 0.5 to 1.2 recordings."""
+    """Draw an amplitude of 1 to 2.5 mm and a period of 0.5 to 1.2 times the recording."""
     return {
         'amplitude': log_uniform(generator, 1e-3, 2.5e-3),
         'period': log_uniform(generator, 0.5, 1.2) * context.duration,

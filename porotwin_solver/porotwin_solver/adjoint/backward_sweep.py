@@ -34,7 +34,11 @@ class SweepDerivatives:
 def sweep_backward(
     model: Model, times: FloatArray, forward: ForwardSweep, varied: Sequence[ParameterDifference]
 ) -> SweepDerivatives:
-    """Return the derivatives of the cost of `forward`; its kept states are consumed."""
+    """Return the derivatives of the cost of `forward` at `times` [s]; its kept states are consumed.
+
+    Raises:
+        InputError: the iterative solver for large grids does not converge.
+    """
     engine = model.engine
     count = len(forward.intervals)
     found = SweepDerivatives(

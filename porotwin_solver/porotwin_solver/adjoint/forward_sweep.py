@@ -30,7 +30,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class ForwardSweep:
-    """The cost of a simulation, dJ/dmap (nz, nx) by index of the time, and all its intervals."""
+    """A finished simulation: its cost J, `map_bars` = dJ/dmap (nz, nx) by time, and its intervals.
+
+    J has the unit of the cost function. The keys of `map_bars` are indices of the times.
+    """
 
     cost: float
     map_bars: dict[int, FloatArray]

@@ -30,7 +30,14 @@ ParameterName = tuple[str, str]
 
 
 class ParameterDifference:
-    """Models with one parameter changed by a small step, and the weights of their difference."""
+    """Models with one parameter changed by a small step, and the weights of their difference.
+
+    The derivative of a quantity q is sum(weight q(model)) / step, of second order in the step.
+
+    Attributes:
+        step: the step, in the unit of the parameter.
+        models: weight [-] of every model.
+    """
 
     def __init__(
         self,
@@ -81,7 +88,7 @@ class ParameterDifference:
         )
 
     def derivative(self, value: Callable[[Model], float]) -> float:
-        """Return the derivative by the parameter of a `value` that depends on the model."""
+        """Return the derivative of `value(model)` by the parameter, in their units."""
         return sum(weight * value(model) for model, weight in self.models.items()) / self.step
 
 

@@ -26,7 +26,11 @@ from porotwin_solver.transport import Sources
 
 
 class StepDerivatives(NamedTuple):
-    """Derivatives of the cost by the coefficients of one step, in their shapes."""
+    """Derivatives of the cost by the coefficients of one step, in the shapes of these.
+
+    `mobile_water` (nz, nx) is the derivative by the volume of mobile water of each cell, `tensor`
+    the one by the dispersion tensor.
+    """
 
     advection: AdvectionDerivatives
     mobile_water: FloatArray
@@ -47,7 +51,11 @@ class StepDerivatives(NamedTuple):
 
 
 class StepAdjoint(NamedTuple):
-    """The derivatives by the coefficients and by the parameters (n,) that act on reactions."""
+    """The coefficients of a step and the derivatives of the cost.
+
+    `derivatives` are those by the coefficients; `by_parameter` (n,) are those by the parameters,
+    as far as they act through reactions.
+    """
 
     coefficients: StepCoefficients
     derivatives: StepDerivatives
@@ -64,8 +72,12 @@ def step_adjoint(
 ) -> StepAdjoint:
     """Run the step of `length` [s] from `first` again and apply its adjoint.
 
+    The derivatives by the parameters `varied` are part of the result. `rates` are [m^3/s] by well.
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
     part through the tracer-driven flow (`flow_adjoint`).
+
+    Raises:
+        InputError: as `Engine.coefficients`.
     """
     coefficients = engine.coefficients(first, rates, length)
     half = coefficients.exchanges.levels.duration

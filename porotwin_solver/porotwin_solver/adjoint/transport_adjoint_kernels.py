@@ -1,5 +1,8 @@
 """Compiled kernels: the adjoint of `transport_kernels`.
 
+Arguments that recur: `c`, `flux`, `sources`, `storage`, `levels` and `accumulators` as in
+`transport_kernels`; `..._bar` is the derivative of the cost by what its name says, in its shape.
+
 The sides of a cell are numbered west 0, east 1, south 2, north 3; `k ^ 1` is opposite to side k.
 """
 
@@ -22,7 +25,12 @@ CELL, WELL = -1, 4
 
 
 class AdvectionDerivatives(NamedTuple):
-    """Derivatives of the cost by the coefficients of advection, in their shapes."""
+    """Derivatives of the cost by the coefficients of advection, in the shapes of these.
+
+    flux: by the water flux through the faces.
+    sources: by the water and tracer that wells and leaks add.
+    storage: by the storage of the cells, (nz, nx).
+    """
 
     flux: FaceField
     sources: Sources
@@ -30,7 +38,7 @@ class AdvectionDerivatives(NamedTuple):
 
 
 class Stencil(NamedTuple):
-    """Quantities on the four sides of a cell, (4,) each.
+    """Quantities [-] on the four sides of a cell, (4,) each.
 
     near: concentration of the neighbour, or of the cell itself at a side of the rig.
     upstream: the same, but 0 at a side of the rig; it bounds the range where water enters.
@@ -44,7 +52,11 @@ class Stencil(NamedTuple):
 
 
 class Limited(NamedTuple):
-    """Corrections on the four sides, (4,) each: before and after the bounds of their faces."""
+    """Corrections [-] of the face concentrations on the four sides of a cell, (4,) each.
+
+    raw: before they are bounded.
+    bounded: within the bounds of their faces.
+    """
 
     raw: FloatArray
     bounded: FloatArray
@@ -237,7 +249,12 @@ def advection_adjoint(c, bar, flux, sources, storage, levels, scheme, tape, deri
 def update_cells_adjoint(
     c, bar, flux, sources, storage, levels, tape, accumulator_bars, derivatives
 ):
-    """Apply the adjoint of `update_cells` to the first cells; `tape` has one value for each."""
+    """Apply the adjoint of `update_cells` to the first len(tape) cells of `levels.order`.
+
+    `tape` holds the concentration of each before the update. In place: `c` (nz, nx) goes back to
+    it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars` and
+    `derivatives` receive their shares. Other arguments are as in `transport_kernels`.
+    """
     nz, nx = c.shape
     duration, level, order, _ = levels
     flux_x, flux_z = flux
@@ -280,6 +297,8 @@ def evaluate_faces_adjoint(
     c, bar, flux, sources, storage, levels, active, scheme, accumulator_bars, derivatives
 ):
     """Apply the adjoint of `evaluate_faces` to the first `active` cells.
+
+    `bar` (nz, nx), `accumulator_bars` and `derivatives` change in place.
 
     The loop is one long function that unpacks its arguments first: counting references to arrays
     in every cell would take longer than the arithmetic.
@@ -379,7 +398,10 @@ def evaluate_faces_adjoint(
 
 @compiled
 def fill_stencil(c, i, j, leaving, cfl_per_flux, stencil):
-    """Fill the Stencil of cell (i, j)."""
+    """Fill the Stencil of cell (i, j), given the water `leaving` through its sides (4,) [m^3/s].
+
+    `cfl_per_flux`: substep length divided by storage [s/m^3].
+    """
     nz, nx = c.shape
     here = c[i, j]
     near, upstream = stencil.near, stencil.upstream
@@ -398,7 +420,11 @@ def fill_stencil(c, i, j, leaving, cfl_per_flux, stencil):
 
 @compiled
 def add_to_neighbours(bar, i, j, here_bar, stencil_bar):
-    """Add dJ/dneighbours to `bar`; return `here_bar` plus the parts at the sides of the rig."""
+    """Add the parts of `stencil_bar.near` and `.upstream` to `bar` (nz, nx) at the neighbours.
+
+    `here_bar` is the derivative by cell (i, j) so far. Returns it plus the parts at the sides of
+    the rig, where a neighbour is a copy of the cell.
+    """
     nz, nx = bar.shape
     near_bar, upstream_bar = stencil_bar.near, stencil_bar.upstream
     if j > 0:

@@ -20,9 +20,9 @@ class FitParameter:
 
     Args:
         name: name of the parameter.
-        unit: its unit.
+        unit: unit of its value, of `neutral`, `step`, `low` and `high`.
         neutral: value at u = 0; the value without effect, unless `is_never_absent`.
-        step: natural step; u = 1 changes the maps by about the noise.
+        step: natural step, without unit if `log`; u = 1 changes the maps by about the noise.
         low: least value.
         high: greatest value.
         log: the second form holds.
@@ -37,14 +37,14 @@ class FitParameter:
     log: bool = False
 
     def value(self, scaled: float) -> float:
-        """Return the value at `scaled` steps, clipped to the range."""
+        """Return the value [`unit`] at `scaled` steps, clipped to the range."""
         if self.log:
             exponent = min(max(self.step * scaled, -LARGEST_EXPONENT), LARGEST_EXPONENT)
             return float(np.clip(self.neutral * math.exp(exponent), self.low, self.high))
         return float(np.clip(self.neutral + self.step * scaled, self.low, self.high))
 
     def scaled(self, value: float) -> float:
-        """Return the steps that give the parameter the value `value`; the inverse of `value()`."""
+        """Return u [-], the number of steps at which the parameter is `value`, without clipping."""
         if self.log:
             return math.log(value / self.neutral) / self.step
         return (value - self.neutral) / self.step
@@ -62,7 +62,7 @@ class FitParameter:
 
     @property
     def absent(self) -> float:
-        """Value without effect."""
+        """Value without effect, in the unit of the parameter."""
         return 0.0 if self.is_never_absent else self.neutral
 
 
@@ -73,8 +73,8 @@ class Candidate:
     Args:
         effect: name of the effect.
         parameters: the fitted parameters.
-        fixed: values of the other parameters.
-        starts: scaled parameters where a fit may start; all zero if there are none.
+        fixed: values of the other parameters, in their units.
+        starts: scaled parameters [-] where a fit may start; all zero if there are none.
         variant: tells candidates of one effect apart that fit different parameters.
     """
 
@@ -142,7 +142,7 @@ class SearchContext:
 
     @property
     def porosity(self) -> float:
-        """Mean porosity on the grid."""
+        """Mean porosity on the grid [-]."""
         return float(np.mean(self.rig.field('porosity', self.grid)))
 
     @property

@@ -87,7 +87,7 @@ class Effect:
         destabilises_fronts: whether fronts finger with these values.
         misfit_allowance: factor on the misfit that the true effect may leave; above 1 where the
             model computes the effect on coarser cells.
-        is_tried_in_every_pair: the search tries it beside every effect, because it costs no
+        is_tried_in_every_pair: the search adds it to every effect, because it costs no
             simulation and its response is not linear.
         residual_terms: terms of the one-step residual that the effect explains: `c`, `dc/dt`,
             `dc/dx`, `dc/dz`, `d2c/dx2`, `d2c/dz2`.

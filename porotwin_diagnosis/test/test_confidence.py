@@ -2,7 +2,7 @@
 
 import pytest
 
-from porotwin_diagnosis.decision.odds import (
+from porotwin_diagnosis.decision.confidence import (
     confidence,
     log_odds_against,
     missing_log_odds,

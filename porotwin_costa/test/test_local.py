@@ -10,7 +10,7 @@ from torch import nn
 
 from porotwin_core.errors import InputError
 from porotwin_costa.networks import architecture, parameter_count
-from porotwin_costa.networks.local_flux import LocalFluxNetwork, LocalFluxSettings
+from porotwin_costa.networks.local import LocalFluxNetwork, LocalFluxSettings
 
 
 def _local(seed: int = 3, *, nx: int = 30, nz: int = 18, depth=None) -> LocalFluxNetwork:

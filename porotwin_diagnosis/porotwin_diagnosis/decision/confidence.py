@@ -34,7 +34,7 @@ the relative L2 norm of the change that it makes alone in the held-out maps."""
 
 
 def confidence(log_odds: float) -> float:
-    """Return the probability that belongs to `log_odds`, within `CONFIDENCE_RANGE`."""
+    """Return the probability 1 / (1 + exp(-log_odds)), clipped to `CONFIDENCE_RANGE`."""
     probability = 1.0 / (1.0 + math.exp(-log_odds))
     return float(np.clip(probability, *CONFIDENCE_RANGE))
 
@@ -93,7 +93,10 @@ def log_odds_against(misfit: float, best: float) -> float:
 
 
 def single_log_odds(names: Collection[str], probabilities: dict[str, float]) -> float:
-    """Return the log-odds of the effects `names`, which look the same, against all others."""
+    """Return the log-odds of the effects `names`, which look the same, against all others.
+
+    log(p / (1 - p)) with the sum p of their `probabilities`, clipped to `SINGLE_SHARE_RANGE`.
+    """
     known = sum(probabilities.get(name, 0.0) for name in names)
     low, high = SINGLE_SHARE_RANGE
     known = min(max(known, low), high)

@@ -54,7 +54,7 @@ class LocalFluxSettings:
 
 
 class LocalFluxNetwork(CorrectiveNetwork):
-    """sigma = -div F / d with a learned flux F through each face.
+    """sigma = -div F / d with a learned flux F through each face; everything is scaled.
 
     d is the depth of the rig relative to its mean, because sigma is a density per rig volume.
 
@@ -67,6 +67,9 @@ class LocalFluxNetwork(CorrectiveNetwork):
     The correction is zero where there is no tracer. It conserves tracer, makes no new extremum
     (`_limited`) and does not depend on the place in the rig. For the same reasons it cannot correct
     for tracer that was injected or lost unnoticed.
+
+    Its buffers: `right_flow` (wells, nz, nx - 1) and `up_flow` (wells, nz - 1, nx) of `FlowShape`,
+    `change` and `relative_depth` (nz, nx) of `RigFields`.
     """
 
     right_flow: Tensor
@@ -105,7 +108,10 @@ class LocalFluxNetwork(CorrectiveNetwork):
     def forward_windows(
         self, concentration: Tensor, rates: Tensor, windows: Sequence[Window]
     ) -> Tensor:
-        """Return scaled sigma on one window of each sample, with the flow of the whole rig."""
+        """Return scaled sigma on one window of each sample, with the flow of the whole rig.
+
+        Shapes are those of `CorrectiveNetwork.forward_windows`.
+        """
         right, up = self.face_flow(rates)
         inputs = [
             (
@@ -120,7 +126,10 @@ class LocalFluxNetwork(CorrectiveNetwork):
         return self.source(*(torch.stack(fields) for fields in zip(*inputs, strict=True)))
 
     def face_flow(self, rates: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the flow to the right and upward through the inner faces, in scaled rates."""
+        """Return the flow to the right and upward through the inner faces, in scaled rates.
+
+        From `rates` (batch, 2 wells) to (batch, nz, nx - 1) and (batch, nz - 1, nx).
+        """
         water = rates.view(len(rates), -1, RATES_PER_WELL)[..., 0]
         return (
             torch.einsum('bw,wzx->bzx', water, self.right_flow),
@@ -132,8 +141,9 @@ class LocalFluxNetwork(CorrectiveNetwork):
     ) -> Tensor:
         """Return scaled sigma of c~ and the flow through the inner faces, on the grid or a window.
 
-        `change` is the change of concentration per unit of scaled sigma, `depth` the depth relative
-        to the rig's mean, both (nz, nx) or (batch, nz, nx).
+        `concentration` is (batch, nz, nx), the flow `right` (batch, nz, nx - 1) and `up`
+        (batch, nz - 1, nx). `change` is the change of concentration per unit of scaled sigma,
+        `depth` the depth relative to the rig's mean, both (nz, nx) or (batch, nz, nx).
         """
         across = 0.5 * (pad(right, (0, 1)) + pad(right, (1, 0)))
         along = 0.5 * (pad(up, (0, 0, 0, 1)) + pad(up, (0, 0, 1, 0)))

@@ -1,0 +1,177 @@
+"""Write docs/nodes.md: the topics, services, actions and parameters of every node.
+
+    python docs/make_nodes.py            # writes docs/nodes.md
+    python docs/make_nodes.py --check    # exit status 1 if docs/nodes.md is out of date
+
+The tables come from the running nodes: each node is started here, asked for its interfaces, and
+ended. tests/test_documents.py runs the check.
+"""
+
+import faulthandler
+import importlib
+import inspect
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / 'docs' / 'nodes.md'
+SMALL_RIG = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+NAMESPACE = '/porotwin'
+
+LONGEST_S = 120
+"""Time after which the script gives up [s]; it takes about 15 s."""
+
+HIDDEN_TOPICS = {'/rosout', '/parameter_events'}
+HIDDEN_TYPES = ('rcl_interfaces', 'type_description_interfaces')
+HIDDEN_PARAMETERS = {'use_sim_time', 'start_type_description_service'}
+
+HEAD = """\
+# Nodes
+
+All topics, services, actions and parameters, as the nodes declare them. `docs/make_nodes.py` writes
+this page from the running nodes. Names are relative to the namespace `/porotwin`; `/clock` and
+`/diagnostics` are global. Units are SI. Every node also has the parameter `use_sim_time`.
+
+Start a node alone with, for example,
+
+```
+.venv/bin/python -m porotwin_solver.solver_node --ros-args -r __ns:=/porotwin -p rig:=rig.yaml
+```
+"""
+
+
+def node_classes() -> list[tuple[str, type[Node]]]:
+    """Return the executable and the class of every node of the project."""
+    found = []
+    for path in sorted(ROOT.glob('porotwin_*/porotwin_*/*_node.py')):
+        module = importlib.import_module(f'{path.parent.name}.{path.stem}')
+        for _, value in inspect.getmembers(module, inspect.isclass):
+            if issubclass(value, Node) and value.__module__ == module.__name__:
+                found.append((f'{path.parent.name}/{path.stem}', value))
+    return found
+
+
+def rig_with_camera(folder: Path) -> Path:
+    """Write the description of the small rig, with a camera, and return its path."""
+    path = folder / 'rig.yaml'
+    corners = '[[100, 100], [100, 900], [1500, 900], [1500, 100]]'
+    text = SMALL_RIG.read_text(encoding='utf-8')
+    path.write_text(f'{text}camera: {{corners_px: {corners}}}\n', encoding='utf-8')
+    return path
+
+
+def needed_parameters(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the parameters without which a node does not start, by executable."""
+    rig = {'rig': str(rig_with_camera(folder))}
+    photos = ROOT / 'docs' / 'pictures'
+    return {
+        'porotwin_costa/trainer_node': {**rig, 'dataset': str(folder / 'pairs')},
+        'porotwin_diagnosis/diagnosis_node': {**rig, 'output': str(folder / 'diagnoses')},
+        'porotwin_imaging/camera_node': {'source': f'folder:{photos}'},
+        'porotwin_rig/mock_camera_node': {'photos': str(photos)},
+        'porotwin_page/page_node': {'address': '127.0.0.1:0'},
+        'porotwin_recording/player_node': {'bag': str(ROOT / 'bags' / 'sample')},
+        'porotwin_recording/recorder_node': {'output': str(folder / 'bag')},
+        'default': rig,
+    }
+
+
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a Markdown table, or nothing if it has no rows."""
+    lines = ['| ' + ' | '.join(cell or ' ' for cell in row) + ' |' for row in rows]
+    if not lines:
+        return ''
+    rule = '|' + ' --- |' * len(head)
+    return '\n'.join(['| ' + ' | '.join(head) + ' |', rule, *lines, ''])
+
+
+def short(name: str) -> str:
+    """Return a name relative to the namespace of the graph."""
+    return name.removeprefix(NAMESPACE + '/')
+
+
+def interfaces(node: Node) -> list[tuple[str, ...]]:
+    """Return kind, name and type of everything that `node` publishes, subscribes to and offers."""
+    topics = [
+        *(('publishes', item.topic_name, item.msg_type) for item in node.publishers),
+        *(('subscribes to', item.topic_name, item.msg_type) for item in node.subscriptions),
+    ]
+    services = [('service', item.service_name, item.srv_type) for item in node.services]
+    rows = [
+        (kind, short(name), message.__module__.split('.')[0] + '/' + message.__name__)
+        for kind, name, message in (*topics, *services)
+        if name not in HIDDEN_TOPICS and not message.__module__.startswith(HIDDEN_TYPES)
+    ]
+    actions = get_action_server_names_and_types_by_node(node, node.get_name(), node.get_namespace())
+    rows += [('action', short(name), types[0].replace('/action/', '/')) for name, types in actions]
+    order = ('subscribes to', 'publishes', 'service', 'action')
+    return sorted(set(rows), key=lambda row: (order.index(row[0]), row))
+
+
+def parameters(node: Node) -> list[tuple[str, ...]]:
+    """Return name, default and description of every parameter of `node`."""
+    names = sorted(set(node.list_parameters([], 0).names) - HIDDEN_PARAMETERS)
+    rows = []
+    for name in names:
+        descriptor = node.describe_parameter(name)
+        value = node.get_parameter(name).value
+        kind = Parameter.Type(descriptor.type).name.lower()
+        default = '' if value in ('', None) else f'`{value}`'
+        if '/' in default and name != 'topics':
+            default = 'needed'
+        rows.append((f'`{name}`', kind, default, descriptor.description))
+    return rows
+
+
+def section(executable: str, make: type[Node], given: dict[str, Any]) -> str:
+    """Return the Markdown section of one node."""
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = make(namespace=NAMESPACE, parameter_overrides=overrides)
+    time.sleep(0.5)  # until the node has discovered its own actions
+    summary = (inspect.getdoc(make) or '').split('\n\n')[0].replace('\n', ' ')
+    package, module = executable.split('/')
+    parts = [
+        f'## {node.get_name()}\n\n{summary}\n\nPackage `{package}`, executable `{module}`.\n',
+        table(('kind', 'name', 'type'), interfaces(node)),
+        table(('parameter', 'type', 'default', 'meaning'), parameters(node)),
+    ]
+    return '\n'.join(filter(None, parts))
+
+
+def page() -> str:
+    """Return the whole document."""
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    rclpy.init()
+    with tempfile.TemporaryDirectory() as folder:
+        needed = needed_parameters(Path(folder))
+        sections = [
+            section(executable, make, needed.get(executable, needed['default']))
+            for executable, make in node_classes()
+        ]
+    return '\n'.join([HEAD, *sections])
+
+
+def main() -> int:
+    """Write the page, or with --check compare it with the file."""
+    text = page()
+    if '--check' in sys.argv[1:]:
+        return int(PAGE.read_text(encoding='utf-8') != text)
+    PAGE.write_text(text, encoding='utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    faulthandler.dump_traceback_later(LONGEST_S, exit=True)
+    status = main()
+    sys.stdout.flush()
+    os._exit(status)  # threads of the nodes wait for a graph that never comes

@@ -1,0 +1,53 @@
+"""The documents are true: their commands run, their links lead somewhere, their tables are new."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = [*sorted(ROOT.glob('*.md')), *sorted((ROOT / 'docs').rglob('*.md'))]
+LINK = re.compile(r'\[[^\]]*\]\(([^)#\s]+)[^)]*\)')
+SHELL = re.compile(r'^```sh\n(.*?)^```', re.MULTILINE | re.DOTALL)
+PYTHON = re.compile(r'^```python\n(.*?)^```', re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize('document', DOCUMENTS, ids=lambda path: path.name)
+def test_every_link_leads_to_a_file(document: Path) -> None:
+    links = [link for link in LINK.findall(document.read_text(encoding='utf-8')) if ':' not in link]
+    missing = [link for link in links if not (document.parent / link).exists()]
+    assert not missing, f'{document.name}: broken links {missing}'
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_tutorial_run(tmp_path: Path) -> None:
+    text = (ROOT / 'docs' / 'tutorial.md').read_text(encoding='utf-8')
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    command = f'{sys.executable} -m porotwin_cli'
+    for block in SHELL.findall(text):
+        for line in filter(None, block.splitlines()):
+            words = line.replace('./porotwin', command).split()
+            ran = subprocess.run(words, check=False, capture_output=True, text=True, cwd=tmp_path)
+            assert ran.returncode == 0, f'{line}\n{ran.stderr}'
+    for block in PYTHON.findall(text):
+        subprocess.run([sys.executable, '-c', block], check=True, cwd=tmp_path)
+    assert (tmp_path / 'tour' / 'comparison.png').stat().st_size > 10_000
+    assert (tmp_path / 'tour' / 'diagnosis' / 'report.html').is_file()
+
+
+@pytest.mark.graph
+def test_the_page_of_the_nodes_is_up_to_date() -> None:
+    command = [sys.executable, 'docs/make_nodes.py', '--check']
+    ran = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
+    assert ran.returncode == 0, 'docs/nodes.md is old: run python docs/make_nodes.py'
+
+
+@pytest.mark.slow
+def test_the_api_pages_are_built_from_the_docstrings(tmp_path: Path) -> None:
+    command = [sys.executable, 'docs/make_api.py', str(tmp_path / 'site')]
+    ran = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT)
+    assert ran.returncode == 0, ran.stderr
+    page = (tmp_path / 'site' / 'porotwin_solver' / 'simulation.html').read_text(encoding='utf-8')
+    assert 'simulate' in page

@@ -1,0 +1,47 @@
+"""The worked examples of docs/extend: each new file works without any other edit.
+
+Every page has fenced blocks whose first line is `# file: PATH` (`// file: PATH` in JavaScript).
+The test copies the packages to a temporary folder, writes these files there, and runs the tests
+among them.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted((ROOT / 'docs' / 'extend').glob('*.md'))
+BLOCK = re.compile(r'^```\w*\n(?:#|//) file: (\S+)\n(.*?)^```', re.MULTILINE | re.DOTALL)
+KINDS = {'effect', 'objective', 'network', 'source', 'panel'}
+
+
+def test_every_extension_point_has_a_worked_example() -> None:
+    assert {page.stem for page in PAGES} >= KINDS
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
+def test_a_new_file_is_all_that_an_extension_needs(page: Path, tmp_path: Path) -> None:
+    files = dict(BLOCK.findall(page.read_text(encoding='utf-8')))
+    tests = [name for name in files if Path(name).name.startswith('test_')]
+    assert tests, f'{page}: has no block "# file: .../test_*.py"'
+    packages = sorted(path.parent for path in ROOT.glob('porotwin_*/setup.py'))
+    for package in packages:
+        shutil.copytree(package, tmp_path / package.name)
+    for name in ('pyproject.toml', 'conftest.py'):
+        shutil.copy2(ROOT / name, tmp_path)
+    for name, text in files.items():
+        path = tmp_path / name
+        assert not path.exists(), f'{page}: {name} exists already; the example must be a new file'
+        path.write_text(text, encoding='utf-8')
+    paths = os.pathsep.join(str(tmp_path / package.name) for package in packages)
+    ran = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', *tests],
+        check=False, capture_output=True, text=True, cwd=tmp_path,
+        env={**os.environ, 'PYTHONPATH': paths},
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stdout + ran.stderr
