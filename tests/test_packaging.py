@@ -58,7 +58,10 @@ def test_the_wheel_holds_every_package_with_its_types(wheel: Path) -> None:
 
 def test_the_wheel_holds_the_web_page_and_the_sample_rig(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
-    assert 'porotwin_page/web/page.html' in names
+    package = ROOT / 'porotwin_page'
+    scripts = [*package.rglob('web/*.js'), *package.rglob('panels/*.js')]
+    expected = {str(path.relative_to(package)) for path in scripts if 'test' not in path.parts}
+    assert {'porotwin_page/web/page.html', *expected} <= set(names)
     assert any(name.endswith('share/porotwin_hub/config/small_rig.yaml') for name in names)
 
 

@@ -13,13 +13,13 @@ from porotwin_core.errors import InputError
 from porotwin_diagnosis.advice.proposals import propose
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.sample import Sample, read_sample
-from porotwin_diagnosis.decision.decide import decide
 from porotwin_diagnosis.decision.evidence import gather
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.held_out import HeldOut, measure_held_out
 from porotwin_diagnosis.decision.intervals import with_intervals
 from porotwin_diagnosis.decision.numerics import ACCURATE, measure_numerics
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED, Verdict
+from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress

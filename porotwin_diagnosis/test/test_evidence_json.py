@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.decision.decide import decide
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.report.evidence_json import read_evidence, write_evidence
 from porotwin_diagnosis.search.findings import Findings
 

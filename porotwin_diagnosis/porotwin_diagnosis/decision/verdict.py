@@ -15,7 +15,7 @@ NUMERICAL = effects_of(Scope.MODEL)[0].name
 
 @dataclass(frozen=True)
 class Verdict:
-    """The conclusion from a recording about the model. Only `decide.decide` makes one.
+    """The conclusion from a recording about the model. Only `verdict_rules.decide` makes one.
 
     Attributes:
         name: `NONE`, `UNEXPLAINED`, `NUMERICAL`, or the name of the strongest effect.

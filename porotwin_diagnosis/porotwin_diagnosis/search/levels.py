@@ -77,13 +77,6 @@ REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.06, 0.08, 0.05
 """Share of the progress that a stage takes."""
 
 
-class Judgement(NamedTuple):
-    """Judged fits, the most plausible first, and the corrected levels of their judgement."""
-
-    levels: 'Levels'
-    fits: list[Fit]
-
-
 @dataclass(frozen=True, eq=False)
 class Levels:
     """Fitters of the same recordings on cells of different size.
@@ -207,7 +200,7 @@ class Levels:
             judged.append(self.judging.polish(fit, self.refining))
         return self.ranked(feasible(judged))
 
-    def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> Judgement:
+    def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> 'Judgement':
         """Return the ranked `fits` judged again on corrected levels.
 
         Every fit that nearly closes the gap is judged on levels corrected at itself, the others on
@@ -276,6 +269,13 @@ class Levels:
             InputError: the model cannot run with one of the fits.
         """
         return [self.judging.distance(fits[0], fit) for fit in fits]
+
+
+class Judgement(NamedTuple):
+    """Judged fits, the most plausible first, and the corrected levels of their judgement."""
+
+    levels: Levels
+    fits: list[Fit]
 
 
 def make_levels(samples: Sequence[Sample], *, progress: Progress, workers: int) -> Levels:

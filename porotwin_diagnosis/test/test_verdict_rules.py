@@ -7,10 +7,10 @@ from functools import partial
 import pytest
 from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.decision.decide import decide
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.explanation import explain
 from porotwin_diagnosis.decision.numerics import Numerics
+from porotwin_diagnosis.decision.verdict_rules import decide
 from porotwin_diagnosis.search.findings import Findings
 
 NOISE = 0.4
