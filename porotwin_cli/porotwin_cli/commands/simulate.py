@@ -44,6 +44,11 @@ def command(
 
     recording = open_recording(experiment)
     rig = recording.rig
+    if not times and recording.maps is None:
+        raise InputError(
+            f'{experiment}: has no maps whose times could be simulated; '
+            'give --times START:END:STEP [s], such as --times 0:1800:60'
+        )
     moments = _parse_times(times) if times else recording.times
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig) if grid else recorded
