@@ -45,8 +45,9 @@ def discovered(
         helpers: modules of the folder that define no such object.
 
     Raises:
-        InputError: a module does not define the object, defines it incompletely, or gives it
-            another name than its own; one line that names the module, the fault and the guide.
+        InputError: a module cannot be imported, does not define the object, defines it
+            incompletely, or gives it another name than its own; one line that names the module, the
+            fault and the guide.
     """
     found: dict[str, T] = {}
     for name in module_names(package):
@@ -54,14 +55,17 @@ def discovered(
             continue
         try:
             value = getattr(importlib.import_module(f'{package}.{name}'), attribute, None)
-        except TypeError as error:  # a required argument of `kind` is missing
-            raise InputError(f'{package}.{name}: {error}; see {guide}') from error
+        except InputError:
+            raise
+        except Exception as error:  # whatever is wrong in a new module, its author gets one line
+            fault = ' '.join(f'{type(error).__name__}: {error}'.split())
+            raise InputError(f'{package}.{name}: {fault}; see {guide}') from error
         if not isinstance(value, kind):
             raise InputError(
                 f'{package}.{name}: must define {attribute} = {kind.__name__}(...); see {guide}'
             )
         own_name = getattr(value, 'name', name)
-        if own_name.replace('-', '_') != name:
+        if str(own_name).replace('-', '_') != name:
             raise InputError(
                 f'{package}.{name}: its {attribute} has the name {own_name!r}; see {guide}'
             )

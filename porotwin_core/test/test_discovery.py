@@ -70,3 +70,14 @@ def test_helpers_need_no_object(package) -> None:
 def test_a_module_instead_of_a_package_is_refused() -> None:
     with pytest.raises(InputError, match='not a package'):
         module_names('porotwin_core.errors')
+
+
+def test_a_module_that_cannot_be_imported_is_refused_with_one_line(tmp_path, monkeypatch) -> None:
+    folder = tmp_path / 'broken_package'
+    folder.mkdir()
+    (folder / '__init__.py').write_text('')
+    (folder / 'typo.py').write_text('def (\n')
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(InputError, match=r'broken_package\.typo: SyntaxError') as refusal:
+        discovered('broken_package', 'THING', str, 'guide.md')
+    assert '\n' not in str(refusal.value)

@@ -206,7 +206,7 @@ def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
 def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
 
-    Without a folder or device there is no camera: photographs are replayed from a bag.
+    Without a camera source there is no camera: photographs are replayed from a bag.
     """
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
     return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]

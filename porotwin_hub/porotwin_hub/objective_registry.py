@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pydantic
 
 from porotwin_core.discovery import discovered
@@ -38,10 +39,21 @@ def make_objective(rig: Rig, grid: Grid) -> Objective:
     if rig.control is None:
         raise InputError(f"rig '{rig.name}' has no control section; add one to rig.yaml")
     kind = objective_kind(rig.control.objective.name)
-    return kind.make(rig, grid, _parameters(kind, rig.control))
+    objective = kind.make(rig, grid, _parameters(kind, rig.control))
+    if objective(np.zeros(grid.shape)) == objective(np.ones(grid.shape)):
+        raise InputError(
+            f"objective '{kind.name}': an empty rig and a rig full of tracer cost the same; "
+            f'does its zone [m] lie inside the rig of {rig.width_m} m x {rig.height_m} m?'
+        )
+    return objective
 
 
 def _parameters(kind: ObjectiveKind, control: Control) -> ObjectiveParameters:
+    twice = control.objective.parameters.keys() & {'disallowed_zone_m'}
+    if twice and control.disallowed_zone_m:
+        raise InputError(
+            "control: 'disallowed_zone_m' stands in control and in its objective; keep one of them"
+        )
     given: dict[str, Any] = _shared_parameters(kind, control) | control.objective.parameters
     section = f"objective '{kind.name}'"
     try:

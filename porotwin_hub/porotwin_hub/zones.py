@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Polygon
 
 
 def distance_to_outline(points: FloatArray, polygon: FloatArray) -> FloatArray:
@@ -37,6 +39,21 @@ def distance_to_zone(points: FloatArray, polygon: FloatArray) -> FloatArray:
 def distance_to_outside(points: FloatArray, polygon: FloatArray) -> FloatArray:
     """Return the distance [m] of `points` (n, 2) to the outside of `polygon` (m, 2); 0 there."""
     return np.where(inside(points, polygon), distance_to_outline(points, polygon), 0.0)
+
+
+def checked_zone(corners: Polygon, grid: Grid, key: str) -> FloatArray:
+    """Return the polygon (m, 2) [m] of a zone with `corners`.
+
+    Raises:
+        InputError: no cell of `grid` lies in the zone; the message names the `key` of rig.yaml.
+    """
+    polygon = np.array(corners, dtype=float)
+    if not inside(cell_centres(grid), polygon).any():
+        raise InputError(
+            f'{key}: covers no cell of the rig of {grid.width} m x {grid.height} m; '
+            'give its corners (x, z) in metres from the lower left corner'
+        )
+    return polygon
 
 
 def fuzzy_mask(distance: FloatArray, fuzziness: float) -> FloatArray:

@@ -25,6 +25,25 @@ def test_every_module_of_objectives_is_found() -> None:
     ('control', 'complaint'),
     [
         (
+            {'objective': {'name': 'keep_in', 'zone_m': [[5.0, 5.0], [6.0, 5.0], [6.0, 6.0]]}},
+            'zone_m: covers no cell of the rig',
+        ),
+        (
+            {'disallowed_zone_m': [[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]]},
+            'disallowed_zone_m: covers no cell of the rig',
+        ),
+        (
+            {'objective': {'name': 'keep_in', 'zone_m': [[-1, -1], [2, -1], [2, 2], [-1, 2]]}},
+            'an empty rig and a rig full of tracer cost the same',
+        ),
+        (
+            {
+                'disallowed_zone_m': TRIANGLE,
+                'objective': {'name': 'keep_out', 'disallowed_zone_m': TRIANGLE},
+            },
+            'stands in control and in its objective',
+        ),
+        (
             {'objective': 'keep_dry'},
             f"objective 'keep_dry': unknown; choose from {', '.join(OBJECTIVES)}",
         ),

@@ -101,11 +101,6 @@ class Geometry:
         )
         return cls(width, height, float(columns), float(rows), homography, dict(camera.curvature))
 
-    @property
-    def pixels_per_metre(self) -> float:
-        """Resolution of the photograph in the plane of the rig, the coarser direction [px/m]."""
-        return min(self.columns / self.width, self.rows / self.height)
-
     def to_pixels(self, x: Array, z: Array) -> tuple[Array, Array]:
         """Return (columns, rows) [px] in the photograph of points (x, z) [m], of any shape."""
         column = np.asarray(x, dtype=float) * (self.columns / self.width)

@@ -73,7 +73,9 @@ def _parse_times(text: str) -> list[float]:
 
     try:
         start, end, step = (float(part) for part in text.split(':'))
-        return np.arange(start, end + 0.5 * step, step).tolist()
+        times: list[float] = np.arange(start, end + 0.5 * step, step).tolist()
     except (ValueError, ZeroDivisionError):
-        remedy = 'write START:END:STEP in seconds, like 0:4800:30'
-        raise InputError(f"times '{text}': {remedy}") from None
+        times = []
+    if not times or times[-1] < times[0]:
+        raise InputError(f"times '{text}': write START:END:STEP in seconds, like 0:4800:30")
+    return times

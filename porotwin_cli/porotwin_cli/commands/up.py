@@ -60,7 +60,7 @@ def command(
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
     if [photos is not None, bool(camera), replay].count(True) != 1:
-        raise InputError('name either --photos FOLDER or --camera DEVICE, or --replay for a bag')
+        raise InputError('name either --photos FOLDER or --camera SOURCE, or --replay for a bag')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:

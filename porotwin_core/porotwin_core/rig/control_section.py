@@ -62,7 +62,9 @@ class Control(Section):
                 raise ValueError('needs a name, such as {name: keep_in, zone_m: [...]}')
             parameters = {key: item for key, item in value.items() if key != 'name'}
             return {'name': value['name'], 'parameters': parameters}
-        return value
+        if isinstance(value, ObjectiveDescription):
+            return value
+        raise ValueError('give a name, or {name: keep_in, zone_m: [...]}')
 
     @pydantic.field_validator('disallowed_zone_m')
     @classmethod

@@ -2,7 +2,6 @@
 
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field, FiniteFloat
 
 from porotwin_core.grid import Grid
@@ -13,7 +12,7 @@ from porotwin_hub.objective import (
     WeightedTracer,
     pore_volume,
 )
-from porotwin_hub.zones import cell_centres, distance_to_zone, fuzzy_mask
+from porotwin_hub.zones import cell_centres, checked_zone, distance_to_zone, fuzzy_mask
 
 
 class KeepOutParameters(ObjectiveParameters):
@@ -27,8 +26,11 @@ def keep_out(rig: Rig, grid: Grid, parameters: KeepOutParameters) -> WeightedTra
     """Return f(c) = integral of c varphi porosity depth dx [m^3].
 
     varphi is 1 in the zone and falls to 0 at the distance `fuzziness_m` outside it.
+
+    Raises:
+        InputError: the zone covers no cell of the rig.
     """
-    polygon = np.array(parameters.disallowed_zone_m, dtype=float)
+    polygon = checked_zone(parameters.disallowed_zone_m, grid, 'disallowed_zone_m')
     distance = distance_to_zone(cell_centres(grid), polygon).reshape(grid.shape)
     pores = pore_volume(rig, grid)
     return WeightedTracer(

@@ -76,6 +76,8 @@ def parse_effect(text: str) -> EffectDescription:
         key, equals, value = part.partition('=')
         if not equals:
             raise InputError(f"effect '{text}': write NAME:PARAM=VALUE,PARAM=VALUE")
+        if key.strip() in given:
+            raise InputError(f"effect '{text}': gives '{key.strip()}' twice; keep one")
         given[key.strip()] = value.strip()
     found = effect(name.strip())
     return EffectDescription(name=found.name, parameters=found.checked(given))
