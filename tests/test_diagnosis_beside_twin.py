@@ -63,9 +63,9 @@ def diagnosed(graph: RunningGraph, client: ActionClient, stages: list[str]) -> D
     sent = client.send_goal_async(
         Diagnose.Goal(), lambda message: stages.append(message.feedback.stage)
     )
-    graph.ear.wait_for('an answer to the goal', sent.done, timeout=30.0)
+    graph.listener.wait_for('an answer to the goal', sent.done, timeout=30.0)
     finished = sent.result().get_result_async()
-    graph.ear.wait_for('a diagnosis', finished.done, timeout=300.0)
+    graph.listener.wait_for('a diagnosis', finished.done, timeout=300.0)
     return finished.result().result
 
 
@@ -74,7 +74,7 @@ def test_the_withheld_effect_is_named_while_the_twin_goes_on(
     tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with running_graph(rig_nodes(tmp_path), tmp_path, domain) as graph:
-        client = ActionClient(graph.ear.node, Diagnose, 'diagnosis/diagnose')
+        client = ActionClient(graph.listener.node, Diagnose, 'diagnosis/diagnose')
         graph.wait_for_messages('hub/cycle', 3, timeout=120.0)
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         # the command line calls this function
@@ -83,7 +83,7 @@ def test_the_withheld_effect_is_named_while_the_twin_goes_on(
 
         graph.wait_for_messages('hub/cycle', STATES, timeout=180.0)
         stages: list[str] = []
-        cycles = len(graph.heard['hub/cycle'])
+        cycles = len(graph.messages['hub/cycle'])
         result = diagnosed(graph, client, stages)
         assert result.outcome.code == Outcome.OK, result.outcome.message
         assert result.verdict == 'rate'
@@ -92,6 +92,6 @@ def test_the_withheld_effect_is_named_while_the_twin_goes_on(
         assert Path(result.report).parent.parent == tmp_path / 'diagnoses'
         assert open_recording(Path(result.report).parent / 'run').times[0] == 0.0
         assert len(set(stages)) > 5
-        meanwhile = graph.heard['hub/cycle'][cycles:]
+        meanwhile = graph.messages['hub/cycle'][cycles:]
         assert len(meanwhile) > 1
         assert not any(list(report.remarks) for report in meanwhile)
