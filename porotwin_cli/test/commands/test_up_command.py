@@ -38,7 +38,7 @@ def test_up_checks_arguments_before_it_starts_a_node(
 def test_up_needs_exactly_one_source_of_photographs(experiment: Path) -> None:
     result = porotwin('up', '--rig', experiment / 'rig.yaml')
     assert result.returncode == 2
-    assert 'either --photos FOLDER or --camera DEVICE' in result.stderr
+    assert 'either --photos FOLDER or --camera SOURCE' in result.stderr
     both = porotwin('up', '--rig', experiment / 'rig.yaml', '--photos', experiment, '--replay')
     assert both.returncode == 2
 
