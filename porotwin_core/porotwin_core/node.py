@@ -1,36 +1,104 @@
 """Shared parts of all nodes: parameters, diagnostics, and the main loop with a clean end."""
 
+import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, NotInitializedException
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.parent import end_with_parent
 from porotwin_core.rig import Rig, load_rig
 
+OnChangeFn = Callable[[Any], None]
+"""Takes a value of a parameter; raises InputError if it is wrong."""
 
-def declare(node: Node, name: str, default: Any, description: str) -> Any:
-    """Declare a read-only parameter and return its value, which has the type of `default`.
+
+def declare(
+    node: Node,
+    name: str,
+    default: Any,
+    description: str,
+    *,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    choices: Collection[str] = (),
+    on_change: OnChangeFn | None = None,
+) -> Any:
+    """Declare a parameter and return its value, which has the type of `default`.
+
+    Args:
+        node: the node.
+        name: name of the parameter, with its unit.
+        default: value if none is given.
+        description: one line for people.
+        at_least: smallest value of a number.
+        at_most: largest value of a number.
+        choices: the allowed texts; empty: any.
+        on_change: takes a new value while the node runs; None: the parameter is read-only. It
+            raises InputError to refuse the value.
 
     Raises:
-        InputError: the value given is of another type.
+        InputError: the value given is of another type, not a number, out of range or no choice.
     """
-    descriptor = ParameterDescriptor(description=description, read_only=True)
+
+    def check(value: Any) -> None:
+        where = f"parameter '{name}' of {node.get_name()} is"
+        if isinstance(value, (int, float)) and not at_least <= value <= at_most:
+            raise InputError(f'{where} {value:g}; it must be {_range_in_words(at_least, at_most)}')
+        if choices and value not in choices:
+            raise InputError(f"{where} '{value}'; choose one of: {', '.join(choices)}")
+
+    descriptor = ParameterDescriptor(description=description, read_only=on_change is None)
+    if choices:
+        descriptor.additional_constraints = f'one of: {", ".join(choices)}'
+    elif (at_least, at_most) != (-math.inf, math.inf):
+        descriptor.additional_constraints = _range_in_words(at_least, at_most)
     try:
-        return node.declare_parameter(name, default, descriptor).value
+        value = node.declare_parameter(name, default, descriptor).value
     except InvalidParameterTypeException as error:
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
+    check(value)
+    if on_change is not None:
+        node.add_on_set_parameters_callback(_on_set(name, check, on_change))
+    return value
+
+
+def _range_in_words(at_least: float, at_most: float) -> str:
+    if at_most == math.inf:
+        return f'at least {at_least:g}'
+    if at_least == -math.inf:
+        return f'at most {at_most:g}'
+    return f'from {at_least:g} to {at_most:g}'
+
+
+def _on_set(
+    name: str, check: OnChangeFn, on_change: OnChangeFn
+) -> Callable[[list[Parameter]], SetParametersResult]:
+    """Return rclpy's callback for the parameter `name`."""
+
+    def on_set(parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            for parameter in parameters:
+                if parameter.name == name:
+                    check(parameter.value)
+                    on_change(parameter.value)
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    return on_set
 
 
 def declare_rig(node: Node) -> Rig:

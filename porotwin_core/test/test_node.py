@@ -1,5 +1,6 @@
 """Tests of the main loop of nodes: a shutdown at any moment ends it quietly."""
 
+import math
 import sys
 from collections.abc import Iterator
 
@@ -7,10 +8,11 @@ import pytest
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 
 from porotwin_core.errors import InputError
-from porotwin_core.node import run
+from porotwin_core.node import declare, run
 
 pytestmark = pytest.mark.graph
 
@@ -65,3 +67,41 @@ def test_a_mistake_in_the_parameters_is_one_line(capfd: pytest.CaptureFixture[st
         run(wrong_node)
     assert ended.value.code == 2
     assert capfd.readouterr().err == f'error: {complaint}\n'
+
+
+@pytest.fixture
+def node_of_ranges() -> Iterator[Node]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    made = Node(
+        'ranges',
+        context=context,
+        parameter_overrides=[
+            Parameter('horizon_s', value=-5.0),
+            Parameter('interval_s', value=math.nan),
+            Parameter('preset', value='quick'),
+        ],
+    )
+    yield made
+    made.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def test_a_parameter_out_of_its_range_is_refused_with_the_range(node_of_ranges: Node) -> None:
+    with pytest.raises(InputError, match=r"'horizon_s' of ranges is -5; .*at least 1"):
+        declare(node_of_ranges, 'horizon_s', 600.0, 'look-ahead [s]', at_least=1.0)
+    with pytest.raises(InputError, match=r"'interval_s' of ranges is nan; .*from 1 to 3600"):
+        declare(node_of_ranges, 'interval_s', 3.0, 'interval [s]', at_least=1.0, at_most=3600.0)
+    with pytest.raises(InputError, match=r"'preset' of ranges is 'quick'.*one of: fast, upwind"):
+        declare(node_of_ranges, 'preset', 'fast', 'scheme', choices=('fast', 'upwind'))
+
+
+def test_a_change_is_checked_and_taken(node_of_ranges: Node) -> None:
+    taken: list[int] = []
+    declare(node_of_ranges, 'count', 3, 'a number', at_least=1, at_most=9, on_change=taken.append)
+    assert node_of_ranges.set_parameters([Parameter('count', value=5)])[0].successful
+    refused = node_of_ranges.set_parameters([Parameter('count', value=10)])[0]
+    assert not refused.successful
+    assert 'from 1 to 9' in refused.reason
+    assert taken == [5]
+    assert node_of_ranges.get_parameter('count').value == 5
