@@ -3,13 +3,15 @@
 import math
 import sys
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, NotInitializedException
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
@@ -18,8 +20,18 @@ from rclpy.parameter import Parameter
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.node_health import NodeHealth
 from porotwin_core.parent import end_with_parent
 from porotwin_core.rig import Rig, load_rig
+
+DIAGNOSTICS = '/diagnostics'
+"""Topic of the health of all nodes."""
+
+HARDWARE_ID = 'porotwin'
+"""Name of this system in the reports of health."""
+
+HEARTBEAT_S = 1.0
+"""Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
 
 OnChangeFn = Callable[[Any], None]
 """Takes a value of a parameter; raises InputError if it is wrong."""
@@ -123,31 +135,61 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
 
 
 class Diagnostics:
-    """Publishes the health of one node on /diagnostics (REP-107)."""
+    """Publishes the health of one node on /diagnostics once a second (REP-107).
+
+    The executor of the node publishes. Silence therefore means that the executor is stuck or the
+    process is stopped; a long computation in a thread of its own is no silence.
+    """
 
     def __init__(self, node: Node) -> None:
-        """Make the publisher of `node`."""
+        """Make the publisher of `node` and its heartbeat."""
         self._node = node
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._health = NodeHealth()
+        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
+        own = MutuallyExclusiveCallbackGroup()
+        node.create_timer(HEARTBEAT_S, self._beat, callback_group=own, clock=steady)
+        node.create_timer(HEARTBEAT_S, self._health.callbacks_ran, clock=steady)
 
     def report(self, level: bytes, message: str, **values: object) -> None:
-        """Publish the health of the node.
+        """Publish the health of the node; it is repeated until the next report.
 
         Args:
             level: DiagnosticStatus.OK, WARN or ERROR.
             message: one line.
             values: numbers and texts by name, published as text.
         """
+        texts = {name: str(value) for name, value in values.items()}
+        self._health.report(level[0], message, texts)
+        self._beat()
+
+    def busy(self, what: str, longest_s: float = math.inf) -> AbstractContextManager[None]:
+        """Return a context that marks a piece of work as in progress.
+
+        Args:
+            what: the work in a few words, such as 'state 12'.
+            longest_s: time after which the health is an error [s]; infinite: never.
+        """
+        return self._health.busy(what, longest_s)
+
+    def _beat(self) -> None:
+        health = self._health.now()
         status = DiagnosticStatus(
-            level=level,
+            level=bytes([health.level]),
             name=self._node.get_name(),
-            hardware_id='porotwin',
-            message=message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            hardware_id=HARDWARE_ID,
+            message=health.message,
+            values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
+
+
+def ensure_diagnostics(node: Node) -> None:
+    """Publish the health of `node`, unless it does so by itself."""
+    if not any(publisher.topic_name == DIAGNOSTICS for publisher in node.publishers):
+        Diagnostics(node)  # its timers keep it alive
 
 
 @contextmanager
@@ -171,17 +213,18 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
 
     Args:
         make_node: makes the node; an InputError ends the process with status 2 and one line.
-        threads: threads that run callbacks.
+        threads: threads that run callbacks; one more is added for the health of the node.
     """
     end_with_parent()
     rclpy.init()
     executor = (
-        SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads)
+        SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads + 1)
     )
     node = None
     try:
         with until_shutdown(executor.context):
             node = make_node()
+            ensure_diagnostics(node)
             executor.add_node(node)
             executor.spin()
     except InputError as error:
