@@ -17,7 +17,13 @@ from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
-from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_hub.graph import (
+    GraphSettings,
+    NodeDescription,
+    operator_node,
+    supervised,
+    twin_nodes,
+)
 from porotwin_hub.processes import GraphProcesses
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.concentration import open_maps
@@ -151,11 +157,13 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
     Raises:
         WorkFailed: a node cannot run, or the loop stalls.
     """
-    nodes = [
-        *twin_nodes(graph),
-        operator_node(graph, asset=False),
-        _virtual_rig(graph, folder, settings),
-    ]
+    nodes = supervised(
+        [
+            *twin_nodes(graph),
+            operator_node(graph, asset=False),
+            _virtual_rig(graph, folder, settings),
+        ]
+    )
     photographs = round(settings.minutes * 60.0 / graph.photo_interval_s) + 1
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     # two demos on one machine must not receive each other's messages

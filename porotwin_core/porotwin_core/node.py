@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node_health import NodeHealth
-from porotwin_core.parent import end_with_parent
+from porotwin_core.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.rig import Rig, load_rig
 
 DIAGNOSTICS = '/diagnostics'
@@ -228,8 +228,8 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
             executor.add_node(node)
             executor.spin()
     except InputError as error:
-        print(f'error: {error}', file=sys.stderr)
-        sys.exit(2)
+        print(f'{REFUSAL}{error}', file=sys.stderr)
+        sys.exit(WRONG_PARAMETERS)
     except KeyboardInterrupt:
         pass  # asked to stop, perhaps during the start
     finally:

@@ -209,4 +209,13 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     Without a camera source there is no camera: photographs are replayed from a bag.
     """
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
-    return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]
+    return supervised([*twin_nodes(settings), operator_node(settings, asset=True), *camera])
+
+
+def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:
+    """Return `nodes` and the node that watches them; it starts last and so ends first."""
+    names = ' '.join(node.name for node in nodes)
+    return [
+        *nodes,
+        NodeDescription('supervisor', 'porotwin_hub', 'supervisor_node', {'nodes': names}),
+    ]
