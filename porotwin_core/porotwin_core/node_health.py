@@ -1,4 +1,4 @@
-"""The health of one node: its last report, its work in progress, and what takes too long."""
+"""The health of one node: its last report, its work in progress, and stuck work."""
 
 import math
 import threading
@@ -17,7 +17,7 @@ and is no fault.
 
 @dataclass(frozen=True)
 class HealthReport:
-    """What a node said about itself.
+    """One report of a node about itself.
 
     Attributes:
         level: 0 good, 1 warning, 2 error, as in diagnostic_msgs/DiagnosticStatus.
@@ -80,7 +80,7 @@ class NodeHealth:
             self._callbacks_ran = self._clock()
 
     def now(self) -> HealthReport:
-        """Return the last report with its age, and what takes too long at this moment.
+        """Return the last report with its age, and everything that takes too long now.
 
         Stuck work is an error. Callbacks that wait are a warning, because one of them may compute.
         """

@@ -1,4 +1,4 @@
-"""What a node's process and its launcher agree on: who the launcher is, and how a node refuses."""
+"""The agreement of a node and its launcher: who launched it, and how a node refuses to run."""
 
 import ctypes
 import os
@@ -9,7 +9,7 @@ PARENT = 'POROTWIN_PARENT'
 """Environment variable with the number of the process that started this one."""
 
 REFUSAL = 'error: '
-"""Begin of the line with which a node refuses its parameters."""
+"""A node refuses its parameters with a line that begins with this."""
 
 WRONG_PARAMETERS = 2
 """Exit status of a node whose parameters are wrong: a restart would change nothing."""
