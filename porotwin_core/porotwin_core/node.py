@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -21,6 +22,7 @@ from rclpy.parameter import Parameter
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node_health import NodeHealth
+from porotwin_core.parameter_rule import ParameterRule
 from porotwin_core.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.rig import Rig, load_rig
 
@@ -65,46 +67,43 @@ def declare(
         InputError: the value given is of another type, not a number, out of range or no choice.
     """
 
-    def check(value: Any) -> None:
-        where = f"parameter '{name}' of {node.get_name()} is"
-        if isinstance(value, (int, float)) and not at_least <= value <= at_most:
-            raise InputError(f'{where} {value:g}; it must be {_range_in_words(at_least, at_most)}')
-        if choices and value not in choices:
-            raise InputError(f"{where} '{value}'; choose one of: {', '.join(choices)}")
-
-    descriptor = ParameterDescriptor(description=description, read_only=on_change is None)
-    if choices:
-        descriptor.additional_constraints = f'one of: {", ".join(choices)}'
-    elif (at_least, at_most) != (-math.inf, math.inf):
-        descriptor.additional_constraints = _range_in_words(at_least, at_most)
+    rule = ParameterRule(
+        name, default, description, at_least, at_most, tuple(choices), on_change is not None
+    )
+    descriptor = ParameterDescriptor(
+        description=description,
+        read_only=on_change is None,
+        additional_constraints=rule.constraint,
+    )
+    _rules.setdefault(node, []).append(rule)
     try:
         value = node.declare_parameter(name, default, descriptor).value
     except InvalidParameterTypeException as error:
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
-    check(value)
+    rule.check(value, node.get_name())
     if on_change is not None:
-        node.add_on_set_parameters_callback(_on_set(name, check, on_change))
+        node.add_on_set_parameters_callback(_on_set(node, rule, on_change))
     return value
 
 
-def _range_in_words(at_least: float, at_most: float) -> str:
-    if at_most == math.inf:
-        return f'at least {at_least:g}'
-    if at_least == -math.inf:
-        return f'at most {at_most:g}'
-    return f'from {at_least:g} to {at_most:g}'
+_rules: WeakKeyDictionary[Node, list[ParameterRule]] = WeakKeyDictionary()
+
+
+def rules_of(node: Node) -> list[ParameterRule]:
+    """Return the rules of all parameters that `node` has declared, in the order of declaration."""
+    return list(_rules.get(node, []))
 
 
 def _on_set(
-    name: str, check: OnChangeFn, on_change: OnChangeFn
+    node: Node, rule: ParameterRule, on_change: OnChangeFn
 ) -> Callable[[list[Parameter]], SetParametersResult]:
-    """Return rclpy's callback for the parameter `name`."""
+    """Return rclpy's callback for the parameter of `rule`."""
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
         try:
             for parameter in parameters:
-                if parameter.name == name:
-                    check(parameter.value)
+                if parameter.name == rule.name:
+                    rule.check(parameter.value, node.get_name())
                     on_change(parameter.value)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
