@@ -1,6 +1,5 @@
 """The demo: preparation, closed loop, and the comparison with a run without control."""
 
-import os
 import threading
 import time
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_core.ros_environment import claim_domain
 from porotwin_hub.graph import (
     GraphSettings,
     NodeDescription,
@@ -53,9 +53,6 @@ LAST_REPORT_S = 10.0
 
 LAST_WRITE_S = 1.0
 """Time for the recorder to write the last messages [s]."""
-
-DOMAINS = 100
-"""ROS domains among which demos on one machine are spread; all have free ports on Linux."""
 
 
 @dataclass(frozen=True)
@@ -165,12 +162,9 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
         ]
     )
     photographs = round(settings.minutes * 60.0 / graph.photo_interval_s) + 1
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    # two demos on one machine must not receive each other's messages
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % DOMAINS))
     newest = [time.monotonic()]
     reported = threading.Event()
-    with progress() as bar:
+    with claim_domain(), progress() as bar:
         task = bar.add_task('closed loop', total=photographs)
 
         def on_cycle(_: object) -> None:
@@ -190,10 +184,9 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
 
 def _check(processes: GraphProcesses, newest: float, folder: Path) -> None:
     """Raise WorkFailed if a node other than the page gave up, or if no cycle came for long."""
-    failed = {name: why for name, why in processes.failed.items() if name != 'page'}
-    if failed:
-        name, why = next(iter(failed.items()))
-        raise WorkFailed(f'{name} cannot run: {why}')
+    refusal = processes.refusal(optional=('page', 'supervisor'))
+    if refusal is not None:
+        raise WorkFailed(refusal)
     if time.monotonic() - newest > STALL_S:
         raise WorkFailed(f'no cycle for {STALL_S:g} s; see {folder / "log"}')
 
