@@ -97,7 +97,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
-        *_page_node(settings, common),
+        *page_node(settings),
     ]
 
 
@@ -166,10 +166,15 @@ def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeD
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
 
 
-def _page_node(settings: GraphSettings, common: Parameters) -> list[NodeDescription]:
+def page_node(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the page, or nothing if there is none."""
     if not settings.page:
         return []
-    parameters = {**common, 'address': settings.page}
+    parameters: Parameters = {
+        'rig': str(settings.rig),
+        'use_sim_time': settings.use_sim_time,
+        'address': settings.page,
+    }
     return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
 
 
