@@ -68,7 +68,7 @@ DOMAINS = 100
 LONG_MINUTES = 60.0
 """An experiment of this length [min] shows control from its start; see `start_minute`."""
 
-UNCONTROLLED_MINUTES = 22.0
+UNCONTROLLED_MINUTES = 20.0
 """In a shorter experiment the tracer spreads so long [min] before the twin takes over.
 
 It then approaches the disallowed zone of the small rig, which it enters after 28 min.

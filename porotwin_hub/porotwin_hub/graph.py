@@ -60,7 +60,7 @@ class GraphSettings:
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', 'scheme of the physics-based model: fast, accurate or upwind')
     photo_interval_s: float = _option(30.0, 'time between photographs [s]')
-    horizon_s: float = _option(600.0, 'how far the optimiser looks ahead [s]')
+    horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
     evaluations: int = _option(60, 'most predictions of one optimisation')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
     retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')

@@ -115,7 +115,7 @@ class HubNode(Node):
         threading.Thread(target=self._work, daemon=True).start()
 
     def _controller(self, rig: Rig, grid: Grid, *, patience: float) -> Controller | None:
-        horizon = declare(self, 'horizon_s', 600.0, 'how far the optimiser looks ahead [s]')
+        horizon = declare(self, 'horizon_s', 1800.0, 'how far the optimiser looks ahead [s]')
         evaluations = declare(self, 'evaluations', 60, 'predictions per optimisation')
         if self._limits is None:
             return None

@@ -14,7 +14,7 @@ def command(
         float,
         typer.Option(
             help='Time under control [min]; 80 as in the paper. Below 60, the tracer has spread '
-            'for 22 min before the twin takes over.',
+            'for 20 min before the twin takes over.',
             min=1.0,
         ),
     ] = 30.0,
