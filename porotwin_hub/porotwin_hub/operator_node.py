@@ -13,7 +13,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from porotwin_core import __version__, conversions, qos
+from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
 from porotwin_core.wells import WellRate
@@ -69,6 +69,7 @@ class OperatorNode(Node):
     def _on_setpoint(self, message: Setpoint) -> None:
         now = self._now()
         try:
+            senders.check_only_guard_publishes(self)
             rates, validity = self._checked(message)
             words = self._book.announce(message.sequence, rates, validity=validity, now=now)
         except InputError as error:
@@ -123,6 +124,7 @@ class OperatorNode(Node):
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         try:
+            senders.check_only_guard_calls(self)
             self._checked(request.setpoint)
         except InputError as error:
             response.outcome = conversions.refusal(error)

@@ -31,7 +31,7 @@ class Desk:
         self.operator = OperatorNode(
             clock=lambda: self.now, context=context, parameter_overrides=overrides
         )
-        self.peer = rclpy.create_node('peer', context=context)
+        self.peer = rclpy.create_node('guard', context=context)
         self.executor = SingleThreadedExecutor(context=context)
         for node in (self.operator, self.peer):
             self.executor.add_node(node)
