@@ -140,5 +140,6 @@ def _ranges_ml_h(control: Control) -> dict[str, tuple[float, float]]:
     ranges = dict.fromkeys(control.wells, (0.0, control.max_rate_ml_h))
     ranges |= {name: (well.rate_ml_h, well.rate_ml_h) for name, well in control.fixed.items()}
     if control.producer is not None:
-        ranges[control.producer] = (-math.inf, 0.0)
+        fixed = math.fsum(well.rate_ml_h for well in control.fixed.values())
+        ranges[control.producer] = (-max(control.max_total_rate_ml_h + fixed, 0.0), 0.0)
     return ranges
