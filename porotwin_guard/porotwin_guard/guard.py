@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import Control, Rig
+from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
 
@@ -51,7 +51,7 @@ class Guard:
         self._balanced = rig.control is not None and rig.control.producer is not None
         self._total_ml_h = rig.control.max_total_rate_ml_h if rig.control else 0.0
         self._control_wells = rig.control.wells if rig.control else ()
-        self._ranges_ml_h = _ranges_ml_h(rig.control) if rig.control else {}
+        self._ranges_ml_h = _ranges_ml_h(rig)
         self._fluids = {
             name: well.concentration
             for name, well in (rig.control.fixed if rig.control else {}).items()
@@ -78,9 +78,8 @@ class Guard:
         if set(rates) != self._wells:
             odd = ', '.join(sorted(self._wells ^ set(rates)))
             raise InputError(f'it must name every well of rig.yaml and no other; see {odd}')
-        for name, well in rates.items():
-            rate_ml_h = to_ml_h(well.rate)
-            low, high = self._ranges_ml_h.get(name, (0.0, 0.0))
+        for name, (low, high) in self._ranges_ml_h.items():
+            well, rate_ml_h = rates[name], to_ml_h(rates[name].rate)
             if not low - ROUND_OFF_ML_H <= rate_ml_h <= high + ROUND_OFF_ML_H:
                 raise InputError(
                     f"well '{name}': {rate_ml_h:g} ml/h; rig.yaml allows {low:g} to {high:g} ml/h"
@@ -135,11 +134,14 @@ class Guard:
         return self._passed <= now <= self._passed + validity
 
 
-def _ranges_ml_h(control: Control) -> dict[str, tuple[float, float]]:
-    """Return the least and greatest rate [ml/h] of every well with a role; others are off."""
+def _ranges_ml_h(rig: Rig) -> dict[str, tuple[float, float]]:
+    """Return the least and the greatest rate of every well [ml/h]; wells without a role are off."""
+    control = rig.control
+    if control is None:
+        return dict.fromkeys(rig.wells, (0.0, 0.0))
     ranges = dict.fromkeys(control.wells, (0.0, control.max_rate_ml_h))
     ranges |= {name: (well.rate_ml_h, well.rate_ml_h) for name, well in control.fixed.items()}
     if control.producer is not None:
-        fixed = math.fsum(well.rate_ml_h for well in control.fixed.values())
-        ranges[control.producer] = (-max(control.max_total_rate_ml_h + fixed, 0.0), 0.0)
-    return ranges
+        fixed_ml_h = math.fsum(well.rate_ml_h for well in control.fixed.values())
+        ranges[control.producer] = (-max(control.max_total_rate_ml_h + fixed_ml_h, 0.0), 0.0)
+    return ranges | dict.fromkeys(rig.wells.keys() - ranges.keys(), (0.0, 0.0))
