@@ -101,7 +101,7 @@ def test_setpoints_are_announced_confirmed_and_expire(
         shown.append(capsys.readouterr().out)
         return text in ''.join(shown)
 
-    desk.spin_until(lambda: shows('setpoint 1\n'))
+    desk.spin_until(lambda: shows('setpoint 1 (photograph 0:00:05, valid until 0:01:35)\n'))
     desk.now += 12.0
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)
