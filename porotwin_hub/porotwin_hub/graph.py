@@ -94,6 +94,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         NodeDescription('solver', 'porotwin_solver', 'solver_node', modelled),
         _costa_node(settings, modelled),
         _hub_node(settings, mapped),
+        _guard_node(settings, common),
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
@@ -146,6 +147,12 @@ def _hub_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
         'control': settings.control,
     }
     return NodeDescription('hub', 'porotwin_hub', 'hub_node', parameters)
+
+
+def _guard_node(settings: GraphSettings, common: Parameters) -> NodeDescription:
+    """Return the node that checks the hub's setpoints on their way to the pumps."""
+    parameters = {**common, 'photo_interval_s': settings.photo_interval_s}
+    return NodeDescription('guard', 'porotwin_guard', 'guard_node', parameters)
 
 
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:

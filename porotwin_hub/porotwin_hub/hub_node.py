@@ -134,7 +134,6 @@ class HubNode(Node):
         self._rig_publisher = self.create_publisher(RigDescription, 'rig/description', qos.CONFIG)
         self._predicted = self.create_publisher(TracerField, 'tracer/predicted', qos.FIELD)
         self._corrected = self.create_publisher(TracerField, 'tracer/corrected', qos.FIELD)
-        self._setpoint = self.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
@@ -216,10 +215,10 @@ class HubNode(Node):
             self.get_logger().info(f'time sequence interrupted: {reason}')
 
     def _send(self, decision: SetpointDecision, ready: ReadyState[NewState]) -> None:
-        """Announce a setpoint and command it to the asset.
+        """Send a setpoint to the guard, which announces it and commands it to the asset.
 
         Raises:
-            ModelUnavailable: the asset does not take it.
+            ModelUnavailable: the guard or the asset does not take it.
         """
         self._setpoints += 1
         message = Setpoint(
@@ -230,7 +229,6 @@ class HubNode(Node):
             reason=decision.reason,
         )
         self._inbox.supersede_confirmed_rates()
-        self._setpoint.publish(message)
         try:
             send_control(self._call, message)
         except ModelUnavailable as error:

@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 
-from porotwin_core import __version__, conversions, qos
+from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
@@ -71,7 +71,7 @@ class VirtualRigNode(Node):
         )
         self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
         self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
-        needed = 'solver/predict,costa/corrective_source'
+        needed = 'solver/predict,costa/corrective_source,guard/control'
         needed = declare(self, 'wait_for_services', needed, 'services to wait for at the start')
         self._needed = [self.resolve_service_name(name) for name in filter(None, needed.split(','))]
         self._session = self._make_session(rig)
@@ -127,6 +127,7 @@ class VirtualRigNode(Node):
         setpoint = request.setpoint
         with self._answered:
             try:
+                senders.check_only_guard_calls(self)
                 rates = conversions.rates_from_msg(setpoint.wells)
                 until = conversions.time_from_msg(setpoint.valid_until)
                 self._session.command(rates, valid_until=until)
