@@ -22,6 +22,7 @@ from porotwin_hub.graph import (
     NodeDescription,
     operator_node,
     page_node,
+    supervised,
     twin_nodes,
 )
 from porotwin_hub.processes import GraphProcesses
@@ -209,11 +210,13 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
     Raises:
         WorkFailed: a node cannot run, or the loop stalls.
     """
-    nodes = [
-        *twin_nodes(replace(graph, page='')),  # the page runs already
-        operator_node(graph, asset=False),
-        _virtual_rig(graph, folder, settings),
-    ]
+    nodes = supervised(
+        [
+            *twin_nodes(replace(graph, page='')),  # the page runs already
+            operator_node(graph, asset=False),
+            _virtual_rig(graph, folder, settings),
+        ]
+    )
     newest = [time.monotonic()]
     reported = threading.Event()
     with progress() as bar:
