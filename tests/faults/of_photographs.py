@@ -31,7 +31,7 @@ def truncated(stage: Stage) -> None:
 
 @fault(
     'A file is empty.',
-    Status('camera', 'ERROR', 'left out'),
+    Status('camera', 'ERROR', 'truncated or broken'),
     does=LEFT_OUT,
     mends=NEXT_GOOD,
 )
@@ -41,7 +41,7 @@ def empty(stage: Stage) -> None:
 
 @fault(
     'A file with the name of a photograph holds other bytes.',
-    Status('camera', 'ERROR', 'left out'),
+    Status('camera', 'ERROR', 'truncated or broken'),
     does=LEFT_OUT,
     mends=NEXT_GOOD,
 )
@@ -136,15 +136,3 @@ def folder_away(stage: Stage) -> None:
     stage.photos.rename(away)
     stage.put(stage.picture(), good=True, folder=away)
     away.rename(stage.photos)
-
-
-@fault(
-    'A file may not be read.',
-    Status('camera', 'ERROR', 'unreadable'),
-    does='Leaves it out.',
-    mends='the file may be read, or ' + NEXT_GOOD,
-)
-def dangling(stage: Stage) -> None:
-    (stage.photos / 'unreadable.jpg').mkdir()
-    yield
-    (stage.photos / 'unreadable.jpg').rmdir()

@@ -2,7 +2,7 @@
 
 import signal
 
-from faults.fault import Remark, Status, SupervisorLine, fault
+from faults.fault import Remark, SupervisorLine, fault
 from faults.stage import Stage
 
 RESTARTED = 'Starts the node again.'
@@ -112,7 +112,7 @@ def solver_silent(stage: Stage) -> None:
 
 @fault(
     'COSTA hangs (SIGSTOP).',
-    Status('hub', 'WARN', 'costa'),
+    Remark('costa'),
     does='The forecast is not corrected. Control goes on.',
     mends='COSTA answers again',
 )

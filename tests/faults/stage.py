@@ -38,7 +38,11 @@ RETRY_S = 5.0
 MODEL_TIMEOUT_S = 5.0
 """Longest wait of the hub for a model [s]; its default is longer."""
 
+PATIENCE_S = 2.0
+"""Time after which an unfinished file counts as broken [s]; the default is longer."""
+
 STAMP_TOLERANCE_S = 1e-3
+"""Difference of a file time and the stamp made of it [s]."""
 
 
 @dataclass
@@ -56,9 +60,11 @@ class Seen:
 
     @property
     def remarks(self) -> list[str]:
-        """The remarks of the hub's reports."""
+        """The remarks of the hub's reports, and why forecasts are not corrected."""
         reports = self.stage.graph.messages['hub/cycle'][self.begun['hub/cycle'] :]
-        return [remark for report in reports for remark in report.remarks]
+        return [
+            text for report in reports for text in (*report.remarks, report.correction_status)
+        ]
 
     @property
     def supervisor(self) -> list[str]:
@@ -246,6 +252,7 @@ def _nodes(folder: Path) -> list[NodeDescription]:
         page='127.0.0.1:0',
     )
     more: dict[str, dict[str, Any]] = {
+        'camera': {'patience': PATIENCE_S},
         'hub': {'model_timeout_s': MODEL_TIMEOUT_S},
         'imaging': {'longest_gap': 3600.0},  # photographs come when a test takes one
     }
