@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
+
 from faults.fault import LogLine, fault
 from faults.stage import Stage
-
 from porotwin_core import conversions, qos
 from porotwin_core.grid import Grid
 from porotwin_core.wells import WellRate

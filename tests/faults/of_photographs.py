@@ -1,13 +1,11 @@
 """Photographs. Files that a camera, a cable or a person spoils."""
 
-import os
 import time
 
 import cv2
-import numpy as np
+
 from faults.fault import Status, fault
 from faults.stage import Stage, decoded, encoded
-
 from porotwin_rig.faults import FAULTS as SPOILED
 
 NEXT_GOOD = 'the next good photograph'

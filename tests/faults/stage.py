@@ -62,9 +62,7 @@ class Seen:
     def remarks(self) -> list[str]:
         """The remarks of the hub's reports, and why forecasts are not corrected."""
         reports = self.stage.graph.messages['hub/cycle'][self.begun['hub/cycle'] :]
-        return [
-            text for report in reports for text in (*report.remarks, report.correction_status)
-        ]
+        return [text for report in reports for text in (*report.remarks, report.correction_status)]
 
     @property
     def supervisor(self) -> list[str]:
@@ -121,7 +119,9 @@ class Stage:
             folder: where; None: the folder that the camera watches.
         """
         taken = time.time() if taken is None else taken
-        path = (folder or self.photos) / (name or f'IMG_{self._count:04d}_{time.monotonic_ns() % 10**9}.jpg')
+        path = (folder or self.photos) / (
+            name or f'IMG_{self._count:04d}_{time.monotonic_ns() % 10**9}.jpg'
+        )
         hidden = path.with_name(f'.{path.name}')
         hidden.write_bytes(data)
         os.utime(hidden, (taken, taken))

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
+
 from faults.fault import Fault, all_faults
 from faults.stage import Stage, running_stage
 

@@ -29,9 +29,7 @@ def command(
             'Default: all but the last.'
         ),
     ] = None,
-    kills: Annotated[
-        int, typer.Option(help='faults: how often each node is killed.', min=0)
-    ] = 100,
+    kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
     hours: Annotated[
         float, typer.Option(help='faults: simulated time with the memory written down [h].', min=0)
     ] = 24.0,
