@@ -20,6 +20,9 @@ settings.load_profile('porotwin')
 DOMAINS = range(1, 102)
 """DDS domains whose ports lie below the ephemeral ports of Linux."""
 
+WHOLE_PROJECT = Path(__file__).parent / 'tests'
+"""Folder of the tests that run documents, examples and whole graphs."""
+
 _claims: list[TextIO] = []
 
 
@@ -43,9 +46,12 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files with slow tests first: at the end, all workers have short files left."""
+    """Put files with slow tests first, those of the whole project above all.
+
+    At the end all workers have short files left.
+    """
     slow = {item.path for item in items if item.get_closest_marker('slow') is not None}
-    items.sort(key=lambda item: item.path not in slow)
+    items.sort(key=lambda item: (item.path not in slow, item.path.parent != WHOLE_PROJECT))
 
 
 @pytest.fixture(scope='session')

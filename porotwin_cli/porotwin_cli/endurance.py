@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -24,7 +25,6 @@ from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig, write_rig
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
-from porotwin_msgs.msg import CycleReport
 from porotwin_rig.camera import camera_before
 
 ASSET = 'virtual_rig'
@@ -49,7 +49,7 @@ SAMPLE_S = 600.0
 """Simulated time between two readings of the memory [s]."""
 
 WARM_S = 3600.0
-"""Simulated time [s] after which the memory counts as steady."""
+"""Simulated time until the memory should be steady [s]."""
 
 MOST_GROWTH = 0.01
 """Largest growth of the memory of a node after `WARM_S`, as a share."""
@@ -64,10 +64,10 @@ class LongRun:
 
     processes: GraphProcesses
     nodes: list[str]
-    reports: list[CycleReport] = field(default_factory=list)
+    reports: list[Any] = field(default_factory=list)
     changed: threading.Condition = field(default_factory=threading.Condition)
 
-    def add(self, report: CycleReport) -> None:
+    def add(self, report: Any) -> None:
         """Keep the newest reports."""
         with self.changed:
             self.reports = [*self.reports[-9:], report]
@@ -79,9 +79,9 @@ class LongRun:
         return float(self.reports[-1].header.stamp.sec) if self.reports else 0.0
 
     def wait_until(self, moment: float, *, limit: float, clean: bool = False) -> bool:
-        """Return whether a report of a time after `moment` [s] came within `limit` [s] of wall time.
+        """Return whether a report of a time after `moment` [s] comes within `limit` [s].
 
-        With `clean` it must be a report without remarks.
+        `limit` is wall time. With `clean` it must be a report without remarks.
         """
 
         def there() -> bool:

@@ -25,7 +25,7 @@ from porotwin_cli.workspace import ROOT, small_rig
 from porotwin_core.errors import InputError
 
 LONGEST_S = 20.0
-"""Time [s] after which a reader of a small file counts as stuck."""
+"""Longest time [s] of a reader with a small file."""
 
 BATCH = 25
 """Damaged files per process: a crash costs at most so many."""
@@ -53,14 +53,14 @@ class Reader:
 
 
 @dataclass
-class Reading:
+class FuzzResult:
     """The outcome of one reader: counts, and the first faults with the seeds that repeat them."""
 
     read: int = 0
     refused: int = 0
     faults: list[str] = field(default_factory=list)
 
-    def add(self, other: 'Reading') -> None:
+    def add(self, other: 'FuzzResult') -> None:
         """Add the outcome of a batch."""
         self.read += other.read
         self.refused += other.refused
@@ -125,9 +125,9 @@ TEXT_CHANGES: tuple[ChangeFn, ...] = (
 """Damages of disks and cables, and of editors; a text suffers more of the latter."""
 
 
-def fuzz(name: str, *, tries: int, seed: int) -> Reading:
+def fuzz(name: str, *, tries: int, seed: int) -> FuzzResult:
     """Return the outcome of `tries` damaged files for the reader `name`."""
-    total = Reading()
+    total = FuzzResult()
     for first in range(0, tries, BATCH):
         seeds = range(seed + first, seed + min(first + BATCH, tries))
         context = multiprocessing.get_context('spawn')
@@ -144,10 +144,10 @@ def _be_silent() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-def read_damaged(name: str, seeds: range) -> Reading:
+def read_damaged(name: str, seeds: range) -> FuzzResult:
     """Return the outcome of the reader `name` for the damages of `seeds`."""
     reader = READERS[name]
-    outcome = Reading()
+    outcome = FuzzResult()
     with tempfile.TemporaryDirectory() as temporary:
         whole = Path(temporary) / 'whole'
         whole.mkdir()
@@ -162,7 +162,7 @@ def read_damaged(name: str, seeds: range) -> Reading:
     return outcome
 
 
-def _judge(reader: Reader, path: Path, seed: int, outcome: Reading) -> None:
+def _judge(reader: Reader, path: Path, seed: int, outcome: FuzzResult) -> None:
     """Read one damaged file, and count it."""
     begun = time.monotonic()
     try:

@@ -1,4 +1,4 @@
-"""A fault: how it is injected, how it shows, what the twin does, and what mends it.
+"""A fault: its injection, its signs, the reaction of the twin, and the remedy.
 
 A fault is one function with the decorator `fault`. It injects the fault into a running twin. If it
 is a generator, everything after its `yield` mends the fault. The decorator holds the documented
@@ -115,7 +115,7 @@ class Answer:
 
 
 Sign = Status | Remark | LogLine | SupervisorLine | Answer
-"""A way in which a fault shows."""
+"""A sign of a fault."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ class Fault:
         group: title of its module, for the table.
         injected: the fault, as a user would say it.
         signs: how it shows; all of them within two cycles.
-        does: what the twin does.
-        mends: what ends the fault.
+        does: the reaction of the twin.
+        mends: the remedy.
         inject: injects it; the code after a `yield` mends it.
         restarts: nodes that start again because of it.
     """

@@ -27,7 +27,7 @@ PHOTO_INTERVAL_S = 30.0
 """Interval that the twin is told [s]; photographs come when a test takes one, and sooner."""
 
 CYCLES = 2
-"""Cycles within which a fault shows, and within which the twin acts again."""
+"""Most cycles until a fault shows, and until the twin acts again."""
 
 START_S = 120.0
 """Longest cold start of all nodes on a busy machine [s]."""
@@ -39,7 +39,7 @@ MODEL_TIMEOUT_S = 5.0
 """Longest wait of the hub for a model [s]; its default is longer."""
 
 PATIENCE_S = 2.0
-"""Time after which an unfinished file counts as broken [s]; the default is longer."""
+"""Longest wait for an unfinished file [s]; the default is longer."""
 
 STAMP_TOLERANCE_S = 1e-3
 """Difference of a file time and the stamp made of it [s]."""
