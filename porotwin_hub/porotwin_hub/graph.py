@@ -48,7 +48,7 @@ class GraphSettings:
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', 'scheme of the physics-based model: fast, accurate or upwind')
     photo_interval_s: float = _option(30.0, 'time between photographs [s]')
-    horizon_s: float = _option(600.0, 'how far the optimiser looks ahead [s]')
+    horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
     evaluations: int = _option(60, 'most predictions of one optimisation')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
     retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')
@@ -83,10 +83,11 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         NodeDescription('solver', 'porotwin_solver', 'solver_node', modelled),
         _costa_node(settings, modelled),
         _hub_node(settings, mapped),
+        _guard_node(settings, common),
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
-        *_page_node(settings, common),
+        *page_node(settings),
     ]
 
 
@@ -137,6 +138,12 @@ def _hub_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
     return NodeDescription('hub', 'porotwin_hub', 'hub_node', parameters)
 
 
+def _guard_node(settings: GraphSettings, common: Parameters) -> NodeDescription:
+    """Return the node that checks the hub's setpoints on their way to the pumps."""
+    parameters = {**common, 'photo_interval_s': settings.photo_interval_s}
+    return NodeDescription('guard', 'porotwin_guard', 'guard_node', parameters)
+
+
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:
     if settings.record is None:
         return []
@@ -155,10 +162,15 @@ def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeD
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
 
 
-def _page_node(settings: GraphSettings, common: Parameters) -> list[NodeDescription]:
+def page_node(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the page, or nothing if there is none."""
     if not settings.page:
         return []
-    parameters = {**common, 'address': settings.page}
+    parameters: Parameters = {
+        'rig': str(settings.rig),
+        'use_sim_time': settings.use_sim_time,
+        'address': settings.page,
+    }
     return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
 
 
