@@ -129,9 +129,6 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         WorkFailed: a node cannot run, or the loop stalls.
     """
     started = time.monotonic()
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    # two demos on one machine must not receive each other's messages
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % DOMAINS))
     rig_file = _prepare_rig(folder, settings.photo_width)
     graph = GraphSettings(
         rig=rig_file,
@@ -141,7 +138,7 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         page=settings.page,
         use_sim_time=True,
     )
-    with GraphProcesses(page_node(graph), folder, say=say) as page:
+    with claim_domain(), GraphProcesses(page_node(graph), folder, say=say) as page:
         if settings.page:
             say(f'page: http://{settings.page}')
         calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
@@ -216,7 +213,7 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
     )
     newest = [time.monotonic()]
     reported = threading.Event()
-    with claim_domain(), progress() as bar:
+    with progress() as bar:
         task = bar.add_task('closed loop', total=settings.photographs)
 
         def on_cycle(_: object) -> None:
