@@ -40,13 +40,8 @@ def test_a_middleware_that_is_not_installed_is_named_with_those_that_are(tmp_pat
         (tmp_path / 'lib' / f'librmw_{name}.so').touch()
     environ = {'AMENT_PREFIX_PATH': str(tmp_path), 'RMW_IMPLEMENTATION': 'rmw_connext_cpp'}
     with pytest.raises(InputError, match=r'rmw_connext_cpp, which is not installed; .*cyclonedds'):
-<<<<<<< HEAD
         check_environment(environ)
     check_environment({**environ, 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'})
-=======
-        prepare_environment(environ)
-    prepare_environment({**environ, 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'})
->>>>>>> main
 
 
 def test_without_a_range_only_this_machine_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +60,6 @@ def test_the_domain_is_a_number() -> None:
 
 def test_a_domain_has_one_graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
-<<<<<<< HEAD
     monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
     with DomainClaim(1):
         with pytest.raises(InputError, match=r'another graph runs in domain 1 .*set ROS_DOMAIN_ID'):
@@ -76,15 +70,3 @@ def test_a_domain_has_one_graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
                 claim_domain()  # the user's choice is kept
     with DomainClaim(1) as again:
         assert again.domain == 1
-=======
-    first = DomainClaim(1)
-    with pytest.raises(InputError, match=r'another graph runs in domain 1 .*set ROS_DOMAIN_ID to'):
-        DomainClaim(1)
-    second = claim_free_domain()
-    assert second.domain == 2
-    first.release()
-    third = claim_free_domain()
-    assert third.domain == 1
-    second.release()
-    third.release()
->>>>>>> main

@@ -21,6 +21,7 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.parameter_rule import ParameterRule
+from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_hub.node_description import NAMESPACE, NodeDescription
 
 Rules = Mapping[str, Mapping[str, ParameterRule]]
@@ -110,7 +111,7 @@ def with_parameters(
 
 def _read(path: Path) -> Any:
     try:
-        return yaml.safe_load(path.read_text(encoding='utf-8'))
+        return read_yaml(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise InputError('no such file; ./porotwin up --params-template prints one') from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

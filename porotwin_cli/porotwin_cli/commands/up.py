@@ -78,7 +78,7 @@ def command(
     from porotwin_core.rig import load_rig
     from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
     from porotwin_hub.graph import live_graph
-    from porotwin_imaging.sources.source_registry import source_at
+    from porotwin_imaging.sources.source_registry import check_source
 
     prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
@@ -92,7 +92,7 @@ def command(
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
     if camera:
-        source_at(camera)  # refuses an unknown camera source
+        check_source(camera)
     settings = GraphSettings(
         rig=rig_file.resolve(),
         photos=photos.resolve() if photos is not None else None,
