@@ -169,7 +169,7 @@ class Diagnostics:
 
         Args:
             what: the work in a few words, such as 'state 12'.
-            longest_s: time after which the health is an error [s]; infinite: never.
+            longest_s: the health is an error if the work takes longer [s]; infinite: never.
         """
         return self._health.busy(what, longest_s)
 

@@ -26,7 +26,7 @@ FREE_DOMAINS = range(1, 102)
 """Domains whose ports lie below those that Linux gives to programs (docs.ros.org)."""
 
 RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
-"""Discovery ranges in which the nodes of a graph find each other."""
+"""The nodes of a graph find each other in these discovery ranges."""
 
 
 def prepare_environment() -> None:

@@ -45,7 +45,7 @@ TEE_PATIENCE_S = 2.0
 """Longest wait for the last output of a node that has ended [s]; a child may hold it open."""
 
 LOG_LIMIT_BYTES = 10_000_000
-"""Size at which a log file becomes NAME.log.1, in place of the one before."""
+"""A log file that is larger becomes NAME.log.1, in place of the one before."""
 
 SayFn = Callable[[str], None]
 """Receives one line for the user."""
@@ -300,7 +300,7 @@ class GraphProcesses:
             kill(kept.process.pid)
 
     def _on_end(self, kept: _Kept, status: int) -> None:
-        """Decide what follows the end of a process."""
+        """Give up a node that has ended, or set the time of its next start."""
         name = kept.node.name
         if status == 0:
             kept.given_up = True

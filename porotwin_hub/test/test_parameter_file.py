@@ -1,4 +1,4 @@
-"""Tests of parameter files: what they reach, and the line for each mistake."""
+"""Tests of parameter files: the nodes they reach, and the line for each mistake."""
 
 import re
 from pathlib import Path
