@@ -46,6 +46,7 @@ class Asset:
             Parameter('grid', value='20x12'),
             Parameter('evaluations', value=12),
             Parameter('model_timeout_s', value=0.1),
+            Parameter('use_sim_time', value=True),
         ]
         self.hub = HubNode(
             physics=Slope(),

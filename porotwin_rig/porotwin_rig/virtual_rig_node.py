@@ -55,9 +55,17 @@ class VirtualRigNode(Node):
         self.set_parameters([Parameter('use_sim_time', value=True)])
         rig = declare_rig(self)
         interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
-        duration = declare(self, 'duration_s', 4800.0, 'length of the experiment [s]')
+        duration = declare(self, 'duration_s', 4800.0, 'time at which the experiment ends [s]')
+        self._start = declare(
+            self, 'start_s', 0.0, 'time of the first photograph; safe rates until then [s]'
+        )
         self._interval = _positive('photo_interval_s', interval)
         self._duration = _positive('duration_s', duration)
+        if not 0.0 <= self._start < self._duration:
+            raise InputError(
+                f"parameter 'start_s' of the virtual rig: {self._start:g}; give a time from 0 to "
+                f'before the end at {self._duration:g} s'
+            )
         self._pace = parse_speed(
             declare(self, 'speed', 'max', 'max, or times faster than real time')
         )
@@ -147,6 +155,7 @@ class VirtualRigNode(Node):
         try:
             self._publish_clock()
             self._publish_photo(self._baseline, self._session.baseline())
+            self._session.advance_with_safe_rates(self._start)
             self._wait_for_graph()
             self._run_experiment()
         except Exception as error:  # a thread that fails must say so
