@@ -21,9 +21,6 @@ from porotwin_pumps.pump_file import load_pumps, pump_openers
 TICK_PERIOD_S = 1.0
 """Time between two looks at the pumps [s]."""
 
-SINCE_1970 = 1e9
-"""Times below this [s] count from the start of an experiment, not from 1970."""
-
 
 class PumpsNode(Node):
     """Sets real pumps for the guard, watches them, and measures what they deliver."""
@@ -90,14 +87,14 @@ class PumpsNode(Node):
         """
         taken = conversions.time_from_msg(setpoint.header.stamp)
         until = conversions.time_from_msg(setpoint.valid_until)
-        now = self._now()
-        # beside a clock since 1970, the times of an experiment tell no age
-        comparable = (taken < SINCE_1970) == (now < SINCE_1970)
-        self._ahead = 0.0 if comparable else taken - now
-        remaining = min(until - taken, until - now - self._ahead)
-        if not remaining > 0.0:
-            raise InputError(f'it has expired {-remaining:.1f} s ago')
-        return remaining
+        validity = until - taken
+        if not validity > 0.0:
+            raise InputError('it ends before its photograph')
+        age = self._now() - taken
+        # an impossible age tells of a camera with another clock; the guard has judged it
+        possible = 0.0 < age < validity
+        self._ahead = 0.0 if possible else -age
+        return validity - age if possible else validity
 
     def _tick(self) -> None:
         line = self._bridge.tick(time.monotonic())

@@ -3,8 +3,7 @@
 import errno
 import os
 import termios
-
-import serial
+from typing import Any
 
 ANSWER_TIMEOUT_S = 0.5
 """Longest wait for the next byte [s]: a pump answers within a tenth of it."""
@@ -25,11 +24,15 @@ class SerialLine:
         self.path = path
         self._baud = baud
         self._timeout_s = timeout_s
-        self._port: serial.Serial | None = None
+        self._port: Any = None
 
-    def _opened(self) -> serial.Serial:
+    def _opened(self) -> Any:
         if self._port is not None:
             return self._port
+        try:
+            import serial  # here, so that a graph without pumps runs without it
+        except ImportError:
+            raise LineError('pyserial is missing; pip install pyserial') from None
         try:
             # exclusive: two programs that talk on one line confuse every pump
             self._port = serial.Serial(
@@ -70,7 +73,7 @@ class SerialLine:
         return answer
 
     @staticmethod
-    def _read_until(port: serial.Serial, end: bytes) -> bytes:
+    def _read_until(port: Any, end: bytes) -> bytes:
         answer = b''
         while not answer.endswith(end) and len(answer) < LONGEST_ANSWER:
             byte = port.read(1)

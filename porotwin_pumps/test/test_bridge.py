@@ -4,8 +4,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin')
-
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h, to_ml_h

@@ -6,8 +6,6 @@ from typing import Any
 import pytest
 import yaml
 
-pytest.importorskip('serial', reason='needs pyserial; set it up with ./porotwin')
-
 from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
 from porotwin_pumps.pump_file import load_pumps, pump_openers
