@@ -108,7 +108,7 @@ def test_setpoints_are_pumped_measured_and_end_in_safe_rates(rack: Rack) -> None
     assert rack.send(100.0).code == Outcome.OK
     assert rack.running() == [500.0, -600.0, 100.0, 0.0, 0.0]
     rack.wait_until(lambda: any(close_to(m, 'control1', 100.0) for m in rack.measured))
-    stranger = rack.guard.context and rclpy.create_node('stranger', context=rack.guard.context)
+    stranger = rclpy.create_node('stranger', context=rack.guard.context)
     client = stranger.create_client(Control, 'asset/control')
     rack.wait_until(client.service_is_ready)
     assert '/stranger calls asset/control too' in rack.send(200.0).message
