@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
-from porotwin_hub.parameter_file import known_rules, with_parameters
+from porotwin_hub.parameter_file import known_rules, template, with_parameters
 
 __all__ = [
     'NAMESPACE',
@@ -17,6 +17,7 @@ __all__ = [
     'description_of',
     'live_graph',
     'operator_node',
+    'parameter_template',
     'supervised',
     'twin_nodes',
 ]
@@ -239,3 +240,24 @@ def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:
         *nodes,
         NodeDescription('supervisor', 'porotwin_hub', 'supervisor_node', {'nodes': names}),
     ]
+
+
+def parameter_template() -> str:
+    """Return a parameter file with all parameters of the nodes beside a real rig."""
+    somewhere = Path('folder')
+    everything = GraphSettings(
+        rig=somewhere,
+        photos=somewhere,
+        calibration=somewhere,
+        model=somewhere,
+        grid='columns x rows',
+        retrain_every=1,
+        architecture='network',
+        training=somewhere,
+        record=somewhere,
+        diagnoses=somewhere,
+        page='HOST:PORT',
+    )
+    given = {node.name: node.parameters for node in live_graph(everything)}
+    rules = known_rules()
+    return template({node: rules[node] for node in given}, given)
