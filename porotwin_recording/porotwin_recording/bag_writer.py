@@ -41,7 +41,7 @@ class _Part(NamedTuple):
     name: str
     start: int
     end: int
-    count: int
+    message_count: int
     topics: dict[str, Topic]
 
 
@@ -200,13 +200,13 @@ class BagWriter:
             name: sum(part.topics[name].message_count for part in parts if name in part.topics)
             for name in channels
         }
-        filled = [part for part in parts if part.count]
+        filled = [part for part in parts if part.message_count]
         start = min((part.start for part in filled), default=0)
         end = max((part.end for part in filled), default=0)
         information = {
             'version': METADATA_VERSION,
             'storage_identifier': 'mcap',
-            **_extent(start, end, sum(part.count for part in parts)),
+            **_extent(start, end, sum(part.message_count for part in parts)),
             'topics_with_message_count': [
                 _topic_metadata(topic, counts[name]) for name, topic in channels.items()
             ],
@@ -214,7 +214,8 @@ class BagWriter:
             'compression_mode': '',
             'relative_file_paths': [part.name for part in parts],
             'files': [
-                {'path': part.name, **_extent(part.start, part.end, part.count)} for part in parts
+                {'path': part.name, **_extent(part.start, part.end, part.message_count)}
+                for part in parts
             ],
             'custom_data': None,
             'ros_distro': 'jazzy',
