@@ -280,7 +280,12 @@ class PlayerNode(Node):
             )
             for publisher in self._publishers_by_topic.values()
         )
-        return GraphSeen(nodes, topics, self._recorded(nodes), self._hears_answers())
+        services = frozenset(
+            name.removeprefix(f'{space}/')
+            for name, _ in self.get_service_names_and_types()
+            if name.startswith(f'{space}/')
+        )
+        return GraphSeen(nodes, topics, services, self._recorded(nodes), self._hears_answers())
 
     def _recorded(self, nodes: Set[str]) -> frozenset[str] | None:
         """Return the topics that the node `recorder` takes; None: all, or it has not answered."""
