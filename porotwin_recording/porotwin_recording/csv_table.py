@@ -10,6 +10,9 @@ from porotwin_core.errors import InputError
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
 
+LONGEST_QUOTE = 80
+"""Most characters of a wrong line that a message repeats."""
+
 
 def read_table(
     path: Path, header: tuple[str, ...], purpose: str
@@ -32,21 +35,23 @@ def read_table(
             lines = csv.reader(file)
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:
-                raise InputError(
-                    f"{path}: first line is '{','.join(found)}'; write {','.join(header)}"
-                )
+                line = ' '.join(','.join(found).split())[:LONGEST_QUOTE]
+                raise InputError(f"{path}: first line is '{line}'; write {','.join(header)}")
             for line in lines:
                 words = [word.strip() for word in line]
                 if not any(words):
                     continue
                 where = f'{path}:{lines.line_num}'
+                if any(word != ' '.join(word.splitlines()) for word in words):
+                    raise InputError(f'{where}: a value goes over two lines; close its quotation')
                 if len(words) != len(header):
                     raise InputError(f'{where}: has {len(words)} values; needs {",".join(header)}')
                 yield where, words
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; it holds {purpose}') from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f'{path}: not readable as CSV: {error}') from None
+        reason = ' '.join(str(error).split())
+        raise InputError(f'{path}: not readable as CSV: {reason}') from None
 
 
 def write_table(path: Path, header: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> None:
