@@ -7,7 +7,6 @@ import typer
 
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
 
 if TYPE_CHECKING:
     from porotwin_recording.photos import Photo
@@ -26,6 +25,7 @@ def command(
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
+    from porotwin_cli.grids import grid_of
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.photo_to_map import concentration_map
@@ -34,7 +34,7 @@ def command(
 
     recording = open_recording(experiment)
     rig = recording.rig
-    map_grid = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    map_grid = grid_of(grid, rig)
     baselines = [photo for photo in recording.photos if photo.role == 'baseline']
     states = [photo for photo in recording.photos if photo.role != 'baseline']
     if not baselines or not states:

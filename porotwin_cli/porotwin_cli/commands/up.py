@@ -54,6 +54,7 @@ def command(
     """
     from porotwin_cli.grids import grid_of
     from porotwin_cli.live_twin import check_early, run_until_stopped
+    from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
     from porotwin_imaging.sources.source_registry import source_at
 
@@ -67,6 +68,7 @@ def command(
         raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
+    tell_pace(description, cells, preset, photo_interval_s)
     if camera:
         source_at(camera)  # refuses an unknown camera source
     folder = run_folder(output, 'up')
