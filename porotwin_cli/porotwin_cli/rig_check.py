@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from porotwin_cli.grids import grid_of
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.plausibility import Remark
@@ -95,14 +94,12 @@ def check(
         remarks += [
             Remark('recording', '', text, 'see the log of the run') for text in data.remarks
         ]
-    try:
-        cells = grid_of(grid, rig)
-    except InputError as error:
-        remarks.append(_as_remark('grid', error))
-        cells = rig.default_grid()
+    cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
     if not any(remark.refused for remark in remarks):
-        remarks += [*remarks_about_grid(cells, rig), *_uses(rig, cells)]
+        remarks += remarks_about_grid(cells, rig)
+    if not any(remark.refused for remark in remarks):
+        remarks += _uses(rig, cells)
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
     runs = not any(remark.refused for remark in remarks)
