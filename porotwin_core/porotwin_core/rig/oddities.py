@@ -22,7 +22,7 @@ from porotwin_core.plausibility import (
 )
 from porotwin_core.polygons import crosses_itself, inside, signed_area
 from porotwin_core.rig.description import Rig
-from porotwin_core.rig.sections import Pixel
+from porotwin_core.rig.sections import LEAST_CORNERS, Pixel
 
 DEEP = 0.5
 """Depth over the smaller side above which a rig is no longer flat, as the model assumes."""
@@ -237,6 +237,8 @@ def _outline(rig: Rig, key: str, corners: Any) -> Iterator[Remark]:
         polygon = np.array(corners, dtype=float).reshape(-1, 2)
     except (TypeError, ValueError):
         return  # the reader of the parameter refuses it
+    if len(polygon) < LEAST_CORNERS:
+        return
     size = f'the rig of {rig.width_m:g} m x {rig.height_m:g} m'
     if crosses_itself(polygon):
         why = 'the outline crosses itself'

@@ -15,7 +15,6 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points
 from porotwin_core.rig.description import PROPERTIES, SAND_KEYS, Rig
-from porotwin_core.rig.known_keys import KNOWN_KEYS
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.rig.sand_drawing import (
     draw_image,
@@ -108,7 +107,7 @@ def _described(data: Any, path: Path) -> Rig:
     try:
         rig = Rig.model_validate(data)
     except pydantic.ValidationError as error:
-        raise InputError(one_line(path, error, keys=KNOWN_KEYS)) from None
+        raise InputError(one_line(path, error)) from None
     maps: dict[str, FloatArray] = {
         name: _read_map(path, name, value)
         for name in PROPERTIES
@@ -177,7 +176,7 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
         }
         rig = Rig.model_validate({**others, **quantities, **references})
     except pydantic.ValidationError as error:
-        raise InputError(one_line('rig description', error, keys=KNOWN_KEYS)) from None
+        raise InputError(one_line('rig description', error)) from None
     return rig.with_maps(maps)
 
 
