@@ -10,6 +10,17 @@ from porotwin_core.rig.known_keys import KNOWN_KEYS
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
 """Parts of a location that name the form of a value, not a key."""
 
+_REASONS = {
+    'tuple_type': 'write a list, such as [a, b]',
+    'list_type': 'write a list, such as [a, b]',
+    'model_type': 'write a section, such as {key: value}',
+    'dict_type': 'write a section, such as {key: value}',
+    'string_type': 'write a text; put numbers and dates in quotes',
+    'float_type': 'write a number',
+    'string_too_short': 'write at least one letter',
+}
+"""Reasons in plain words, by the type of pydantic's error; its own message serves for others."""
+
 LONGEST_VALUE = 60
 """Longest text of a wrong value in a message [characters]."""
 
@@ -28,7 +39,7 @@ def one_line(
     parts = [str(part) for part in first['loc'] if part not in _FORMS]
     where = '.'.join(parts) or section
     more = f' (and {error.error_count() - 1} more)' if error.error_count() > 1 else ''
-    reason = first['msg'].removeprefix('Value error, ')
+    reason = _REASONS.get(first['type'], first['msg'].removeprefix('Value error, '))
     if first['type'] == 'extra_forbidden':
         near = difflib.get_close_matches(parts[-1], KNOWN_KEYS, n=1)
         guess = f"; did you mean '{near[0]}'?" if near else ''

@@ -77,6 +77,8 @@ def _content(path: Path) -> Any:
         raise InputError(f'{path}: no such file; name a rig.yaml or a folder with one') from None
     except UnicodeDecodeError:
         raise InputError(f'{path}: not a text in UTF-8; save it as UTF-8') from None
+    except RecursionError:
+        raise InputError(f'{path}: its sections are nested too deeply; correct it') from None
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
 
