@@ -86,6 +86,19 @@ def refuse_unknown_light(
     )
 
 
+def exposure_remarks(
+    checker_gain: Array | None, settings: LightSettings = DEFAULTS.light
+) -> list[str]:
+    """Return a remark if the colour chart corrected another exposure.
+
+    `checker_gain` is the log gain (3,) at the chart, None if it is not seen.
+    """
+    if checker_gain is None or abs(float(checker_gain.mean())) <= settings.search_range:
+        return []
+    factor = float(np.exp(checker_gain.mean()))
+    return [f'{factor:.2g} times the light of the baseline: corrected by the colour chart']
+
+
 def refuse_grey(state: Array, baseline: Array) -> None:
     """Raise InputError if the photograph has no colours but the baseline has.
 

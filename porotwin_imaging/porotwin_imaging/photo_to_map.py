@@ -30,7 +30,12 @@ from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_base
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised, noise_after_denoising
-from porotwin_imaging.light_check import lit_as_baseline, refuse_grey, refuse_unknown_light
+from porotwin_imaging.light_check import (
+    exposure_remarks,
+    lit_as_baseline,
+    refuse_grey,
+    refuse_unknown_light,
+)
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.stopwatch import Stopwatch
@@ -156,6 +161,7 @@ def compare_with_baseline(
         drift = light_drift(ratio, weight, gain, settings.light)
         refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
         residual = ratio - drift.log_gain
+        light_remarks += exposure_remarks(gain, settings.light)
         visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
     left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px

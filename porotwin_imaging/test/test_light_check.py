@@ -29,6 +29,8 @@ def test_the_chart_corrects_another_exposure(
     found = concentration_map(laboratory.photograph(truth, gain=gain), baseline)
     assert np.isfinite(found.values).mean() > 0.97
     assert relative_error(found.values, truth) < 0.06
+    (line,) = found.status
+    assert line == f'{gain:.2g} times the light of the baseline: corrected by the colour chart'
 
 
 @pytest.mark.parametrize('gain', [0.02, 0.25, 0.5, 1.5, 2.0, 3.0, 6.0])
