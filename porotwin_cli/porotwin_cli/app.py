@@ -9,7 +9,7 @@ from types import ModuleType
 import typer
 
 from porotwin_cli import commands
-from porotwin_cli.terminal import WorkFailed, say
+from porotwin_cli.terminal import WorkFailed, say, show_warnings
 from porotwin_core.errors import InputError
 
 HELP_OPTIONS = ('-h', '--help')
@@ -53,6 +53,7 @@ app = make_app()
 
 def main() -> None:
     """Run the command; exit with 0 done, 1 the work failed, 2 wrong input, 130 interrupted."""
+    show_warnings()
     try:
         app(prog_name='porotwin')
     except InputError as error:

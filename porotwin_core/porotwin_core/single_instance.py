@@ -31,8 +31,9 @@ LEASE_S = 25.0
 PERIOD_S = 0.1
 """Time between two looks [s]."""
 
-PARTICIPANT_BYTES = 12
-"""Bytes of a DDS identity that name the participant: one process has one."""
+PARTICIPANT_BYTES = 8
+"""Bytes of a DDS identity that name the process: vendor, host, process and a random number. The
+rest counts its participants; a process gets a new one when the last node of the old one is gone."""
 
 _claims: dict[str, 'Claim'] = {}
 

@@ -58,6 +58,7 @@ class GraphSettings:
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
+    pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
@@ -204,8 +205,21 @@ def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
     )
 
 
+def pumps_node(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the node that sets the pumps by itself, if there is a file of the pumps."""
+    if settings.pumps is None:
+        return []
+    parameters: Parameters = {
+        'rig': str(settings.rig),
+        'use_sim_time': settings.use_sim_time,
+        'pumps': str(settings.pumps),
+        'measure_period_s': settings.photo_interval_s,
+    }
+    return [NodeDescription('pumps', 'porotwin_pumps', 'pumps_node', parameters)]
+
+
 def live_graph(settings: GraphSettings) -> list[NodeDescription]:
-    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
+    """Return the graph beside a real rig: a camera, the twin, and a person or real pumps.
 
     Without a camera source there is no camera: photographs are replayed from a bag.
 
@@ -213,7 +227,9 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
         InputError: the parameter file of `settings` is wrong.
     """
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
-    nodes = supervised([*twin_nodes(settings), operator_node(settings, asset=True), *camera])
+    pumps = pumps_node(settings)
+    operator = operator_node(settings, asset=not pumps)
+    nodes = supervised([*twin_nodes(settings), operator, *pumps, *camera])
     return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
 
 

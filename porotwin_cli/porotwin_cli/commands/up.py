@@ -75,6 +75,7 @@ def command(
     """
     from porotwin_cli.grids import grid_of
     from porotwin_cli.live_twin import check_early, run_until_stopped
+    from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
     from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
     from porotwin_hub.graph import live_graph
@@ -91,6 +92,7 @@ def command(
         raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
+    tell_pace(description, cells, preset, photo_interval_s)
     if camera:
         check_source(camera)
     settings = GraphSettings(
