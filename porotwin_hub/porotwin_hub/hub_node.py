@@ -130,6 +130,8 @@ class HubNode(Node):
             most_age=math.inf if self._simulated else photographs.most_age,
         )
         self._twin = twin
+        # then its setpoint would have expired; simulated time waits for the twin
+        self._longest_work_s = math.inf if self._simulated else twin.validity
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
         self._make_topics()
@@ -282,7 +284,8 @@ class HubNode(Node):
                 if self._changed.is_set():
                     self._changed.clear()
                     self._twin.change_controller(self._controller_in_use())
-                cycle = self._hub.run(ready, self._send, objection=self._objection())
+                with self._diagnostics.busy(f'state {sequence}', self._longest_work_s):
+                    cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)
             except Exception as error:
                 # the loop outlives any one photograph
