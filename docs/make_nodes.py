@@ -24,6 +24,7 @@ from typing import Any
 
 import rclpy
 from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -180,7 +181,9 @@ def section(executable: str, node: Node) -> str:
 def started(make: type[Node], given: dict[str, Any]) -> Node:
     """Return a node as it is after its start."""
     overrides = [Parameter(name, value=value) for name, value in given.items()]
-    node = make(namespace=NAMESPACE, parameter_overrides=overrides)
+    context = Context()  # its own: a node that has finished shuts its context down
+    rclpy.init(context=context)
+    node = make(namespace=NAMESPACE, parameter_overrides=overrides, context=context)
     ensure_diagnostics(node)
     time.sleep(0.5)  # until the node has discovered its own actions
     return node
@@ -189,7 +192,6 @@ def started(make: type[Node], given: dict[str, Any]) -> Node:
 def documents() -> dict[Path, str]:
     """Return the texts of both files."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    rclpy.init()
     sections, all_rules = [], {}
     with tempfile.TemporaryDirectory() as folder:
         needed = needed_parameters(Path(folder))
