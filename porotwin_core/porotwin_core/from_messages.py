@@ -17,7 +17,6 @@ from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate
 
-
 RIG_FRAME = 'rig'
 """Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
 

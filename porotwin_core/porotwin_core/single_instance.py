@@ -40,14 +40,21 @@ _claims: dict[str, 'Claim'] = {}
 class Claim:
     """The right to a node's full name in a domain, held until the process ends.
 
-    `own` is the identity of this process in DDS, `ghosts` are those of its dead predecessors.
+    `known` are the identities in DDS of the node itself and of the ghosts of its predecessors.
     """
 
-    def __init__(self, lock: int, own: str, ghosts: frozenset[str]) -> None:
+    def __init__(self, lock: int, ghosts: frozenset[str]) -> None:
         """Keep the open file `lock`, which holds the lock."""
-        self.lock = lock
-        self.own = own
-        self.ghosts = ghosts
+        self._lock = lock
+        self.known = ghosts
+
+    def adopt(self, node: Node) -> None:
+        """Note the identity of `node`, which bears the claimed name, for its successor, too."""
+        own = _identity(node)
+        os.ftruncate(self._lock, 0)
+        os.pwrite(self._lock, own.encode('ascii'), 0)
+        self.known |= {own}
+        _claims[node.get_fully_qualified_name()] = self
 
 
 def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
@@ -58,8 +65,10 @@ def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
     """
 
     def make() -> Node:
-        claim_name(name)
-        return make_node()
+        claim = claim_name(name)
+        node = make_node()
+        claim.adopt(node)
+        return node
 
     return make
 
@@ -75,14 +84,10 @@ def claim_name(name: str) -> Claim:
         full_name = probe.get_fully_qualified_name()
         lock = _locked(full_name, probe.context.get_domain_id())
         ghosts = frozenset(os.pread(lock, 4096, 0).decode('ascii', 'ignore').split())
-        own = _own_identity(probe)
-        _wait_for_others(probe, full_name, ghosts | {own})
+        _wait_for_others(probe, full_name, ghosts | {_identity(probe)})
     finally:
         probe.destroy_node()
-    os.ftruncate(lock, 0)
-    os.pwrite(lock, own.encode('ascii'), 0)
-    _claims[full_name] = Claim(lock, own, ghosts)
-    return _claims[full_name]
+    return Claim(lock, ghosts)
 
 
 def another_lives(node: Node) -> str:
@@ -93,7 +98,7 @@ def another_lives(node: Node) -> str:
     """
     full_name = node.get_fully_qualified_name()
     claim = _claims.get(full_name)
-    if claim is None or not _identities(node, full_name) - claim.ghosts - {claim.own}:
+    if claim is None or _identities(node, full_name) <= claim.known:
         return ''
     return _refusal(full_name)
 
@@ -131,13 +136,13 @@ def _locked(full_name: str, domain: int) -> int:
             return lock
 
 
-def _own_identity(probe: Node) -> str:
-    """Return the identity of this process: that of a topic which nobody else can have."""
-    topic = f'{probe.get_name()}_{os.getpid()}_{time.monotonic_ns()}'
-    publisher = probe.create_publisher(ParameterEvent, topic, 1)
-    (own,) = _participants(probe, publisher.topic_name)
-    probe.destroy_publisher(publisher)
-    return own[1]
+def _identity(node: Node) -> str:
+    """Return the identity of `node`, from a topic that nobody else publishes."""
+    topic = f'{node.get_name()}_{os.getpid()}_{time.monotonic_ns()}'
+    publisher = node.create_publisher(ParameterEvent, topic, 1)
+    ((_, own),) = _participants(node, publisher.topic_name)
+    node.destroy_publisher(publisher)
+    return own
 
 
 def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None:

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
@@ -213,7 +214,7 @@ class _Feedback:
 def main() -> None:
     """Run the node at a low priority."""
     os.nice(NICENESS)  # before any thread starts, because each inherits the value
-    run(DiagnosisNode, threads=THREADS)
+    run(only_one(DiagnosisNode, 'diagnosis'), threads=THREADS)
 
 
 if __name__ == '__main__':

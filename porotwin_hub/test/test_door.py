@@ -64,7 +64,7 @@ def test_impossible_rates_are_refused(
 
 
 def test_a_closed_rig_balances_its_producer(toy_rig: Rig, toy_grid: Grid) -> None:
-    sides = {side: 'closed' for side in ('top', 'bottom', 'left', 'right')}
+    sides = dict.fromkeys(('top', 'bottom', 'left', 'right'), 'closed')
     closed = toy_rig.model_copy(update={'boundaries': toy_rig.boundaries.model_copy(update=sides)})
     rates = Door(closed, toy_grid).known_rates(0.0, 30.0, PUSH).rates
     assert rates['producer'].rate == -rates['push'].rate

@@ -145,7 +145,7 @@ def test_a_clock_that_drifts_keeps_control() -> None:
     assert all(acted_on(*fast)[LEARNING_PHOTOGRAPHS:])
 
 
-# --- no setpoint ever follows from an old photograph ------------------------------------------------
+# --- no setpoint ever follows from an old photograph ---------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -198,9 +198,7 @@ def course(stretches: list[Stretch], latency: float) -> list[tuple[float, float]
 
 def ages_acted_on(arrivals: list[tuple[float, float]], *, ahead: float) -> list[float]:
     acted = acted_on(*[(taken + ahead, arrival) for taken, arrival in arrivals])
-    return [
-        arrival - taken for (taken, arrival), used in zip(arrivals, acted, strict=True) if used
-    ]
+    return [arrival - taken for (taken, arrival), used in zip(arrivals, acted, strict=True) if used]
 
 
 @given(
@@ -231,8 +229,6 @@ def test_by_any_clock_that_was_learnt_no_old_photograph_is_acted_on(
 def test_a_live_camera_with_a_constant_error_gets_setpoints_within_a_few_photographs(
     ahead: float, delays: list[float]
 ) -> None:
-    photographs = [
-        (INTERVAL * n + ahead, INTERVAL * n + delay) for n, delay in enumerate(delays)
-    ]
+    photographs = [(INTERVAL * n + ahead, INTERVAL * n + delay) for n, delay in enumerate(delays)]
     assume(sorted(delays[:4], reverse=True) != delays[:4])  # it might be a backlog
     assert all(acted_on(*photographs)[LEARNING_PHOTOGRAPHS - 1 :])
