@@ -136,7 +136,7 @@ def test_an_unknown_well_in_rig_yaml_is_named_at_once(
     settings = GraphSettings(rig=wrong, grid=GRID)
     with running_graph(twin_nodes(settings), tmp_path, domain) as graph:
         graph.listener.wait_for(
-            'all four nodes to refuse', lambda: len(graph.processes.failed) == 4, timeout=START_S
+            'all five nodes to refuse', lambda: len(graph.processes.failed) == 5, timeout=START_S
         )
         for name, line in graph.processes.failed.items():
             assert "unknown well 'control9'" in line, name

@@ -156,9 +156,9 @@ def _map_of(service: str, message: TracerField) -> FloatArray:
 
 
 def send_control(call: Caller, setpoint: Setpoint) -> None:
-    """Ask the physical asset to pump `setpoint`.
+    """Ask the guard to publish `setpoint` and to hand it to the pumps.
 
     Raises:
-        ModelUnavailable: the asset is absent, silent, or refuses the setpoint.
+        ModelUnavailable: guard or pumps are absent, silent, or refuse the setpoint.
     """
-    call(Control, 'asset/control', Control.Request(setpoint=setpoint))
+    call(Control, 'guard/control', Control.Request(setpoint=setpoint))

@@ -179,7 +179,7 @@ class HubNode(Node):
         horizon = declare(
             self,
             'horizon_s',
-            600.0,
+            1800.0,
             'how far the optimiser looks ahead [s]',
             at_least=1.0,
             at_most=DAY_S,
@@ -224,7 +224,6 @@ class HubNode(Node):
         self._rig_publisher = self.create_publisher(RigDescription, 'rig/description', qos.CONFIG)
         self._predicted = self.create_publisher(TracerField, 'tracer/predicted', qos.FIELD)
         self._corrected = self.create_publisher(TracerField, 'tracer/corrected', qos.FIELD)
-        self._setpoint = self.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
@@ -312,10 +311,10 @@ class HubNode(Node):
         return ''
 
     def _send(self, decision: SetpointDecision, ready: ReadyState[NewState]) -> None:
-        """Announce a setpoint and command it to the asset.
+        """Send a setpoint to the guard, which announces it and commands it to the asset.
 
         Raises:
-            ModelUnavailable: the asset does not take it.
+            ModelUnavailable: the guard or the asset does not take it.
         """
         self._setpoints += 1
         message = Setpoint(
@@ -326,7 +325,6 @@ class HubNode(Node):
             reason=decision.reason,
         )
         self._inbox.supersede_confirmed_rates(ready.state.stamp)
-        self._setpoint.publish(message)
         try:
             send_control(self._call, message)
         except ModelUnavailable as error:
