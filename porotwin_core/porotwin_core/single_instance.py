@@ -18,6 +18,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 
 from porotwin_core.errors import InputError
+from porotwin_core.senders import LEASE_S, publishers
 
 RELEASE_S = 5.0
 """Longest wait for the end of a process on this machine that is just being stopped [s]."""
@@ -25,14 +26,17 @@ RELEASE_S = 5.0
 DISCOVERY_S = 1.0
 """Time in which nodes on other machines are discovered [s]."""
 
-LEASE_S = 25.0
-"""Time after which discovery forgets a killed process [s]: Fast DDS takes 20 s."""
+GHOST_S = LEASE_S + RELEASE_S
+"""Time after which discovery has forgotten a killed process for sure [s]."""
 
 PERIOD_S = 0.1
 """Time between two looks [s]."""
 
-PARTICIPANT_BYTES = 12
-"""Bytes of a DDS identity that name the participant: one process has one."""
+PARTICIPANT_DIGITS = 24
+"""Hexadecimal digits of a DDS identity that name the participant: one process has one."""
+
+EVERY_NODES_TOPIC = '/parameter_events'
+"""A topic that every node publishes."""
 
 _claims: dict[str, 'Claim'] = {}
 
@@ -140,9 +144,9 @@ def _identity(node: Node) -> str:
     """Return the identity of `node`, from a topic that nobody else publishes."""
     topic = f'{node.get_name()}_{os.getpid()}_{time.monotonic_ns()}'
     publisher = node.create_publisher(ParameterEvent, topic, 1)
-    ((_, own),) = _participants(node, publisher.topic_name)
+    (own,) = publishers(node, topic)
     node.destroy_publisher(publisher)
-    return own
+    return own.identity[:PARTICIPANT_DIGITS]
 
 
 def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None:
@@ -157,23 +161,15 @@ def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None
         if not _identities(probe, full_name) - known:
             if waited >= DISCOVERY_S:
                 return
-        elif waited >= LEASE_S:
+        elif waited >= GHOST_S:
             raise InputError(_refusal(full_name))
         time.sleep(PERIOD_S)
 
 
 def _identities(node: Node, full_name: str) -> set[str]:
     """Return the identities of all processes that have a node `full_name`, also of ghosts."""
-    # every node publishes this topic
-    return {own for name, own in _participants(node, '/parameter_events') if name == full_name}
-
-
-def _participants(node: Node, topic: str) -> list[tuple[str, str]]:
-    """Return the full name and the identity of every node that publishes `topic`."""
-    return [
-        (
-            f'{info.node_namespace.rstrip("/")}/{info.node_name}',
-            bytes(info.endpoint_gid)[:PARTICIPANT_BYTES].hex(),
-        )
-        for info in node.get_publishers_info_by_topic(topic)
-    ]
+    return {
+        sender.identity[:PARTICIPANT_DIGITS]
+        for sender in publishers(node, EVERY_NODES_TOPIC)
+        if sender.node == full_name
+    }

@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 from graph import RunningGraph, running_graph
+from rclpy.duration import Duration
 
 from porotwin_core import conversions
 from porotwin_core.rig import load_rig, write_rig
@@ -87,7 +88,6 @@ class Stage:
         self._photographer = photographer
         self._count = 0
         self._good: list[float] = []
-        self._publishers: dict[str, Any] = {}
 
     # --- photographs ------------------------------------------------------------------------
 
@@ -206,13 +206,13 @@ class Stage:
 
     def publish(self, topic: str, kind: Any, profile: Any, message: Any) -> None:
         """Publish a message as a foreign node, when a subscriber is there."""
-        if topic not in self._publishers:
-            publisher = self.graph.listener.node.create_publisher(kind, topic, profile)
-            self._publishers[topic] = publisher
-        publisher = self._publishers[topic]
+        node = self.graph.listener.node
+        publisher = node.create_publisher(kind, topic, profile)
         own = topic in self.graph.messages
         self.wait_for(f'a subscriber of {topic}', lambda: publisher.get_subscription_count() > own)
         publisher.publish(message)
+        publisher.wait_for_all_acked(Duration(seconds=60))
+        node.destroy_publisher(publisher)  # the hub acts on no state while two nodes publish some
 
     def call(self, service: Any, name: str, request: Any) -> Any:
         """Return the answer of a service of the twin."""
