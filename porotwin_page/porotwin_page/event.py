@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from porotwin_core.rig import Rig
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.header import header_view
-from porotwin_page.json_values import Json, rates_ml_h
-from porotwin_page.panel import Moment, Panel
+from porotwin_page.json_values import Json, finite, rates_ml_h
+from porotwin_page.panel import MapPanel, Moment, Panel
 
 
 def rig_view(rig: Rig) -> Json:
@@ -19,6 +19,22 @@ def rig_view(rig: Rig) -> Json:
         'height_m': rig.height_m,
         'wells': [{'name': name, 'x_m': w.x_m, 'z_m': w.z_m} for name, w in rig.wells.items()],
         'zone_m': [list(point) for point in rig.control.disallowed_zone_m] if rig.control else [],
+    }
+
+
+def past_view(snapshot: GraphSnapshot, panels: Mapping[str, Panel]) -> Json:
+    """Return number, time and maps of an earlier state, which `snapshot` holds as its newest."""
+    state = snapshot.observed
+    moment = Moment(None, 0.0)
+    return {
+        'sequence': state.sequence if state else None,
+        'time_s': finite(state.map.time, 15) if state else None,
+        'rates_ml_h': rates_ml_h(snapshot.setpoint.rates) if snapshot.setpoint else {},
+        'panels': {
+            name: panel.content(snapshot, moment)
+            for name, panel in panels.items()
+            if isinstance(panel, MapPanel)
+        },
     }
 
 
