@@ -3,6 +3,9 @@
 ML_H = 1e-6 / 3600.0
 """One millilitre per hour in m^3/s."""
 
+DARCY = 9.869233e-13
+"""One darcy in m^2 (SPE Metric Standard)."""
+
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], rounded as in the experiment folder format."""
 
@@ -18,3 +21,14 @@ def from_ml_h(rate_ml_h: float) -> float:
 def to_ml_h(rate: float) -> float:
     """Return a pump rate in millilitres per hour from [m^3/s]."""
     return rate / ML_H
+
+
+def permeability_of(conductivity: float, viscosity: float, density: float) -> float:
+    """Return the permeability k = K mu / (rho g) [m^2] of a hydraulic conductivity K [m/s].
+
+    Args:
+        conductivity: K [m/s], for the fluid in the rig.
+        viscosity: mu [Pa s].
+        density: rho [kg/m^3].
+    """
+    return conductivity * viscosity / (density * GRAVITY)

@@ -62,7 +62,7 @@ def test_a_mistake_is_named_on_one_line(change: dict[str, Any], named: str) -> N
 
 def test_a_missing_key_is_named_with_its_purpose() -> None:
     data = {key: value for key, value in SMALL.items() if key != 'width_m'}
-    with pytest.raises(InputError, match="'width_m' is missing: the width of the sand box"):
+    with pytest.raises(InputError, match="'width_m' is missing: width of the sand"):
         parse_rig(data, Path('rig.yaml'))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.polygons import inside
 from porotwin_core.rig import Polygon
 
 
@@ -15,20 +16,6 @@ def distance_to_outline(points: FloatArray, polygon: FloatArray) -> FloatArray:
     along = np.clip((to_point * edge).sum(axis=2) / length2, 0.0, 1.0)
     distance: FloatArray = np.linalg.norm(to_point - along[..., None] * edge, axis=2).min(axis=1)
     return distance
-
-
-def inside(points: FloatArray, polygon: FloatArray) -> FloatArray:
-    """Return whether `points` (n, 2) lie inside `polygon` (m, 2), shape (n,), by the even-odd rule.
-
-    A horizontal ray from a point inside crosses the outline an odd number of times.
-    """
-    edge = np.roll(polygon, -1, axis=0) - polygon
-    to_point = points[:, None, :] - polygon[None]
-    below = to_point[..., 1] < 0
-    crosses = below != np.roll(below, -1, axis=1)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        right = to_point[..., 0] < edge[:, 0] * to_point[..., 1] / edge[:, 1]
-    return (crosses & right).sum(axis=1) % 2 == 1
 
 
 def distance_to_zone(points: FloatArray, polygon: FloatArray) -> FloatArray:

@@ -32,21 +32,34 @@ def read_table(
             lines = csv.reader(file)
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:
-                raise InputError(
-                    f"{path}: first line is '{','.join(found)}'; write {','.join(header)}"
-                )
+                first = ','.join(found)
+                hint = _separator_hint(first)
+                raise InputError(f"{path}: first line is '{first}'; write {','.join(header)}{hint}")
             for line in lines:
                 words = [word.strip() for word in line]
                 if not any(words):
                     continue
                 where = f'{path}:{lines.line_num}'
                 if len(words) != len(header):
-                    raise InputError(f'{where}: has {len(words)} values; needs {",".join(header)}')
+                    comma = '; write decimal points, not commas' if len(words) > len(header) else ''
+                    raise InputError(
+                        f'{where}: has {len(words)} values; needs {",".join(header)}{comma}'
+                    )
                 yield where, words
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; it holds {purpose}') from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError:
+        raise InputError(f'{path}: not a text in UTF-8; save it as CSV UTF-8') from None
+    except (OSError, csv.Error) as error:
         raise InputError(f'{path}: not readable as CSV: {error}') from None
+
+
+def _separator_hint(first: str) -> str:
+    """Return the end of the message about a wrong `first` line."""
+    for mark, name in ((';', 'semicolons'), ('\t', 'tabs')):
+        if mark in first:
+            return f'; it uses {name}: separate the columns by commas, with decimal points'
+    return ''
 
 
 def write_table(path: Path, header: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> None:
@@ -68,7 +81,8 @@ def parse_number(text: str, label: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{label} is '{text}'; write a finite number")
+        comma = ' with a decimal point' if ',' in text else ''
+        raise InputError(f"{label} is '{text}'; write a finite number{comma}")
     return value
 
 

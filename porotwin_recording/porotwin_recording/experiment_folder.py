@@ -1,14 +1,19 @@
 """The experiment folder: rig.yaml, rates.csv, concentration.nc, imaging.csv and photographs."""
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, load_rig, write_rig
 from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter, open_maps
+from porotwin_recording.odd_recording import remarks_about_recording
 from porotwin_recording.photos import IMAGING_FILE, read_photos, write_photos
 from porotwin_recording.rates import read_rates, write_rates
 from porotwin_recording.recorded_data import RecordedData
+
+LOG = logging.getLogger('porotwin')
+"""Receives a warning for everything odd."""
 
 RIG_FILE = 'rig.yaml'
 COMMANDED_FILE = 'rates.csv'
@@ -43,13 +48,18 @@ def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
         )
     if not imaging.exists() and (folder / 'photos').is_dir():
         raise InputError(f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times')
-    return RecordedData(
+    data = RecordedData(
         rig,
         commanded=read_rates(commanded, rig.wells) if commanded.exists() else None,
         measured=read_rates(measured, rig.wells) if measured.exists() else None,
         maps=open_maps(maps, rig) if maps.exists() else None,
         photos=read_photos(folder) if imaging.exists() else (),
     )
+    for remark in remarks_about_recording(data):
+        if remark.refused:
+            raise InputError(f'{folder}: {remark}')
+        LOG.warning('%s: %s', folder, remark)
+    return data
 
 
 def write_folder(
@@ -72,9 +82,9 @@ def write_folder(
     report = progress or _ignore
     folder.mkdir(parents=True, exist_ok=True)
     write_rig(data.rig, folder / RIG_FILE)
-    if data.commanded is not None:
+    if data.commanded is not None and data.commanded.rows:
         write_rates(folder / COMMANDED_FILE, data.commanded)
-    if data.measured is not None:
+    if data.measured is not None and data.measured.rows:
         write_rates(folder / MEASURED_FILE, data.measured)
     if data.maps is not None:
         _write_maps(

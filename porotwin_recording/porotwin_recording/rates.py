@@ -1,13 +1,19 @@
 """Pump rates over time: `rates.csv` and `rates_measured.csv` of an experiment folder."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from porotwin_core.errors import InputError
+from porotwin_core.plausibility import Remark, plausible_rate_ml_h, rate_remark
+from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
+
+PERCENT = 100.0
+"""Largest concentration that was probably written in percent."""
 
 HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')
 
@@ -31,7 +37,43 @@ def read_rates(path: Path, wells: Iterable[str]) -> Schedule:
                 f'{where}: time_s {row.time:g} comes after {rows[-1].time:g}; sort the rows by time'
             )
         rows.append(row)
+    if not rows:
+        raise InputError(f'{path}: has no rows, so that no well ever pumps; add rows or remove it')
     return Schedule(tuple(rows))
+
+
+def remarks_about_rates(schedule: Schedule, rig: Rig, name: str = 'rates.csv') -> list[Remark]:
+    """Return the remarks about rates that no pump delivers or no rig stands, one for each well.
+
+    Args:
+        schedule: the rates [m^3/s].
+        rig: its pore volume says which rates are plausible.
+        name: the file, for the remarks.
+    """
+    pores = rig.pore_volume
+    least = plausible_rate_ml_h(pores)[0]
+    found: dict[str, Remark] = {}
+    rates = [abs(to_ml_h(row.rate.rate)) for row in schedule.rows]
+    hopeless = 0.0 < max(rates, default=0.0) < least
+    for row in schedule.rows:
+        remark = rate_remark(f'{name}: well {row.well}', to_ml_h(row.rate.rate), pores)
+        if remark is not None:
+            found.setdefault(row.well, replace(remark, refused=remark.refused or hopeless))
+    return [*found.values(), *_contradictions(schedule, name)]
+
+
+def _contradictions(schedule: Schedule, name: str) -> Iterator[Remark]:
+    """Yield a remark for the first well that has two different rates at one time."""
+    seen: dict[tuple[float, str], WellRate] = {}
+    for row in schedule.rows:
+        if seen.setdefault((row.time, row.well), row.rate) != row.rate:
+            yield Remark(
+                f'{name}: well {row.well}',
+                f'{to_ml_h(row.rate.rate):g} ml/h',
+                f'it has another rate at the same time of {row.time:g} s',
+                'keep one row; the last one counts',
+            )
+            return
 
 
 def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
@@ -49,8 +91,10 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
         )
     concentration = parse_number(words[3], f'{where}: concentration') if words[3] else 0.0
     if not 0.0 <= concentration <= 1.0:
+        percent = '; was this in percent?' if 1.0 < concentration <= PERCENT else ''
         raise InputError(
             f'{where}: concentration {concentration:g}; must lie between 0 (water) and 1 (stock)'
+            f'{percent}'
         )
     return ScheduleRow(
         time, well, WellRate(from_ml_h(rate_ml_h), 0.0 if rate_ml_h < 0 else concentration)

@@ -48,6 +48,12 @@ def test_any_rate_in_si_comes_back_within_its_last_digit(
     [
         ('time,well,rate,c\n', "first line is 'time,well,rate,c'; write time_s"),
         ('', "first line is ''"),
+        ('time_s,well,rate_ml_h,concentration\n\n', 'no rows, so that no well ever pumps'),
+        ('time_s;well;rate_ml_h;concentration\n', 'it uses semicolons: separate the columns'),
+        ('time_s\twell\trate_ml_h\tconcentration\n', 'it uses tabs'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,5,5,1\n', ':2: .*decimal points, not commas'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,"5,5",1\n', ':2: .*with a decimal point'),
+        ('time_s,well,rate_ml_h,concentration\n0,in,5,100\n', ':2: .*was this in percent'),
         ('time_s,well,rate_ml_h,concentration\n0,inn,1,0\n', ":2: unknown well 'inn'; .* in, out"),
         ('time_s,well,rate_ml_h,concentration\n-1,in,1,0\n', ':2: time_s -1 is negative'),
         ('time_s,well,rate_ml_h,concentration\n5,in,1,0\n1,in,2,0\n', ':3: .*sort the rows'),
@@ -73,3 +79,9 @@ def test_rates_of_a_spreadsheet_are_read(tmp_path: Path) -> None:
     (tmp_path / 'rates.csv').write_text(text, newline='')
     schedule = read_rates(tmp_path / 'rates.csv', WELLS)
     assert schedule.at(11) == {'out': WellRate(from_ml_h(-10)), 'in': WellRate(from_ml_h(5), 1.0)}
+
+
+def test_a_table_in_utf_16_is_named(tmp_path: Path) -> None:
+    (tmp_path / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n', encoding='utf-16')
+    with pytest.raises(InputError, match='save it as CSV UTF-8'):
+        read_rates(tmp_path / 'rates.csv', WELLS)

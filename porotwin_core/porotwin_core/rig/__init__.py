@@ -1,12 +1,14 @@
 """The description of a rig: `rig.yaml` as immutable records, read, checked and written.
 
-`sections` holds the parts of the description, `description` the whole rig, `rig_file` reads and
-writes files, `complaints` turns validation errors into one line. docs/rig.md lists every key.
+`sections`, `sand_sections` and `control_section` hold the parts of the description, `description`
+the whole rig. `rig_file` reads and writes files, with the help of `yaml_reader`, `sand_drawing` and
+`depth_points`. `complaints` turns validation errors into one line, `oddities` looks for odd values.
+docs/rig.md lists every key.
 """
 
 from porotwin_core.rig.control_section import Control, FixedWell, ObjectiveDescription
 from porotwin_core.rig.description import Rig
-from porotwin_core.rig.rig_file import load_rig, parse_rig, rig_from_maps, write_rig
+from porotwin_core.rig.rig_file import load_rig, parse_rig, read_rig, rig_from_maps, write_rig
 from porotwin_core.rig.sections import (
     DEFAULT_WELL_RADIUS,
     Boundaries,
@@ -31,6 +33,7 @@ __all__ = [
     'Well',
     'load_rig',
     'parse_rig',
+    'read_rig',
     'rig_from_maps',
     'write_rig',
 ]

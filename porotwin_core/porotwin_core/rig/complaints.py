@@ -1,30 +1,23 @@
 """Validation errors of pydantic as one line for the owner of a rig."""
 
+import difflib
 from pathlib import Path
 
 import pydantic
 
-_PURPOSE = {
-    'name': 'a word for the rig',
-    'width_m': 'the width of the sand box [m]',
-    'height_m': 'the height of the sand box [m]',
-    'depth_m': 'the distance between the plates [m], a number or {file:, variable:}',
-    'porosity': 'the share of the volume that is pores, a number or {file:, variable:}',
-    'permeability_m2': 'the permeability of the sand [m^2], a number or {file:, variable:}',
-    'viscosity_pa_s': 'the viscosity of the water [Pa s]',
-    'density_kg_m3': 'the density of the water [kg/m^3]',
-    'wells': 'the wells by name, each with x_m and z_m',
-    'x_m': 'the distance from the left edge [m]',
-    'z_m': 'the height above the lower edge [m]',
-    'corners_px': 'the four corners of the rig in the photographs',
-    'disallowed_zone_m': 'the corners (x, z) of the zone without tracer [m]',
-    'zone_m': 'the corners (x, z) of the zone [m]',
-}
-"""The meaning of keys that may be missing."""
+_FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
+"""Parts of a location that name the form of a value, not a key."""
+
+LONGEST_VALUE = 60
+"""Longest text of a wrong value in a message [characters]."""
 
 
 def one_line(
-    source: Path | str, error: pydantic.ValidationError, *, section: str = 'the description'
+    source: Path | str,
+    error: pydantic.ValidationError,
+    *,
+    section: str = 'the description',
+    keys: dict[str, str] | None = None,
 ) -> str:
     """Return the most telling complaint of `error` as one line.
 
@@ -32,16 +25,27 @@ def one_line(
         source: the file or message with the mistake; the line begins with it.
         error: all complaints; unknown keys come first, the number of others is added.
         section: the name of the whole, for complaints about no single key.
+        keys: the known keys with their meaning, to guess a misspelt one and explain a missing one.
     """
+    known = keys or {}
     first = min(error.errors(), key=lambda item: item['type'] != 'extra_forbidden')
-    parts = [str(part) for part in first['loc'] if part not in ('float', 'MapReference')]
+    parts = [str(part) for part in first['loc'] if part not in _FORMS]
     where = '.'.join(parts) or section
     more = f' (and {error.error_count() - 1} more)' if error.error_count() > 1 else ''
     reason = first['msg'].removeprefix('Value error, ')
     if first['type'] == 'extra_forbidden':
-        return f"{source}: unknown key '{where}'; correct or remove it{more}"
+        near = difflib.get_close_matches(parts[-1], known, n=1)
+        guess = f"; did you mean '{near[0]}'?" if near else ''
+        return f"{source}: unknown key '{where}'; correct or remove it{guess}{more}"
+    if first['type'] == 'missing' and not parts[-1].isdigit():
+        return f"{source}: '{where}' is missing: {known.get(parts[-1], 'needed')}{more}"
     if first['type'] == 'missing':
-        return f"{source}: '{where}' is missing: {_PURPOSE.get(parts[-1], 'needed')}{more}"
+        return f"{source}: '{'.'.join(parts[:-1])}' has too few values; give the next one{more}"
     if not parts:
         return f'{source}: {reason}{more}'
-    return f'{source}: {where} = {first["input"]!r}: {reason}{more}'
+    return f'{source}: {where} = {_shown(first["input"])}: {reason}{more}'
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= LONGEST_VALUE else f'{text[:LONGEST_VALUE]}...'

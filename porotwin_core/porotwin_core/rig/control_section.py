@@ -1,11 +1,13 @@
 """The section `control` of `rig.yaml`: the control wells, their limits, and the objective."""
 
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import pydantic
-from pydantic import Field, FiniteFloat, JsonValue
+from pydantic import Field, GetJsonSchemaHandler, JsonValue
+from pydantic.json_schema import JsonSchemaValue
 
-from porotwin_core.rig.sections import Point, Positive, Section, check_corners
+from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
+from porotwin_core.rig.sections import Point, Section, check_corners
 
 DEFAULT_OBJECTIVE = 'keep_out'
 """The objective of a rig that names none: keep the tracer out of a zone (paper, section 4)."""
@@ -14,8 +16,10 @@ DEFAULT_OBJECTIVE = 'keep_out'
 class FixedWell(Section):
     """A well whose rate the twin does not change; it injects `concentration` (0 water, 1 stock)."""
 
-    rate_ml_h: FiniteFloat
-    concentration: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.0
+    rate_ml_h: Number = Field(description='rate [ml/h]; positive injects, negative produces')
+    concentration: Share = Field(
+        0.0, description='concentration of the injected water: 0 water, 1 tracer stock'
+    )
 
 
 class ObjectiveDescription(Section):
@@ -28,6 +32,15 @@ class ObjectiveDescription(Section):
 
     name: str = DEFAULT_OBJECTIVE
     parameters: dict[str, JsonValue] = Field(default_factory=dict)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: Any, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Return the schema of the forms in `rig.yaml`: a name, or a mapping with a name."""
+        name = {'type': 'string', 'description': 'name of the objective, such as keep_out'}
+        mapping = {'type': 'object', 'properties': {'name': name}, 'required': ['name']}
+        return {'anyOf': [name, mapping]}
 
     @pydantic.model_serializer
     def _to_yaml(self) -> str | dict[str, Any]:
@@ -43,14 +56,28 @@ class Control(Section):
     and of every other objective that has a parameter of the same name.
     """
 
-    wells: tuple[str, ...]
-    producer: str | None = None
-    fixed: dict[str, FixedWell] = Field(default_factory=dict)
-    max_rate_ml_h: Positive = 500.0
-    max_total_rate_ml_h: Positive = 500.0
-    objective: ObjectiveDescription = ObjectiveDescription()
-    disallowed_zone_m: tuple[Point, ...] = ()
-    fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
+    wells: tuple[str, ...] = Field(
+        description='names of the control wells: the twin chooses their rates, they inject water'
+    )
+    producer: str | None = Field(
+        None, description='name of the well that takes out the sum of all injection'
+    )
+    fixed: dict[str, FixedWell] = Field(
+        default_factory=dict, description='wells whose rates the twin does not change, by name'
+    )
+    max_rate_ml_h: Positive = Field(500.0, description='largest rate of one control well [ml/h]')
+    max_total_rate_ml_h: Positive = Field(
+        500.0, description='largest sum of the rates of the control wells [ml/h]'
+    )
+    objective: ObjectiveDescription = Field(
+        ObjectiveDescription(), description='objective of the controller: a name, or {name:, ...}'
+    )
+    disallowed_zone_m: tuple[Point, ...] = Field(
+        (), description='corners (x, z) of the zone without tracer [m], for keep_out'
+    )
+    fuzziness_m: NotNegative = Field(
+        0.1, description='distance [m] over which the cost falls to 0 beside a zone'
+    )
 
     @pydantic.field_validator('objective', mode='before')
     @classmethod

@@ -3,23 +3,32 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import pydantic
-from pydantic import AfterValidator, FiniteFloat, PrivateAttr
+from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig.control_section import Control
+from porotwin_core.rig.numbers import Positive
+from porotwin_core.rig.sand_sections import (
+    DepthPoints,
+    DepthPointsFile,
+    Sand,
+    SandImage,
+    SandLayer,
+    SandPolygon,
+)
 from porotwin_core.rig.sections import (
     Boundaries,
     Camera,
     EffectDescription,
     MapReference,
-    Positive,
     Section,
     Well,
 )
+from porotwin_core.units import permeability_of
 
 DEFAULT_CELL_M = 0.005
 """Cell size of the default grid [m]: finer than a plume's front, coarse enough for live control."""
@@ -34,36 +43,85 @@ PROPERTIES: tuple[PropertyName, ...] = ('depth_m', 'porosity', 'permeability_m2'
 """All properties that are one number or a map."""
 
 
-def _positive_or_map(value: float | MapReference) -> float | MapReference:
-    if isinstance(value, float) and not value > 0:
-        raise ValueError('must be positive')
-    return value
+PORE_SAMPLES = 100
+"""Cells along each side for the pore volume; few are enough, because maps are averaged."""
+
+SAND_KEYS = ('sands', 'sand_layers', 'sand_image', 'sand_polygons')
+"""Keys that describe the sand by kinds, instead of `porosity` and `permeability_m2`."""
 
 
-Property = Annotated[FiniteFloat | MapReference, AfterValidator(_positive_or_map)]
+def _form(value: Any) -> str:
+    """Return the form of a property: a number, a map, or measured points."""
+    if isinstance(value, MapReference | DepthPoints | DepthPointsFile):
+        return type(value).__name__
+    if isinstance(value, dict) and 'points' in value:
+        return DepthPoints.__name__
+    if isinstance(value, dict) and 'points_file' in value:
+        return DepthPointsFile.__name__
+    return MapReference.__name__ if isinstance(value, dict) else 'number'
+
+
+_NUMBER_OR_MAP = Annotated[Positive, Tag('number')] | Annotated[MapReference, Tag('MapReference')]
+
+Property = Annotated[_NUMBER_OR_MAP, Discriminator(_form)]
 """A positive number, or a reference to a map."""
+
+Depth = Annotated[
+    _NUMBER_OR_MAP
+    | Annotated[DepthPoints, Tag('DepthPoints')]
+    | Annotated[DepthPointsFile, Tag('DepthPointsFile')],
+    Discriminator(_form),
+]
+"""A positive number, a reference to a map, or measured points."""
 
 
 class Rig(Section):
     """The rig as its owner describes it; the fields are the keys of `rig.yaml`.
 
-    The numbers of the maps are kept beside the references to their files, see `nominal_map`.
+    The numbers of the maps are kept beside the references to their files, see `nominal_map`. The
+    maps that sands and measured depths make are kept there as well.
     """
 
-    name: str
-    width_m: Positive
-    height_m: Positive
-    depth_m: Property
-    porosity: Property
-    permeability_m2: Property
-    viscosity_pa_s: Positive
-    density_kg_m3: Positive
-    boundaries: Boundaries = Boundaries()
-    wells: dict[str, Well]
-    camera: Camera | None = None
-    control: Control | None = None
-    effects: tuple[EffectDescription, ...] = ()
+    name: str = Field(min_length=1, description='a word for the rig')
+    width_m: Positive = Field(description='width of the sand [m], from left to right')
+    height_m: Positive = Field(description='height of the sand [m]')
+    depth_m: Depth = Field(
+        description='distance between the plates [m]: a number, a map {file:, variable:}, '
+        'or measured points {points:} or {points_file:}'
+    )
+    porosity: Property | None = Field(
+        None, description='volume of the pores per volume of sand [-]: a number or a map'
+    )
+    permeability_m2: Property | None = Field(
+        None, description='permeability of the sand [m2]: a number or a map; 1 darcy is 9.87e-13 m2'
+    )
+    hydraulic_conductivity_m_s: Positive | None = Field(
+        None, description='instead of the permeability: K = k rho g / mu of the water in the rig'
+    )
+    sands: dict[str, Sand] = Field(
+        default_factory=dict,
+        description='kinds of sand by name, instead of porosity and permeability',
+    )
+    sand_layers: tuple[SandLayer, ...] = Field(
+        (), description='layers of sand, the lowest first; the last one fills the rig'
+    )
+    sand_image: SandImage | None = Field(
+        None, description='instead of layers: a picture in which every sand has a colour'
+    )
+    sand_polygons: tuple[SandPolygon, ...] = Field(
+        (), description='polygons of sand over layers or picture, the last one on top'
+    )
+    viscosity_pa_s: Positive = Field(description='dynamic viscosity of the water [Pa s]')
+    density_kg_m3: Positive = Field(description='density of the water [kg/m3]')
+    boundaries: Boundaries = Field(Boundaries(), description='conditions on the four sides')
+    wells: dict[str, Well] = Field(description='wells by name')
+    camera: Camera | None = Field(None, description='needed for photographs')
+    control: Control | None = Field(None, description='needed for setpoints')
+    effects: tuple[EffectDescription, ...] = Field(
+        (), description='physical effects that a diagnosis found'
+    )
     _nominal_maps: dict[str, FloatArray] = PrivateAttr(default_factory=dict)
+    _files: dict[str, bytes] = PrivateAttr(default_factory=dict)
 
     @pydantic.model_validator(mode='after')
     def _is_consistent(self) -> Self:
@@ -74,10 +132,66 @@ class Rig(Section):
                     f'{self.width_m} x {self.height_m} m; correct its x_m, z_m'
                 )
         if isinstance(self.porosity, float) and self.porosity > 1:
-            raise ValueError(f'porosity {self.porosity}: must not exceed 1')
+            hint = f'; was this in percent? {self.porosity:g} percent = {self.porosity / 100:g}'
+            raise ValueError(f'porosity {self.porosity}: must not exceed 1{hint}')
+        self._check_sands()
         if self.control is not None:
             self.control.check_wells(self.wells, closed=self.closed)
         return self
+
+    def _check_sands(self) -> None:
+        """Check that the sand is described in one way, and that all its names are known.
+
+        Raises:
+            ValueError: it is described twice or not at all, or a name is unknown.
+        """
+        plain = {
+            key: getattr(self, key)
+            for key in ('porosity', 'permeability_m2', 'hydraulic_conductivity_m_s')
+            if getattr(self, key) is not None
+        }
+        if not self.sands:
+            self._check_plain(plain)
+            return
+        if plain:
+            raise ValueError(f'{next(iter(plain))} and sands both describe the sand; keep one')
+        if bool(self.sand_layers) == (self.sand_image is not None):
+            raise ValueError(
+                'sands need their places: give either sand_layers or sand_image '
+                '(one sand everywhere: sand_layers: [{sand: NAME}])'
+            )
+        if self.sand_layers and self.sand_layers[-1].top_m is not None:
+            raise ValueError('the last of sand_layers fills the rig; remove its top_m')
+        for number, layer in enumerate(self.sand_layers[:-1], start=1):
+            if layer.top_m is None:
+                raise ValueError(
+                    f'layer {number} of sand_layers needs a top_m; only the last has none'
+                )
+        for name in self.placed_sands:
+            if name not in self.sands:
+                raise ValueError(f"sand '{name}' is unknown; sands has {', '.join(self.sands)}")
+
+    @property
+    def placed_sands(self) -> tuple[str, ...]:
+        """The names of the sands that layers, picture and polygons ask for."""
+        legend = () if self.sand_image is None else tuple(self.sand_image.legend.values())
+        layers = tuple(layer.sand for layer in self.sand_layers)
+        return legend + layers + tuple(polygon.sand for polygon in self.sand_polygons)
+
+    def _check_plain(self, plain: dict[str, Any]) -> None:
+        if any(getattr(self, key) for key in SAND_KEYS[1:]):
+            raise ValueError("'sands' is missing: the kinds of sand by name")
+        if 'porosity' not in plain:
+            raise ValueError("'porosity' is missing: volume of the pores per volume of sand [-]")
+        if len(plain) == 1:
+            raise ValueError(
+                "'permeability_m2' is missing: permeability of the sand [m2], or give "
+                'hydraulic_conductivity_m_s [m/s]'
+            )
+        if len(plain) > 2:  # porosity and one permeability
+            raise ValueError(
+                'permeability_m2 and hydraulic_conductivity_m_s are both given; keep one'
+            )
 
     @property
     def closed(self) -> bool:
@@ -98,13 +212,17 @@ class Rig(Section):
 
     __hash__ = None  # type: ignore[assignment]  # it holds arrays and dictionaries
 
-    def with_maps(self, maps: Mapping[str, FloatArray]) -> Self:
+    def with_maps(
+        self, maps: Mapping[str, FloatArray], files: Mapping[str, bytes] | None = None
+    ) -> Self:
         """Return this rig with the numbers of its maps, (nz, nx) by property name, row 0 lowest.
 
-        The properties must be references already; `rig_from_maps` makes both at once.
+        The properties must be references already; `rig_from_maps` makes both at once. `files` are
+        pictures that the description names; `write_rig` writes them again.
         """
         copy = self.model_copy()
         copy._nominal_maps = {**self._nominal_maps, **maps}
+        copy._files = {**self._files, **(files or {})}
         return copy
 
     @property
@@ -114,8 +232,13 @@ class Rig(Section):
         That is the whole description except name, camera and control. Of a map the numbers count,
         not the name of its file.
         """
-        data = self.model_dump(mode='json', exclude={'name', 'camera', 'control'})
-        for name, values in self._nominal_maps.items():
+        apart = {'name', 'camera', 'control', 'hydraulic_conductivity_m_s', *SAND_KEYS}
+        data = self.model_dump(mode='json', exclude=apart)
+        for name in PROPERTIES:
+            values = self.nominal_map(name)
+            if isinstance(values, float):
+                data[name] = values
+                continue
             numbers = np.ascontiguousarray(values, dtype=float)
             data[name] = [values.shape, hashlib.sha256(numbers.tobytes()).hexdigest()]
         digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
@@ -136,18 +259,45 @@ class Rig(Section):
         )
 
     def field(self, quantity: PropertyName, grid: Grid) -> FloatArray:
-        """Return a property in SI over the cells of `grid`, shape (nz, nx), row 0 lowest."""
-        value = getattr(self, quantity)
+        """Return a property in SI over the cells of `grid`, shape (nz, nx), row 0 lowest.
+
+        A map is averaged over the cells by area, wherever it came from.
+        """
+        value = self.nominal_map(quantity)
         if isinstance(value, float):
             return np.full(grid.shape, value)
-        return conservative_resample(self._nominal_maps[quantity], grid.shape)
+        return conservative_resample(value, grid.shape)
 
     def nominal_map(self, quantity: PropertyName) -> float | FloatArray:
-        """Return a property as described: a number, or the map (nz, nx) on its own grid."""
+        """Return a property as described: a number, or the map (nz, nx) on its own grid.
+
+        Sands and measured depths are maps on a raster (see `sand_drawing`, `depth_points`).
+        """
+        if quantity in self._nominal_maps:
+            return self._nominal_maps[quantity]
         value = getattr(self, quantity)
-        return value if isinstance(value, float) else self._nominal_maps[quantity]
+        if value is None and quantity == 'permeability_m2':
+            return self.permeability_of(self.hydraulic_conductivity_m_s)
+        return float(value)
+
+    def permeability_of(self, conductivity: float | None) -> float:
+        """Return the permeability [m^2] of a hydraulic conductivity [m/s] for this rig's water."""
+        assert conductivity is not None
+        return permeability_of(conductivity, self.viscosity_pa_s, self.density_kg_m3)
+
+    @property
+    def pore_volume(self) -> float:
+        """Volume of the water in the pores of the whole rig [m^3]."""
+        grid = self.grid(PORE_SAMPLES, PORE_SAMPLES)
+        pores = self.field('porosity', grid) * self.field('depth_m', grid)
+        return float(pores.sum() * grid.cell_area)
 
     @property
     def nominal_maps(self) -> dict[str, FloatArray]:
         """The properties that are maps, (nz, nx) by name, each on its own grid."""
         return dict(self._nominal_maps)
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The pictures that the description names, by the name of the file."""
+        return dict(self._files)

@@ -1,7 +1,8 @@
-"""Reading and writing `rig.yaml` and the NetCDF maps beside it."""
+"""Reading and writing `rig.yaml` and the maps, pictures and tables beside it."""
 
+import logging
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import netCDF4
 import numpy as np
@@ -10,59 +11,156 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.plausibility import Remark
 from porotwin_core.rig.complaints import one_line
-from porotwin_core.rig.description import PROPERTIES, Rig
+from porotwin_core.rig.depth_points import depth_map, read_depth_points
+from porotwin_core.rig.description import PROPERTIES, SAND_KEYS, Rig
+from porotwin_core.rig.known_keys import KNOWN_KEYS
+from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.sand_drawing import (
+    draw_image,
+    draw_layers,
+    draw_polygons,
+    sand_raster,
+)
+from porotwin_core.rig.sand_sections import DepthPoints, DepthPointsFile
 from porotwin_core.rig.sections import MapReference
+from porotwin_core.rig.yaml_reader import read_yaml
 
 FILE_NAME = 'rig.yaml'
 """Name of the description in a folder."""
 
 
+LOG = logging.getLogger('porotwin')
+"""Receives a warning for every odd value; commands and nodes show it."""
+
+
+class ReadRig(NamedTuple):
+    """A rig, and the remarks about its odd and impossible values."""
+
+    rig: Rig
+    remarks: tuple[Remark, ...]
+
+
 def load_rig(path: Path | str) -> Rig:
     """Return the rig described by the file `path`, or by `rig.yaml` in the folder `path`.
+
+    Odd values are logged as warnings.
 
     Raises:
         InputError: one line with the file, the key and the remedy.
     """
+    path = rig_file(path)
+    return parse_rig(_content(path), path)
+
+
+def read_rig(path: Path | str) -> ReadRig:
+    """Return the rig at `path`, as `load_rig`, with all remarks and without a log.
+
+    Raises:
+        InputError: the file is no description of a rig; impossible values are remarks.
+    """
+    path = rig_file(path)
+    rig = _described(_content(path), path)
+    return ReadRig(rig, remarks_about(rig))
+
+
+def rig_file(path: Path | str) -> Path:
+    """Return `path`, or the `rig.yaml` in the folder `path`."""
     path = Path(path)
-    if path.is_dir():
-        path = path / FILE_NAME
+    return path / FILE_NAME if path.is_dir() else path
+
+
+def _content(path: Path) -> Any:
     try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+        return read_yaml(path.read_text(encoding='utf-8-sig'))
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; name a rig.yaml or a folder with one') from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except UnicodeDecodeError:
+        raise InputError(f'{path}: not a text in UTF-8; save it as UTF-8') from None
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
-    return parse_rig(data, path)
 
 
 def parse_rig(data: Any, path: Path) -> Rig:
     """Return the rig described by `data`, the content of the file `path`.
 
-    Map files are looked for beside `path`; the file itself need not exist.
+    Files that it names are looked for beside `path`; the file itself need not exist. Odd values are
+    logged as warnings.
 
     Raises:
         InputError: one line with the file, the key and the remedy.
     """
+    rig = _described(data, path)
+    remarks = remarks_about(rig)
+    refused = [remark for remark in remarks if remark.refused]
+    if refused:
+        more = f' (and {len(refused) - 1} more)' if len(refused) > 1 else ''
+        raise InputError(f'{path}: {refused[0]}{more}')
+    for remark in remarks:
+        LOG.warning('%s: %s', path, remark)
+    return rig
+
+
+def _described(data: Any, path: Path) -> Rig:
     if not isinstance(data, dict):
         raise InputError(f'{path}: not a rig description; expected keys such as name and width_m')
     try:
         rig = Rig.model_validate(data)
     except pydantic.ValidationError as error:
-        raise InputError(one_line(path, error)) from None
-    maps: dict[str, FloatArray] = {}
-    for name in PROPERTIES:
-        value = getattr(rig, name)
-        if isinstance(value, MapReference):
-            maps[name] = _read_map(path, name, value)
-    return rig.with_maps(maps)
+        raise InputError(one_line(path, error, keys=KNOWN_KEYS)) from None
+    maps: dict[str, FloatArray] = {
+        name: _read_map(path, name, value)
+        for name in PROPERTIES
+        if isinstance(value := getattr(rig, name), MapReference)
+    }
+    if isinstance(rig.depth_m, DepthPointsFile):
+        points = read_depth_points(path.parent / rig.depth_m.points_file)
+        return _described({**data, 'depth_m': {'points': points}}, path)
+    if isinstance(rig.depth_m, DepthPoints):
+        points_m = np.array(rig.depth_m.points)
+        maps['depth_m'] = depth_map(points_m, rig.width_m, rig.height_m)
+    if not rig.sands:
+        return rig.with_maps(maps)
+    files = {} if rig.sand_image is None else _picture(path, rig.sand_image.file)
+    return rig.with_maps({**maps, **_sand_maps(rig, files, path)}, files)
+
+
+def _picture(path: Path, name: str) -> dict[str, bytes]:
+    try:
+        return {name: (path.parent / name).read_bytes()}
+    except OSError as error:
+        raise InputError(
+            f"{path}: sand_image names '{name}', which cannot be read ({error.strerror})"
+        ) from None
+
+
+def _sand_maps(rig: Rig, files: dict[str, bytes], path: Path) -> dict[str, FloatArray]:
+    """Return porosity and permeability on the raster of the sands, each (nz, nx)."""
+    names = tuple(rig.sands)
+    raster = sand_raster(rig.width_m, rig.height_m)
+    if rig.sand_image is None:
+        labels = draw_layers(rig.sand_layers, names, raster)
+    else:
+        file = rig.sand_image.file
+        labels = draw_image(rig.sand_image, files[file], names, raster, path.parent / file)
+    labels = draw_polygons(labels, rig.sand_polygons, names, raster)
+    sands = list(rig.sands.values())
+    porosity = np.array([sand.porosity for sand in sands])
+    permeability = np.array(
+        [
+            sand.permeability_m2 or rig.permeability_of(sand.hydraulic_conductivity_m_s)
+            for sand in sands
+        ]
+    )
+    return {'porosity': porosity[labels], 'permeability_m2': permeability[labels]}
 
 
 def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray]) -> Rig:
     """Return the rig of `data` with properties given as numbers or arrays instead of files.
 
     Args:
-        data: the keys of `rig.yaml` other than `quantities`.
+        data: the keys of `rig.yaml` other than `quantities`; sands in it are replaced.
         quantities: depth_m [m], porosity [-], permeability_m2 [m^2]; numbers or maps (nz, nx).
             A map is named after its property, also the file that `write_rig` puts it in.
 
@@ -72,23 +170,34 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
     maps = {name: value for name, value in quantities.items() if not isinstance(value, float)}
     references = {name: MapReference(file=f'{name}.nc', variable=name) for name in maps}
     try:
-        rig = Rig.model_validate({**data, **quantities, **references})
+        others = {
+            key: value
+            for key, value in data.items()
+            if key not in (*SAND_KEYS, 'hydraulic_conductivity_m_s')
+        }
+        rig = Rig.model_validate({**others, **quantities, **references})
     except pydantic.ValidationError as error:
-        raise InputError(one_line('rig description', error)) from None
+        raise InputError(one_line('rig description', error, keys=KNOWN_KEYS)) from None
     return rig.with_maps(maps)
 
 
 def write_rig(rig: Rig, path: Path | str) -> None:
-    """Write `rig` to the file `path`, and its maps as NetCDF files beside it.
+    """Write `rig` to the file `path`, and its maps and pictures beside it.
 
-    Every map has a file of its own, with the name that `rig` refers to, without folders. If two
-    maps were in one file, the second is named after its property.
+    Every map has a NetCDF file of its own, with the name that `rig` refers to, without folders. If
+    two maps were in one file, the second is named after its property.
     """
     path = Path(path)
     data = rig.model_dump(mode='json', exclude_defaults=True)
     used: set[str] = set()
+    for name, content in rig.files.items():
+        used.add(Path(name).name)
+        data['sand_image']['file'] = Path(name).name
+        (path.parent / Path(name).name).write_bytes(content)
     for quantity, values in rig.nominal_maps.items():
         reference = getattr(rig, quantity)
+        if not isinstance(reference, MapReference):
+            continue  # the description itself makes this map
         name = Path(reference.file).name
         name = f'{quantity}.nc' if name in used else name
         used.add(name)
@@ -105,6 +214,7 @@ def _read_map(path: Path, quantity: str, reference: MapReference) -> FloatArray:
         raise InputError(f"{path}: {quantity} names '{reference.file}', which is not beside it")
     try:
         with netCDF4.Dataset(file) as dataset:
+            _check_axes(file, dataset, reference.variable)
             values: FloatArray = np.ma.filled(
                 np.ma.asarray(dataset.variables[reference.variable][:], dtype=float), np.nan
             )
@@ -117,6 +227,23 @@ def _read_map(path: Path, quantity: str, reference: MapReference) -> FloatArray:
     if not (np.isfinite(values).all() and (values > 0).all()):
         raise InputError(f'{file}: {reference.variable} must be finite and positive everywhere')
     return values
+
+
+def _check_axes(file: Path, dataset: netCDF4.Dataset, variable: str) -> None:
+    """Check the axes of a map as far as the file names them.
+
+    Raises:
+        InputError: the axes are exchanged, or z runs downward or x to the left.
+    """
+    names = dataset.variables[variable].dimensions
+    if names == ('x', 'z'):
+        raise InputError(f'{file}: {variable} has the dimensions (x, z); transpose it to (z, x)')
+    for name in names:
+        axis = dataset.variables.get(name)
+        if axis is not None and axis.ndim == 1 and len(axis) > 1 and axis[-1] < axis[0]:
+            raise InputError(
+                f'{file}: {name} decreases; row 0 is the lowest, column 0 the leftmost'
+            )
 
 
 def _write_map(file: Path, variable: str, values: FloatArray, rig: Rig) -> None:

@@ -2,7 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from porotwin_core.rig.numbers import Number, Positive
 
 DEFAULT_WELL_RADIUS = 0.004
 """Radius of a well without `radius_m` [m]: a tube of the small rig (experiment folder format)."""
@@ -10,10 +12,10 @@ DEFAULT_WELL_RADIUS = 0.004
 Side = Literal['open', 'closed']
 """Condition on one side of the rig."""
 
-Pixel = tuple[FiniteFloat, FiniteFloat]
+Pixel = tuple[Number, Number]
 """A place in a photograph: (column, row) [px]."""
 
-Point = tuple[FiniteFloat, FiniteFloat]
+Point = tuple[Number, Number]
 """A place in the rig: (x, z) [m] from its lower left corner."""
 
 LEAST_CORNERS = 3
@@ -34,9 +36,6 @@ def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
 Polygon = Annotated[tuple[Point, ...], AfterValidator(check_corners)]
 """The corners (x, z) [m] of a zone, in either direction."""
 
-Positive = Annotated[FiniteFloat, Field(gt=0)]
-"""A finite number above zero."""
-
 
 class Section(BaseModel):
     """A part of the description: immutable, and unknown keys are refused."""
@@ -45,13 +44,10 @@ class Section(BaseModel):
 
 
 class MapReference(Section):
-    """A property that varies over the rig: a NetCDF `variable` (z, x) in `file`.
+    """A property that varies over the rig: a NetCDF `variable` (z, x) in `file`."""
 
-    The path of `file` is relative to the folder of `rig.yaml`.
-    """
-
-    file: str
-    variable: str
+    file: str = Field(description='NetCDF file, relative to the folder of rig.yaml')
+    variable: str = Field(description='name of the variable (z, x) in the file, row 0 lowest')
 
 
 class Boundaries(Section):
@@ -60,36 +56,43 @@ class Boundaries(Section):
     `open` keeps the fluid potential constant (a water table). `closed` lets nothing through.
     """
 
-    top: Side = 'open'
-    bottom: Side = 'closed'
-    left: Side = 'closed'
-    right: Side = 'closed'
+    top: Side = Field('open', description='condition on the upper side')
+    bottom: Side = Field('closed', description='condition on the lower side')
+    left: Side = Field('closed', description='condition on the left side')
+    right: Side = Field('closed', description='condition on the right side')
 
 
 class Well(Section):
     """A well: a disc of radius `radius_m` around (`x_m`, `z_m`)."""
 
-    x_m: FiniteFloat
-    z_m: FiniteFloat
-    radius_m: Positive = DEFAULT_WELL_RADIUS
+    x_m: Number = Field(description='distance of the well from the left edge of the sand [m]')
+    z_m: Number = Field(description='height of the well above the lower edge of the sand [m]')
+    radius_m: Positive = Field(DEFAULT_WELL_RADIUS, description='radius of the well [m]')
 
 
 class Camera(Section):
-    """The place of the rig in the photographs; pixels are (column, row).
+    """The place of the rig in the photographs; pixels are (column, row)."""
 
-    `corners_px`: the upper left, lower left, lower right and upper right corner of the rig.
-    `colour_checker_px`: the dark skin, white, black and bluish green corner of the colour chart.
-    `curvature`: terms of the lens and of the bulging front plate, by name; see
-    `porotwin_imaging.geometry`.
-    """
-
-    corners_px: tuple[Pixel, Pixel, Pixel, Pixel]
-    colour_checker_px: tuple[Pixel, Pixel, Pixel, Pixel] | None = None
-    curvature: dict[str, FiniteFloat] = Field(default_factory=dict)
+    corners_px: tuple[Pixel, Pixel, Pixel, Pixel] = Field(
+        description='upper left, lower left, lower right, upper right corner of the sand '
+        'in the photographs, as (column, row) [px]'
+    )
+    colour_checker_px: tuple[Pixel, Pixel, Pixel, Pixel] | None = Field(
+        None,
+        description='dark skin, white, black and bluish green corner of the Classic colour chart, '
+        'as (column, row) [px]',
+    )
+    curvature: dict[str, Number] = Field(
+        default_factory=dict,
+        description='terms of the lens and of the bulging front plate, by name [1/px2, px]; '
+        'see porotwin_imaging.geometry',
+    )
 
 
 class EffectDescription(Section):
     """A physical effect by name, with its parameters; a diagnosis adds them to a rig."""
 
-    name: str
-    parameters: dict[str, FiniteFloat | str] = Field(default_factory=dict)
+    name: str = Field(description='name of the effect, such as leak')
+    parameters: dict[str, Number | str] = Field(
+        default_factory=dict, description='numbers and texts by name; docs/effects.md lists them'
+    )

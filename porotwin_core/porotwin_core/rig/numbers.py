@@ -1,0 +1,44 @@
+"""Numbers of `rig.yaml`: texts with a unit, decimal commas and yes/no are refused by name."""
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+
+def _as_number(value: Any) -> Any:
+    """Return `value` as a number.
+
+    Raises:
+        ValueError: it is a text or a truth value.
+    """
+    if isinstance(value, bool):
+        raise ValueError('write a number; yes, no, true and false are none')  # noqa: TRY004
+    if not isinstance(value, str):
+        return value
+    try:
+        return float(value)
+    except ValueError:
+        pass
+    try:
+        float(value.replace(',', '.'))
+    except ValueError:
+        raise ValueError(
+            'write the number alone; its unit is a part of the name of the key'
+        ) from None
+    raise ValueError('write a decimal point instead of the comma')
+
+
+Number = Annotated[float, BeforeValidator(_as_number), Field(allow_inf_nan=False)]
+"""A finite number."""
+
+Positive = Annotated[Number, Field(gt=0)]
+"""A finite number above zero."""
+
+NotNegative = Annotated[Number, Field(ge=0)]
+"""A finite number, zero or more."""
+
+Share = Annotated[Number, Field(ge=0, le=1)]
+"""A number from 0 to 1."""
+
+PositiveShare = Annotated[Number, Field(gt=0, le=1)]
+"""A number above 0, at most 1."""

@@ -1,0 +1,258 @@
+"""Looks for odd and impossible values in a description, one remark for each."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from porotwin_core.plausibility import (
+    CONDUCTIVITY,
+    DENSITY,
+    DEPTH,
+    PERMEABILITY,
+    POROSITY,
+    VISCOSITY,
+    WELL_RADIUS,
+    WIDTH,
+    PlausibleRange,
+    Remark,
+    rate_remark,
+)
+from porotwin_core.polygons import crosses_itself, inside, signed_area
+from porotwin_core.rig.description import Rig
+from porotwin_core.rig.sections import Pixel
+
+DEEP = 0.5
+"""Depth over the smaller side above which a rig is no longer flat, as the model assumes."""
+
+LARGE_WELL = 0.1
+"""Radius of a well over the smaller side of the rig above which it is odd."""
+
+SAME_PLACE_M = 1e-6
+"""Distance of two wells below which they are one place [m]."""
+
+IN_ZONE_SAMPLES = 200
+"""Places along each side of the rig at which a zone is looked for."""
+
+
+def remarks_about(rig: Rig) -> tuple[Remark, ...]:
+    """Return all remarks about `rig`, the impossible values first."""
+    found = [
+        *_numbers(rig),
+        *_shape(rig),
+        *_sands(rig),
+        *_wells(rig),
+        *_corners(rig),
+        *_control(rig),
+    ]
+    return tuple(sorted(found, key=lambda remark: not remark.refused))
+
+
+def _in_range(plausible: PlausibleRange, key: str, *values: float) -> Iterator[Remark]:
+    """Yield the remark about the first of `values` outside the range."""
+    for value in values:
+        remark = plausible.remark(key, value)
+        if remark is not None:
+            yield remark
+            return
+
+
+def _extremes(value: Any) -> tuple[float, ...]:
+    return tuple({float(np.min(value)), float(np.max(value))})
+
+
+def _numbers(rig: Rig) -> Iterator[Remark]:
+    yield from _in_range(WIDTH, 'width_m', rig.width_m)
+    yield from _in_range(WIDTH, 'height_m', rig.height_m)
+    yield from _in_range(DEPTH, 'depth_m', *_extremes(rig.nominal_map('depth_m')))
+    yield from _in_range(VISCOSITY, 'viscosity_pa_s', rig.viscosity_pa_s)
+    yield from _in_range(DENSITY, 'density_kg_m3', rig.density_kg_m3)
+    if rig.hydraulic_conductivity_m_s is not None:
+        key = 'hydraulic_conductivity_m_s'
+        yield from _in_range(CONDUCTIVITY, key, rig.hydraulic_conductivity_m_s)
+    elif not rig.sands:
+        permeability = _extremes(rig.nominal_map('permeability_m2'))
+        yield from _in_range(PERMEABILITY, 'permeability_m2', *permeability)
+    if not rig.sands:
+        yield from _in_range(POROSITY, 'porosity', *_extremes(rig.nominal_map('porosity')))
+
+
+def _shape(rig: Rig) -> Iterator[Remark]:
+    depth = float(np.max(rig.nominal_map('depth_m')))
+    if depth > DEEP * min(rig.width_m, rig.height_m):
+        yield Remark(
+            'depth_m',
+            f'{depth:g} m',
+            f'the model is flat, but the rig of {rig.width_m:g} m x {rig.height_m:g} m is not',
+            'compare the three lengths and their units',
+        )
+
+
+def _sands(rig: Rig) -> Iterator[Remark]:
+    for name, sand in rig.sands.items():
+        where = f'sands.{name}'
+        yield from _in_range(POROSITY, f'{where}.porosity', sand.porosity)
+        if sand.permeability_m2 is not None:
+            yield from _in_range(PERMEABILITY, f'{where}.permeability_m2', sand.permeability_m2)
+        if sand.hydraulic_conductivity_m_s is not None:
+            key = f'{where}.hydraulic_conductivity_m_s'
+            yield from _in_range(CONDUCTIVITY, key, sand.hydraulic_conductivity_m_s)
+    for number, layer in enumerate(rig.sand_layers[:-1], start=1):
+        heights = [z for _, z in layer.top_m] if isinstance(layer.top_m, tuple) else [layer.top_m]
+        if max(z for z in heights if z is not None) > rig.height_m:
+            yield Remark(
+                f'sand_layers.{number}.top_m',
+                f'{max(z for z in heights if z is not None):g} m',
+                f'the rig ends at {rig.height_m:g} m',
+                'compare the heights with height_m, both in m',
+            )
+    for number, polygon in enumerate(rig.sand_polygons, start=1):
+        yield from _outline(rig, f'sand_polygons.{number}.corners_m', polygon.corners_m)
+    yield from _unused_sands(rig)
+
+
+def _unused_sands(rig: Rig) -> Iterator[Remark]:
+    for name in rig.sands:
+        if name not in rig.placed_sands:
+            yield Remark(f'sands.{name}', '', 'this sand has no place', 'place or remove it')
+
+
+def _wells(rig: Rig) -> Iterator[Remark]:
+    if not rig.wells:
+        yield Remark('wells', '{}', 'no water can be pumped', 'name the wells, each with x_m, z_m')
+    smaller = min(rig.width_m, rig.height_m)
+    for name, well in rig.wells.items():
+        key = f'wells.{name}.radius_m'
+        radius = well.radius_m
+        yield from _in_range(WELL_RADIUS, key, radius)
+        room = min(well.x_m, rig.width_m - well.x_m, well.z_m, rig.height_m - well.z_m)
+        if radius > LARGE_WELL * smaller:
+            why = f'a tenth of the rig is {LARGE_WELL * smaller:g} m'
+            yield Remark(key, f'{radius:g} m', why, 'give the radius of the tube in m')
+        elif room < radius:
+            place = f'({well.x_m:g}, {well.z_m:g}) m'
+            why = f'its disc of {radius:g} m reaches into the wall {room:g} m away'
+            yield Remark(f'wells.{name}', place, why, 'move it into the sand or reduce radius_m')
+    for (one, first), (other, second) in itertools.combinations(rig.wells.items(), 2):
+        yield from _pair(one, first, other, second)
+
+
+def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
+    if one.lower() == other.lower():
+        why = 'the two names differ by capital letters only'
+        yield Remark(f'wells.{other}', '', f'{why}, as in {one}', 'rename one of them')
+    distance = math.hypot(first.x_m - second.x_m, first.z_m - second.z_m)
+    if distance < first.radius_m + second.radius_m:
+        same = distance < SAME_PLACE_M
+        yield Remark(
+            f'wells.{other}',
+            f'({second.x_m:g}, {second.z_m:g}) m',
+            f"it {'stands at the same place as' if same else 'overlaps'} '{one}'",
+            'correct one place, or make one well of both',
+            refused=same,
+        )
+
+
+def _corners(rig: Rig) -> Iterator[Remark]:
+    if rig.camera is None:
+        return
+    order = 'upper left, lower left, lower right, upper right'
+    chart = 'dark skin, white, black, bluish green'
+    yield from _quadrangle('camera.corners_px', rig.camera.corners_px, order)
+    if rig.camera.colour_checker_px is not None:
+        yield from _quadrangle('camera.colour_checker_px', rig.camera.colour_checker_px, chart)
+    upper_left, lower_left, lower_right, _ = rig.camera.corners_px
+    sideways = abs(lower_left[1] - upper_left[1]) < abs(lower_left[0] - upper_left[0])
+    if sideways or lower_left[1] < upper_left[1] or lower_right[0] < lower_left[0]:
+        yield Remark(
+            'camera.corners_px',
+            '',
+            'by this order the rig lies on its side or upside down in the photographs',
+            f'give {order}, unless the camera is turned',
+        )
+
+
+def _quadrangle(key: str, corners: tuple[Pixel, ...], order: str) -> Iterator[Remark]:
+    polygon = np.array(corners)
+    turns = [_turn(*(polygon[(index + step) % 4] for step in range(3))) for index in range(4)]
+    if any(turn == 0 for turn in turns) or len({turn > 0 for turn in turns}) > 1:
+        why = 'the four corners make no quadrangle without a dent'
+        yield Remark(key, '', why, f'give {order} as (column, row)', refused=True)
+    elif signed_area(polygon) > 0:  # rows count downward: this order turns the other way round
+        why = 'in this order the corners show a mirror image'
+        yield Remark(key, '', why, f'give {order} as (column, row)', refused=True)
+
+
+def _turn(a: Any, b: Any, c: Any) -> float:
+    return float((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]))
+
+
+def _control(rig: Rig) -> Iterator[Remark]:
+    control = rig.control
+    if control is None:
+        return
+    pores = rig.pore_volume
+    limits = {
+        'control.max_rate_ml_h': control.max_rate_ml_h,
+        'control.max_total_rate_ml_h': control.max_total_rate_ml_h,
+    }
+    fixed = {
+        f'control.fixed.{name}.rate_ml_h': well.rate_ml_h for name, well in control.fixed.items()
+    }
+    for key, rate in {**limits, **fixed}.items():
+        remark = rate_remark(key, rate, pores)
+        if remark is not None:
+            yield remark
+    injected = sum(max(rate, 0.0) for rate in fixed.values())
+    if injected > control.max_total_rate_ml_h:
+        yield Remark(
+            'control.max_total_rate_ml_h',
+            f'{control.max_total_rate_ml_h:g} ml/h',
+            f'the fixed wells inject {injected:g} ml/h, more than the control wells may',
+            'raise it if the tracer cannot be held',
+        )
+    if control.max_rate_ml_h > control.max_total_rate_ml_h:
+        yield Remark(
+            'control.max_rate_ml_h',
+            f'{control.max_rate_ml_h:g} ml/h',
+            f'no well can reach it below the sum of {control.max_total_rate_ml_h:g} ml/h',
+            'exchange the two limits or correct one',
+        )
+    if not control.wells:
+        yield Remark('control.wells', '[]', 'the twin may set no well', 'name the control wells')
+    zones = {'control.disallowed_zone_m': control.disallowed_zone_m}
+    for key, value in control.objective.parameters.items():
+        if key.endswith('zone_m'):
+            zones[f'control.objective.{key}'] = value  # type: ignore[assignment]
+    for key, zone in zones.items():
+        if zone:
+            yield from _outline(rig, key, zone)
+
+
+def _outline(rig: Rig, key: str, corners: Any) -> Iterator[Remark]:
+    """Yield the remarks about a polygon (x, z) [m] that should lie in the rig."""
+    try:
+        polygon = np.array(corners, dtype=float).reshape(-1, 2)
+    except (TypeError, ValueError):
+        return  # the reader of the parameter refuses it
+    size = f'the rig of {rig.width_m:g} m x {rig.height_m:g} m'
+    if crosses_itself(polygon):
+        why = 'the outline crosses itself'
+        yield Remark(key, '', why, 'give the corners in their order round the zone', refused=True)
+        return
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    extent = f'{low[0]:g} to {high[0]:g} m in x, {low[1]:g} to {high[1]:g} m in z'
+    if not _covers(rig, polygon):
+        why = f'it covers nothing of {size}'
+        remedy = 'give the corners (x, z) in m from the lower left corner'
+        yield Remark(key, extent, why, remedy, refused=True)
+    elif (high > 1.02 * np.array([rig.width_m, rig.height_m])).any() or (low < -0.02).any():
+        yield Remark(key, extent, f'it reaches beyond {size}', 'correct it if that is a slip')
+
+
+def _covers(rig: Rig, polygon: Any) -> bool:
+    samples = (np.arange(IN_ZONE_SAMPLES) + 0.5) / IN_ZONE_SAMPLES
+    x, z = np.meshgrid(samples * rig.width_m, samples * rig.height_m)
+    return bool(inside(np.column_stack([x.ravel(), z.ravel()]), polygon).any())

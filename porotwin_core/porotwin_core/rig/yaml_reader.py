@@ -1,0 +1,63 @@
+"""Reads YAML as its version 1.2 means it, and refuses a key that stands twice in one section.
+
+In version 1.1, which PyYAML follows, `no` and `off` are truth values, `1:30` is the number 90,
+`010` is 8 and `1e-3` is a text. Nobody expects that in a description of a rig.
+"""
+
+import re
+from typing import Any
+
+import yaml
+
+_FLOAT = re.compile(
+    r'^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$'
+    r'|^[-+]?\.(?:inf|Inf|INF)$|^\.(?:nan|NaN|NAN)$'
+)
+_INTEGER = re.compile(r'^[-+]?[0-9]+$')
+_TRUTH = re.compile(r'^(?:true|True|TRUE|false|False|FALSE)$')
+_REPLACED = {'tag:yaml.org,2002:float', 'tag:yaml.org,2002:int', 'tag:yaml.org,2002:bool'}
+_MERGE = 'tag:yaml.org,2002:merge'
+_TEXT = 'tag:yaml.org,2002:str'
+
+
+class _Loader(yaml.SafeLoader):
+    """A safe loader with the numbers and truth values of YAML 1.2."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return the section `node`, its keys as texts; a key that stands twice is refused."""
+        seen: dict[str, int] = {}
+        for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag == _MERGE:
+                continue
+            key, line = key_node.value, key_node.start_mark.line + 1
+            if key in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"the key '{key}' stands twice, in the lines {seen[key]} and {line}; "
+                    'keep one of them'
+                )
+            seen[key] = line
+            key_node.tag = _TEXT
+        return super().construct_mapping(node, deep=deep)
+
+
+def _integer(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    return int(loader.construct_scalar(node))
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag not in _REPLACED]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_Loader.add_implicit_resolver('tag:yaml.org,2002:bool', _TRUTH, list('tTfF'))
+_Loader.add_implicit_resolver('tag:yaml.org,2002:int', _INTEGER, list('-+0123456789'))
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))
+_Loader.add_constructor('tag:yaml.org,2002:int', _integer)
+
+
+def read_yaml(text: str) -> Any:
+    """Return the content of a YAML document.
+
+    Raises:
+        yaml.YAMLError: no YAML, or a key stands twice in one section.
+    """
+    return yaml.load(text, Loader=_Loader)  # a safe loader

@@ -1,0 +1,124 @@
+"""Tests of odd and impossible descriptions: each is named by key, value, reason and remedy."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import load_rig, parse_rig
+from porotwin_core.rig.oddities import remarks_about
+
+SMALL_RIG = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+
+WELLS: dict[str, Any] = {
+    'injector': {'x_m': 0.235, 'z_m': 0.235},
+    'producer': {'x_m': 0.66, 'z_m': 0.16},
+}
+CONTROL: dict[str, Any] = {
+    'wells': ['injector'],
+    'producer': 'producer',
+    'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]],
+}
+SMALL: dict[str, Any] = {
+    'name': 'small',
+    'width_m': 0.934,
+    'height_m': 0.562,
+    'depth_m': 0.010,
+    'porosity': 0.375,
+    'permeability_m2': 6.57e-10,
+    'viscosity_pa_s': 1.0e-3,
+    'density_kg_m3': 998.0,
+    'wells': WELLS,
+    'control': CONTROL,
+}
+CORNERS = [[20, 15], [20, 1135], [1890, 1135], [1890, 15]]
+
+
+def described(change: dict[str, Any]) -> dict[str, Any]:
+    """Return the small rig with changed keys; `a.b` is the key b of the section a."""
+    data = {**SMALL, 'wells': dict(WELLS), 'control': dict(CONTROL)}
+    for key, value in change.items():
+        section, _, name = key.partition('.')
+        if name:
+            data[section][name] = value
+        else:
+            data[section] = value
+    return data
+
+
+def test_the_small_rig_is_not_odd() -> None:
+    assert remarks_about(load_rig(SMALL_RIG)) == ()
+
+
+@pytest.mark.parametrize(
+    ('change', 'named'),
+    [
+        ({'permeability_m2': 665}, 'was this in darcy'),
+        ({'depth_m': 10}, '10 mm = 0.01 m'),
+        ({'width_m': 934, 'height_m': 562}, '934 mm = 0.934 m'),
+        ({'viscosity_pa_s': 1.0}, 'mPa s'),
+        ({'density_kg_m3': 1}, 'g/cm3'),
+        ({'porosity': 37.5}, 'percent'),
+        ({'wells.injector': {'x_m': 0.2, 'z_m': 0.2, 'radius_m': 0.5}}, 'radius_m is 0.5 m'),
+        ({'wells.second': WELLS['injector']}, "the same place as 'injector'"),
+        ({'control.max_rate_ml_h': 5e8}, 'max_rate_ml_h is 5e+08 ml/h'),
+        ({'control.fixed': {}, 'control.disallowed_zone_m': [[2, 2], [3, 2], [3, 3]]}, 'covers'),
+        ({'control.disallowed_zone_m': [[0, 0], [0.9, 0.5], [0.9, 0], [0, 0.5]]}, 'crosses itself'),
+        ({'control.objective': {'name': 'keep_in', 'zone_m': [[2, 2], [3, 2], [3, 3]]}}, 'covers'),
+        ({'camera': {'corners_px': CORNERS[::-1]}}, 'mirror image'),
+        ({'camera': {'corners_px': [CORNERS[i] for i in (0, 3, 2, 1)]}}, 'mirror image'),
+        ({'camera': {'corners_px': [CORNERS[i] for i in (0, 2, 1, 3)]}}, 'without a dent'),
+        ({'camera': {'corners_px': CORNERS, 'colour_checker_px': CORNERS[::-1]}}, 'checker_px'),
+        ({'camera': {'corners_px': CORNERS[:3]}}, 'too few values'),
+        ({'depth_m': '10 mm'}, 'write the number alone'),
+        ({'depth_m': '0,01'}, 'decimal point'),
+        ({'depth_m': True}, 'write a number'),
+        ({'depth_m': float('inf')}, 'finite'),
+        ({'width_mm': 934}, "did you mean 'width_m'"),
+        ({'name': ''}, 'name'),
+        ({'wells.wall': {'x_m': 0.0, 'z_m': 0.2}}, "'wall'"),
+        ({'wells.far': {'x_m': 235, 'z_m': 235}}, "'far'"),
+    ],
+)
+def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_rig(described(change), Path('rig.yaml'))
+    assert named in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('change', 'named'),
+    [
+        ({'porosity': 0.15}, 'porosity is 0.15: sand lies between 0.2 and 0.6'),
+        ({'permeability_m2': 3e-8}, 'permeability_m2'),
+        ({'depth_m': 0.3}, 'the model is flat'),
+        ({'wells.INJECTOR': {'x_m': 0.5, 'z_m': 0.3}}, 'capital letters'),
+        ({'wells.wall': {'x_m': 0.001, 'z_m': 0.2}}, 'reaches into the wall 0.001 m away'),
+        ({'wells.near': {'x_m': 0.24, 'z_m': 0.235}}, "overlaps 'injector'"),
+        ({'wells.wide': {'x_m': 0.4, 'z_m': 0.4, 'radius_m': 0.06}}, 'a tenth of the rig'),
+        ({'control.max_total_rate_ml_h': 100}, 'below the sum of 100 ml/h'),
+        ({'control.max_rate_ml_h': 5.6e-8}, 'was this in m3/s?'),
+        ({'control.disallowed_zone_m': [[0, 0.4], [1.9, 0.4], [0.9, 0.5]]}, 'reaches beyond'),
+        ({'camera': {'corners_px': [CORNERS[i] for i in (2, 3, 0, 1)]}}, 'upside down'),
+        ({'camera': {'corners_px': [CORNERS[i] for i in (1, 2, 3, 0)]}}, 'on its side'),
+        ({'wells': {}, 'control': None}, 'no water can be pumped'),
+    ],
+)
+def test_an_odd_value_is_used_with_a_warning(
+    change: dict[str, Any], named: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING, logger='porotwin'):
+        parse_rig(described(change), Path('rig.yaml'))
+    assert any(named in record.getMessage() for record in caplog.records), caplog.text
+    assert all('rig.yaml: ' in record.getMessage() for record in caplog.records)
+
+
+def test_fixed_wells_may_outdo_the_control() -> None:
+    fixed = {'producer2': {'rate_ml_h': 800.0, 'concentration': 1.0}}
+    place = {'x_m': 0.4, 'z_m': 0.4}
+    data = described({'wells.producer2': place, 'control.fixed': fixed})
+    (remark,) = remarks_about(parse_rig(data, Path('rig.yaml')))
+    assert 'inject 800 ml/h, more than the control wells may' in str(remark)

@@ -1,0 +1,47 @@
+"""Tests of the YAML reader: numbers and words mean what they show, no key stands twice."""
+
+import pytest
+import yaml
+
+from porotwin_core.rig.yaml_reader import read_yaml
+
+
+@pytest.mark.parametrize(
+    ('text', 'value'),
+    [
+        ('1e-3', 1e-3),
+        ('6.57e-10', 6.57e-10),
+        ('.5', 0.5),
+        ('010', 10),
+        ('-3', -3),
+        ('no', 'no'),
+        ('on', 'on'),
+        ('true', True),
+        ('1:30', '1:30'),
+        ('1_000', '1_000'),
+        ('0,01', '0,01'),
+        ('~', None),
+    ],
+)
+def test_a_value_means_what_it_shows(text: str, value: object) -> None:
+    found = read_yaml(f'key: {text}\r\n')['key']
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_keys_are_texts() -> None:
+    assert read_yaml('no: {1: a, 2.5: b}') == {'no': {'1': 'a', '2.5': 'b'}}
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_key() -> None:
+    assert read_yaml('\ufeffname: small') == {'name': 'small'}
+
+
+def test_a_key_that_stands_twice_is_named_with_its_lines() -> None:
+    with pytest.raises(yaml.YAMLError, match="'depth_m' stands twice, in the lines 1 and 3"):
+        read_yaml('depth_m: 0.01\nname: a\ndepth_m: 0.02\n')
+
+
+def test_sections_may_be_merged() -> None:
+    text = 'a: &a {x: 1, y: 2}\nb:\n  <<: *a\n  y: 3\n'
+    assert read_yaml(text)['b'] == {'x': 1, 'y': 3}

@@ -1,0 +1,78 @@
+"""Looks for oddities in a recording: rates, times and photographs that do not fit together."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from porotwin_core.plausibility import Remark
+from porotwin_recording.rates import remarks_about_rates
+from porotwin_recording.recorded_data import RecordedData
+
+MINUTE = 60.0
+"""Seconds per minute."""
+
+SAME_END = (0.7, 1.3)
+"""Ratio of two ends of a recording, one of them converted, that shows a mistaken unit."""
+
+MOST_STOCK = 1.3
+"""Concentration above which a map is odd [-]; noise and light lift it above 1, but no further."""
+
+
+def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
+    """Yield the remarks about a recording. Maps and photographs are not opened."""
+    for schedule, name in ((data.commanded, 'rates.csv'), (data.measured, 'rates_measured.csv')):
+        if schedule is not None:
+            yield from remarks_about_rates(schedule, data.rig, name)
+    yield from _times(data)
+    yield from _photographs(data)
+
+
+def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
+    """Yield the remarks about the values of the first, middle and last map of a recording."""
+    if data.maps is None:
+        return
+    count = len(data.maps)
+    values = np.array([data.maps[index] for index in sorted({0, count // 2, count - 1})])
+    if not np.isfinite(values).any():
+        why = 'every value of the first, middle and last map is missing (NaN)'
+        yield Remark('concentration.nc', '', why, 'write the maps again')
+        return
+    largest = float(np.nanmax(values))
+    if largest > MOST_STOCK:
+        remedy = 'was this in percent? 1 is the tracer stock' if largest > 10 else 'scale the maps'
+        yield Remark('concentration.nc', f'up to {largest:.3g}', '0 is water, 1 is stock', remedy)
+
+
+def _times(data: RecordedData) -> Iterator[Remark]:
+    seen = [] if data.maps is None else [float(data.maps.times[-1])]
+    seen += [photo.time for photo in data.photos if photo.role == 'state']
+    if not seen or data.commanded is None:
+        return
+    end, last = max(seen), data.commanded.rows[-1].time
+    low, high = SAME_END
+    for one, other, what, key in (
+        (last, end, 'the maps and photographs', 'rates.csv'),
+        (end, last, 'the rates', 'concentration.nc or imaging.csv'),
+    ):
+        if one > 0 and low * other < one * MINUTE < high * other:
+            why = f'its times end at {one:g} s, those of {what} at {other:g} s'
+            yield Remark(key, '', why, 'were its times in minutes? write seconds')
+
+
+def _photographs(data: RecordedData) -> Iterator[Remark]:
+    if not data.photos:
+        return
+    names = [photo.name for photo in data.photos]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        yield Remark('imaging.csv', twice[0], 'the photograph stands twice', 'remove one line')
+    baselines = [photo.time for photo in data.photos if photo.role == 'baseline']
+    if not baselines:
+        why = 'no photograph has the role baseline: sand and water only'
+        yield Remark('imaging.csv', '', why, 'give the first photograph this role')
+    elif max(baselines) > min((p.time for p in data.photos if p.role == 'state'), default=np.inf):
+        why = 'a baseline comes after a photograph with tracer'
+        yield Remark('imaging.csv', f'{max(baselines):g} s', why, 'compare times and roles')
+    times = [photo.time for photo in data.photos if photo.role == 'state']
+    if len(set(times)) < len(times):
+        yield Remark('imaging.csv', '', 'two photographs have the same time', 'correct one time')

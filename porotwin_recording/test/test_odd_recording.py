@@ -1,0 +1,88 @@
+"""Tests of odd recordings: wrong units of rates and times, photographs that do not fit."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_examples import controlled_rig
+
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
+from porotwin_recording.photos import Photo
+from porotwin_recording.recorded_data import RecordedData
+
+RIG = controlled_rig()
+
+
+def recording(
+    *, rate_ml_h: float = 500.0, last: float = 1800.0, end: float = 4800.0, value: float = 0.5
+) -> RecordedData:
+    """Return a recording with one injection until `last` [s] and two maps until `end` [s]."""
+    rows = (
+        ScheduleRow(0.0, 'in', WellRate(from_ml_h(rate_ml_h), 1.0)),
+        ScheduleRow(last, 'in', WellRate()),
+    )
+    values = np.full((2, 4, 5), value, np.float32)
+    maps = ConcentrationMaps(np.array([0.0, end]), RIG.grid(5, 4), lambda a, b: values[a:b])
+    return RecordedData(RIG, commanded=Schedule(rows), maps=maps)
+
+
+def photo(time: float, name: str, role: str = 'state') -> Photo:
+    return Photo(time, role, name, bytes, Path(name))  # type: ignore[arg-type]
+
+
+BASELINE = photo(-30.0, 'a.jpg', 'baseline')
+
+
+def test_a_usual_recording_is_not_odd() -> None:
+    data = replace(recording(), photos=(BASELINE, photo(0.0, 'b.jpg')))
+    assert list(remarks_about_recording(data)) == []
+    assert list(remarks_about_maps(data)) == []
+
+
+@pytest.mark.parametrize(
+    ('change', 'named', 'refused'),
+    [
+        ({'rate_ml_h': 5.6e-8}, 'rates.csv: well in is 5.6e-08 ml/h: .*was this in m3/s', True),
+        ({'rate_ml_h': 5e8}, 'rates.csv: well in is 5e.08 ml/h', True),
+        ({'rate_ml_h': 5e4}, 'rates.csv: well in is 50000 ml/h', False),
+        ({'last': 80.0}, 'rates.csv: its times end at 80 s, .* in minutes', False),
+        ({'last': 4500.0, 'end': 80.0}, 'concentration.nc .* in minutes', False),
+    ],
+)
+def test_a_mistaken_unit_is_named(change: dict[str, float], named: str, refused: bool) -> None:
+    (remark,) = remarks_about_recording(recording(**change))
+    assert remark.refused is refused
+    with pytest.raises(AssertionError, match=named):
+        raise AssertionError(str(remark))
+
+
+def test_two_rates_of_a_well_at_one_time_are_odd() -> None:
+    rows = [ScheduleRow(0.0, 'in', WellRate(from_ml_h(rate), 1.0)) for rate in (500.0, 400.0)]
+    (remark,) = remarks_about_recording(RecordedData(RIG, commanded=Schedule(tuple(rows))))
+    assert 'another rate at the same time of 0 s' in str(remark)
+
+
+@pytest.mark.parametrize(
+    ('photos', 'named'),
+    [
+        ((photo(0.0, 'a.jpg'),), 'no photograph has the role baseline'),
+        ((BASELINE, photo(0.0, 'b.jpg'), photo(30.0, 'b.jpg')), 'the photograph stands twice'),
+        ((BASELINE, photo(0.0, 'b.jpg'), photo(0.0, 'c.jpg')), 'have the same time'),
+        ((photo(0.0, 'b.jpg'), photo(9.0, 'c.jpg', 'baseline')), 'a baseline comes after'),
+    ],
+)
+def test_photographs_that_do_not_fit_are_named(photos: tuple[Photo, ...], named: str) -> None:
+    (remark,) = remarks_about_recording(RecordedData(RIG, photos=photos))
+    assert named in str(remark)
+
+
+@pytest.mark.parametrize(
+    ('value', 'named'), [(50.0, 'percent'), (np.nan, 'missing'), (2.0, 'scale')]
+)
+def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> None:
+    (remark,) = remarks_about_maps(recording(value=value))
+    assert named in str(remark)
