@@ -1,4 +1,4 @@
-"""The safe rates of a rig: what every well pumps while no setpoint is valid."""
+"""The rates of a rig without a command."""
 
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h
@@ -6,17 +6,12 @@ from porotwin_core.wells import WellRate, net_rate
 
 
 def safe_rates(rig: Rig) -> dict[str, WellRate]:
-    """Return the rate of every well [m^3/s]: control wells off, fixed wells on, balanced.
-
-    The producer takes out what the fixed wells inject. The result is empty for a rig without a
-    control section.
-    """
-    control = rig.control
-    if control is None:
-        return {}
+    """Return the rates without a command [m^3/s]: the fixed wells, balanced by the producer."""
     rates = {name: WellRate() for name in rig.wells}
-    for name, well in control.fixed.items():
-        rates[name] = WellRate(from_ml_h(well.rate_ml_h), well.concentration)
-    if control.producer is not None:
-        rates[control.producer] = WellRate(-net_rate(rates))
+    if rig.control is None:
+        return rates
+    for name, fixed in rig.control.fixed.items():
+        rates[name] = WellRate(from_ml_h(fixed.rate_ml_h), fixed.concentration)
+    if rig.control.producer is not None:
+        rates[rig.control.producer] = WellRate(-net_rate(rates))
     return rates

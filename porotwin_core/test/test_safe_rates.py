@@ -23,5 +23,7 @@ def test_control_wells_are_off_and_the_producer_takes_out_what_is_injected() -> 
     assert net_rate(rates) == 0.0
 
 
-def test_without_a_control_section_there_are_none() -> None:
-    assert safe_rates(RIG.model_copy(update={'control': None})) == {}
+def test_without_a_control_section_every_well_is_off() -> None:
+    rates = safe_rates(RIG.model_copy(update={'control': None}))
+    assert list(rates) == list(RIG.wells)
+    assert all(rate.rate == 0.0 for rate in rates.values())

@@ -56,6 +56,9 @@ class GraphSettings:
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
+    page_token: Path | None = _option(
+        None, 'file with the token of confirmations on the page, made if missing; none: a new token'
+    )
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
@@ -170,6 +173,8 @@ def page_node(settings: GraphSettings) -> list[NodeDescription]:
         'use_sim_time': settings.use_sim_time,
         'address': settings.page,
     }
+    if settings.page_token is not None:
+        parameters['token_file'] = str(settings.page_token)
     return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
-from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
@@ -113,7 +112,7 @@ def parse(data: Any, snapshot: GraphSnapshot) -> Confirmation:
     if orders not in ORDERS:
         raise InputError(f'orders {_short(repr(orders))}: send one of {", ".join(ORDERS)}')
     setpoint = _setpoint(snapshot, data.get('sequence'))
-    rates = _rates(data.get('rates_ml_h'), setpoint, snapshot.rig)
+    rates = _rates(data.get('rates_ml_h'), setpoint, snapshot)
     doubts = _doubts(rates, snapshot.rig)
     if doubts and not sure:
         raise ConfirmationDoubt(f'{" ".join(doubts)} Are these the rates at the pumps?')
@@ -140,7 +139,7 @@ def _setpoint(snapshot: GraphSnapshot, sequence: object) -> Setpoint:
     raise InputError(f'setpoint {_short(sequence)} is no longer shown; {newest}')
 
 
-def _rates(given: object, setpoint: Setpoint, rig: Rig | None) -> dict[str, WellRate]:
+def _rates(given: object, setpoint: Setpoint, snapshot: GraphSnapshot) -> dict[str, WellRate]:
     if not isinstance(given, dict):
         raise InputError('rates_ml_h: send an object with the rate of every well')
     for well in given:
@@ -152,8 +151,8 @@ def _rates(given: object, setpoint: Setpoint, rig: Rig | None) -> dict[str, Well
     missing = [well for well in setpoint.rates if well not in given]
     if missing:
         raise InputError(f'rates_ml_h: no rate of {", ".join(missing)}; send that of every well')
-    bound = plausible_bound_ml_h(setpoint.rates, rig)
-    orders = (setpoint.rates, safe_rates(rig) if rig else {})
+    bound = plausible_bound_ml_h(setpoint.rates, snapshot.rig)
+    orders = (setpoint.rates, snapshot.safe_rates)
     return {
         well: _rate(well, given[well], bound, [order[well] for order in orders if well in order])
         for well in setpoint.rates

@@ -212,6 +212,7 @@ class GraphSnapshot:
 
     Attributes:
         rig: description of the rig.
+        preparation: what happens before the graph runs, in words; empty if nothing does.
         observed: the newest state.
         difference: newest observed map minus its forecast (nz, nx) [-].
         predicted: newest physics-based forecasts.
@@ -238,6 +239,7 @@ class GraphSnapshot:
     """
 
     rig: Rig | None = None
+    preparation: str = ''
     observed: ObservedState | None = None
     difference: FloatArray | None = None
     predicted: tuple[Map, ...] = ()
@@ -260,6 +262,13 @@ class GraphSnapshot:
     states: int = 0
     start: float | None = None
     maps_made: int = 0
+
+    @property
+    def safe_rates(self) -> WellRates:
+        """The rates [m^3/s] to set after the end of a setpoint; empty if they are not known."""
+        if self.rig is None or self.rig.control is None:
+            return {}
+        return safe_rates(self.rig)
 
     @property
     def setpoint(self) -> Setpoint | None:
@@ -301,6 +310,11 @@ def matching(maps: Iterable[Map], time: float) -> Map | None:
 def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
     """Return the snapshot with a description of the rig."""
     return replace(now, rig=rig)
+
+
+def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:
+    """Return the snapshot with words on what happens before the graph runs."""
+    return replace(now, preparation=preparation)
 
 
 def _numbered(now: GraphSnapshot, map_: Map) -> tuple[GraphSnapshot, Map]:
@@ -390,8 +404,7 @@ def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> Gr
     remaining = setpoint.remaining(graph)
     if remaining is None or remaining > 0:
         return now
-    rates = safe_rates(now.rig) if now.rig else {}
-    now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, rates)
+    now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_rates)
     return replace(now, expired=setpoint.sequence)
 
 

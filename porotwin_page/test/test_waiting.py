@@ -5,7 +5,7 @@ from dataclasses import replace
 from page_examples import RIG, after, content, observed_state, two_cycles
 
 from porotwin_page import graph_snapshot as snapshot
-from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level
+from porotwin_page.graph_snapshot import GraphSnapshot
 
 
 def test_before_the_first_message_it_names_everything() -> None:
@@ -27,8 +27,10 @@ def test_it_names_what_is_still_missing() -> None:
 
 
 def test_the_preparation_of_a_demo_comes_first() -> None:
-    now = after((snapshot.with_health, 'demo', Health(Level.OK, 'training COSTA', 0.0)))
-    assert content('waiting', now)[0] == 'training COSTA'
+    now = snapshot.with_preparation(GraphSnapshot(), 'the demo trains COSTA')
+    assert content('waiting', now)[0] == 'the demo trains COSTA'
+    now = snapshot.with_observed_state(now, observed_state(1))
+    assert 'the demo trains COSTA' not in content('waiting', now)
 
 
 def test_a_twin_without_control_does_not_wait_for_a_setpoint() -> None:

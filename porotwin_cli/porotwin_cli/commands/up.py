@@ -56,6 +56,7 @@ def command(
     from porotwin_cli.live_twin import check_early, run_until_stopped
     from porotwin_core.rig import load_rig
     from porotwin_imaging.sources.source_registry import source_at
+    from porotwin_page.address import settled
 
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
@@ -86,7 +87,8 @@ def command(
         training=folder / 'training' if retrain_every else None,
         record=folder / 'bag',
         diagnoses=folder / 'diagnoses' if diagnosis else None,
-        page=page,
+        page=settled(page) if page else '',
+        page_token=folder / 'page_token' if page else None,
         speak=speak,
         use_sim_time=replay,
     )

@@ -5,7 +5,6 @@ While a setpoint is valid, its rates are the orders. After its end the safe rate
 
 from collections.abc import Mapping
 
-from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot
@@ -27,7 +26,7 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
     before = rates_before(snapshot)
     remaining = setpoint.remaining(moment.graph)
     expired = remaining is not None and remaining <= 0
-    safe = safe_rates(snapshot.rig) if expired and snapshot.rig else {}
+    safe = snapshot.safe_rates if expired else {}
     orders = safe or setpoint.rates
     return {
         'sequence': setpoint.sequence,

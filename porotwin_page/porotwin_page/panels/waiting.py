@@ -3,9 +3,6 @@
 from porotwin_page.graph_snapshot import GraphSnapshot, Level
 from porotwin_page.panel import LinesPanel, Moment, Region
 
-PREPARATION = 'demo'
-"""Name under which the demo reports on /diagnostics what it prepares."""
-
 CAMERAS = ('camera', 'virtual_rig')
 """Nodes that bring photographs."""
 
@@ -15,9 +12,8 @@ def waiting(snapshot: GraphSnapshot, _: Moment) -> list[str]:
     if snapshot.finished is not None:
         return []
     lines = []
-    preparation = snapshot.health.get(PREPARATION)
-    if preparation is not None and snapshot.observed is None:
-        lines.append(preparation.message)
+    if snapshot.preparation and snapshot.observed is None:
+        lines.append(snapshot.preparation)
     if snapshot.rig is None:
         lines.append('the description of the rig, from the node hub')
     if snapshot.observed is None:
