@@ -265,11 +265,11 @@ def _read_maps(path: Path) -> None:
 
 
 def _read_photograph(path: Path) -> None:
-    from porotwin_imaging.exposure_time import exposure_time
+    from porotwin_imaging.exposure_time import exif_time
     from porotwin_imaging.photo_file import decode
 
     data = path.read_bytes()
-    exposure_time(data, None, 0.0)
+    exif_time(data)
     decode(data)
 
 

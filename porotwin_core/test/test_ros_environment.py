@@ -37,7 +37,7 @@ def test_a_middleware_that_is_not_installed_is_named_with_those_that_are(tmp_pat
     for name in ('cyclonedds_cpp', 'fastrtps_shared_cpp'):
         (tmp_path / 'lib' / f'librmw_{name}.so').touch()
     environ = {'AMENT_PREFIX_PATH': str(tmp_path), 'RMW_IMPLEMENTATION': 'rmw_connext_cpp'}
-    with pytest.raises(InputError, match='rmw_connext_cpp, which is not installed; .*cyclonedds'):
+    with pytest.raises(InputError, match=r'rmw_connext_cpp, which is not installed; .*cyclonedds'):
         prepare_environment(environ)
     prepare_environment({**environ, 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'})
 
@@ -56,7 +56,7 @@ def test_without_a_range_only_this_machine_is_searched() -> None:
 def test_a_domain_has_one_graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
     first = DomainClaim(1)
-    with pytest.raises(InputError, match='another graph runs in domain 1 .*set ROS_DOMAIN_ID to'):
+    with pytest.raises(InputError, match=r'another graph runs in domain 1 .*set ROS_DOMAIN_ID to'):
         DomainClaim(1)
     second = claim_free_domain()
     assert second.domain == 2

@@ -74,6 +74,8 @@ def steady_time() -> Callable[[], float]:
 class HubNode(Node):
     """Listens to the asset's states, asks the models, publishes forecasts and setpoints."""
 
+    _settings: ControlSettings
+
     def __init__(
         self,
         *,
@@ -192,7 +194,7 @@ class HubNode(Node):
             at_most=10_000,
             on_change=lambda value: replace_controller(evaluations=value),
         )
-        self._settings: ControlSettings = ControlSettings(enabled, horizon, evaluations)
+        self._settings = ControlSettings(enabled, horizon, evaluations)
         if self._known_limits is None:
             return None
         self._make_controller = partial(
@@ -322,12 +324,7 @@ class HubNode(Node):
             wells=conversions.rates_to_msg(decision.rates),
             reason=decision.reason,
         )
-<<<<<<< HEAD
-        self._inbox.supersede_confirmed_rates()
-=======
         self._inbox.supersede_confirmed_rates(ready.state.stamp)
-        self._setpoint.publish(message)
->>>>>>> hub
         try:
             send_control(self._call, message)
         except ModelUnavailable as error:

@@ -1,9 +1,9 @@
 """The inbox of the hub: matches messages of different topics, and orders them by their stamps.
 
 Topics keep no order between them, so everything counts by its stamp: a state is ready when it is
-here and refreshed, in whichever order the two messages arrive; an interruption or a rate belongs to
-the interval that its stamp lies in. A stamp that is not believed orders nothing: its state is handed
-out and leaves no trace. This module knows neither messages nor ROS.
+here and refreshed, in whichever order the two messages arrive; an interruption or a rate belongs
+to the interval that its stamp lies in. A stamp that is not believed orders nothing: its state is
+handed out and leaves no trace. This module knows neither messages nor ROS.
 """
 
 import math
