@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_core.plausibility import plausible_rate_ml_h
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
@@ -185,13 +186,14 @@ def plausible_bound_ml_h(rates: WellRates, rig: Rig | None) -> float:
     """Return the largest plausible size of a rate [ml/h].
 
     It is ten times what all wells pump together, by the limits of `rig` or else by `rates`
-    [m^3/s].
+    [m^3/s], and never more than the sand of the rig stands.
     """
     together = math.fsum(abs(to_ml_h(rate.rate)) for rate in rates.values()) / 2
     if rig is not None and rig.control is not None:
         fixed = math.fsum(abs(well.rate_ml_h) for well in rig.control.fixed.values())
         together = fixed + rig.control.max_total_rate_ml_h
-    return max(PLAUSIBLE_FACTOR * together, LEAST_BOUND_ML_H)
+    bound = max(PLAUSIBLE_FACTOR * together, LEAST_BOUND_ML_H)
+    return bound if rig is None else min(bound, plausible_rate_ml_h(rig.pore_volume)[1])
 
 
 def _doubts(rates: Mapping[str, WellRate], rig: Rig | None) -> list[str]:

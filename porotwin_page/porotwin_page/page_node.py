@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from porotwin_core import conversions, qos
+from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.rig import load_rig
@@ -102,12 +102,11 @@ class PageNode(Node):
             at_least=0,
             at_most=100_000,
         )
-        guard = declare(self, 'guard', 'guard', 'name of the node whose setpoints are orders')
         listening = address.listen(address_text)
         host, port = address.parse(address_text)[0], listening.getsockname()[1]
         token = token_in(Path(token_file)) if token_file else new_token()
         access = Access(token, parse_hosts(hosts) | _own_name(host))
-        self._source = SetpointSource(f'{self.get_namespace().rstrip("/")}/{guard}')
+        self._source = SetpointSource(senders.full_name(self, senders.GUARD))
         self._past = PastStates(most=states)
         self._confirm_client = self.create_client(ConfirmRates, 'operator/confirm')
         self._diagnostics = Diagnostics(self)
@@ -264,9 +263,8 @@ class PageNode(Node):
         )
 
     def _doubt_on_publishers(self) -> str:
-        publishers = self.get_publishers_info_by_topic(self.resolve_topic_name(SETPOINT_TOPIC))
-        names = [f'{p.node_namespace.rstrip("/")}/{p.node_name}' for p in publishers]
-        return self._source.doubt(names, time.monotonic())
+        publishers = senders.publishers(self, SETPOINT_TOPIC)
+        return self._source.doubt([sender.node for sender in publishers], time.monotonic())
 
     def _confirm(self, given: Confirmation) -> str:
         """Call the operator node and return one line; runs in a thread of the server.

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable
 
-LINGERING_S = 30.0
-"""A guard that died stays in the graph for some time beside the one that followed it [s]."""
+from porotwin_core.senders import LEASE_S, UNKNOWN_NODE
+
+LINGERING_S = LEASE_S + 5.0
+"""A guard that died stays in the graph for so long beside the one that followed it [s]."""
 
 
 class SetpointSource:
@@ -24,8 +26,9 @@ class SetpointSource:
         names = list(publishers)
         others = sorted(set(names) - {self._guard})
         if others:
+            named = ', '.join(others).replace(UNKNOWN_NODE, 'a program without a name')
             return (
-                f'Not an order: setpoints come from {", ".join(others)}. Follow only those of the '
+                f'Not an order: setpoints come from {named}. Follow only those of the '
                 f'guard ({self._guard}).'
             )
         if len(names) < 2:
