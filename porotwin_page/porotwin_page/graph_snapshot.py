@@ -6,6 +6,7 @@ one snapshot, so it never mixes two moments.
 
 import math
 import statistics
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
@@ -14,9 +15,10 @@ from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.wells import WellRates
+from porotwin_page.packed_rates import PackedRates
 
-HISTORY_LENGTH = 2000
-"""Cycles in the curves: more than 16 hours of a photograph every 30 s."""
+HISTORY_LENGTH = 1440
+"""Cycles in the curves: 12 hours of a photograph every 30 s, below 1 MB."""
 
 # Bounds of everything else, so that memory does not grow with the length of a run.
 SETPOINTS_KEPT = 20
@@ -441,10 +443,23 @@ def with_confirmation(now: GraphSnapshot, sequence: int, *, safe: bool = False) 
 def with_cycle(now: GraphSnapshot, point: CyclePoint) -> GraphSnapshot:
     """Return the snapshot with a new point of the curves; the oldest is dropped if it is full."""
     rates = next((s.rates for s in reversed(now.setpoints) if s.time == point.time), {})
-    # only the newest remarks are shown
-    before = (*now.history[:-1], replace(now.history[-1], remarks=())) if now.history else ()
-    history = (*before, replace(point, rates=rates, remarks=point.remarks[:REMARKS_KEPT]))
+    newest = replace(
+        point,
+        rates=rates,
+        remarks=point.remarks[:REMARKS_KEPT],
+        correction_status=sys.intern(point.correction_status),
+    )
+    history = (*_packed(now.history), newest)
     return replace(now, history=history[-HISTORY_LENGTH:], history_end=now.history_end + 1)
+
+
+def _packed(history: tuple[CyclePoint, ...]) -> tuple[CyclePoint, ...]:
+    """Return the points with the last one in little memory: only the newest remarks are shown."""
+    if not history:
+        return ()
+    last = history[-1]
+    before = history[-2].rates if len(history) > 1 else None
+    return (*history[:-1], replace(last, rates=PackedRates(last.rates, before), remarks=()))
 
 
 def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:

@@ -60,7 +60,7 @@ function applyTheme() {
 function applySpeech() {
   const button = find('#speech');
   button.hidden = page.speech.voice === null;
-  setText(button, page.speech.on ? '🔊 voice' : '🔇 silent');
+  setText(button, page.speech.on ? 'voice on' : 'voice off');
   button.setAttribute('aria-pressed', page.speech.on);
   button.setAttribute('aria-label', 'speak the rates to set');
   render();

@@ -1,6 +1,6 @@
 /* The newest event of the server, and all points of the curves. */
 
-export const POINTS_KEPT = 2000;
+export const POINTS_KEPT = 1440;  // as HISTORY_LENGTH of the server
 
 export class PageState {
   constructor() {
