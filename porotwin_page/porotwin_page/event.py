@@ -44,7 +44,7 @@ def event_view(snapshot: GraphSnapshot, moment: Moment, panels: Mapping[str, Pan
         'start_s': snapshot.start,
         'header': header_view(snapshot, moment.steady),
         'rig': rig_view(snapshot.rig) if snapshot.rig else None,
-        'rates_ml_h': rates_ml_h(snapshot.setpoint.rates) if snapshot.setpoint else {},
+        'rates_ml_h': rates_ml_h(snapshot.orders(moment.graph)),
         'marks': [{'time_s': mark.time, 'reason': mark.reason} for mark in snapshot.marks],
         'panels': {name: panel.content(snapshot, moment) for name, panel in panels.items()},
     }

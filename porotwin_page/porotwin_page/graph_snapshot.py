@@ -272,6 +272,22 @@ class GraphSnapshot:
             return {}
         return safe_rates(self.rig)
 
+    def orders(self, graph: float | None) -> WellRates:
+        """Return the rates to set [m^3/s]: the setpoint's, or the safe ones after its end.
+
+        Args:
+            graph: present time on the graph's clock [s]; None if it has not started.
+
+        Returns:
+            Nothing before the first setpoint; the expired rates if the safe ones are not known.
+        """
+        setpoint = self.setpoint
+        if setpoint is None:
+            return {}
+        remaining = setpoint.remaining(graph)
+        expired = remaining is not None and remaining <= 0
+        return (expired and self.safe_rates) or setpoint.rates
+
     @property
     def setpoint(self) -> Setpoint | None:
         """The newest setpoint."""

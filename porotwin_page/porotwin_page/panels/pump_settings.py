@@ -26,20 +26,20 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
     before = rates_before(snapshot)
     remaining = setpoint.remaining(moment.graph)
     expired = remaining is not None and remaining <= 0
-    safe = snapshot.safe_rates if expired else {}
-    orders = safe or setpoint.rates
+    safe = expired and bool(snapshot.safe_rates)
     return {
         'sequence': setpoint.sequence,
         'reason': setpoint.reason,
         'remaining_s': finite(remaining),
         'validity_s': finite(setpoint.valid_until - setpoint.time),
         'expired': expired,
-        'safe': bool(safe),
+        'safe': safe,
         'doubt': setpoint.doubt,
-        'confirmed': snapshot.confirmed == (setpoint.sequence, bool(safe)),
+        'confirmed': snapshot.confirmed == (setpoint.sequence, safe),
         'pumps_report': snapshot.pumps_report and snapshot.set_rates is None,
         'wells': [
-            _well_view(well, rate, before, snapshot.measured) for well, rate in orders.items()
+            _well_view(well, rate, before, snapshot.measured)
+            for well, rate in snapshot.orders(moment.graph).items()
         ],
     }
 
