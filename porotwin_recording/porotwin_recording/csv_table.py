@@ -35,8 +35,8 @@ def read_table(
             lines = csv.reader(file)
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:
-                line = ' '.join(','.join(found).split())[:LONGEST_QUOTE]
-                raise InputError(f"{path}: first line is '{line}'; write {','.join(header)}")
+                first = ' '.join(','.join(found).split())[:LONGEST_QUOTE]
+                raise InputError(f"{path}: first line is '{first}'; write {','.join(header)}")
             for line in lines:
                 words = [word.strip() for word in line]
                 if not any(words):
