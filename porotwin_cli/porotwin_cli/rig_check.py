@@ -19,7 +19,7 @@ from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.geometry import Geometry
 from porotwin_recording.bag import read_bag
-from porotwin_recording.bag_reader import is_bag
+from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.experiment_folder import FILES, folder_data
 from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
 from porotwin_recording.photos import Photo
