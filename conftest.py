@@ -3,17 +3,25 @@
 import fcntl
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import TextIO
 
 import pytest
 from hypothesis import settings
 
+for _threads in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
+    # workers of xdist and nodes share the cores; threads of small products only wait for each other
+    os.environ.setdefault(_threads, '1')
+
 settings.register_profile('porotwin', deadline=None, derandomize=True)
 settings.load_profile('porotwin')
 
 DOMAINS = range(1, 102)
 """DDS domains whose ports lie below the ephemeral ports of Linux."""
+
+WHOLE_PROJECT = Path(__file__).parent / 'tests'
+"""Folder of the tests that run documents, examples and whole graphs."""
 
 _claims: list[TextIO] = []
 
@@ -35,6 +43,21 @@ def pytest_configure() -> None:
     """Separate the nodes of these tests from a rig's nodes and from other tests."""
     os.environ['ROS_DOMAIN_ID'] = str(_claimed_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put files with slow tests first, those of the whole project above all.
+
+    At the end all workers have short files left.
+    """
+    slow = {item.path for item in items if item.get_closest_marker('slow') is not None}
+    items.sort(key=lambda item: (item.path not in slow, item.path.parent != WHOLE_PROJECT))
+
+
+@pytest.fixture(scope='session')
+def new_domain() -> Callable[[], int]:
+    """Makes DDS domains for fixtures that outlive a test."""
+    return _claimed_domain
 
 
 @pytest.fixture

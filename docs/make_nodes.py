@@ -1,7 +1,9 @@
 """Write docs/nodes.md: the topics, services, actions and parameters of every node.
 
-    python docs/make_nodes.py            # writes docs/nodes.md
-    python docs/make_nodes.py --check    # exit status 1 if docs/nodes.md is out of date
+    python docs/make_nodes.py            # writes docs/nodes.md and node_parameters.json
+    python docs/make_nodes.py --check    # exit status 1 if one of them is out of date
+
+node_parameters.json holds the parameters for the checks of parameter files.
 
 The tables come from the running nodes: each node is started here, asked for its interfaces, and
 ended. tests/test_documents.py runs the check.
@@ -10,10 +12,12 @@ ended. tests/test_documents.py runs the check.
 import faulthandler
 import importlib
 import inspect
+import json
 import os
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -23,8 +27,13 @@ from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from porotwin_core.node import ensure_diagnostics, rules_of
+from porotwin_core.parameter_rule import ParameterRule
+from porotwin_imaging.sources.source_registry import SOURCES
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / 'docs' / 'nodes.md'
+RULES = ROOT / 'porotwin_hub' / 'porotwin_hub' / 'node_parameters.json'
 SMALL_RIG = ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml'
 NAMESPACE = '/porotwin'
 
@@ -119,7 +128,7 @@ def interfaces(node: Node) -> list[tuple[str, ...]]:
 
 
 def parameters(node: Node) -> list[tuple[str, ...]]:
-    """Return name, default and description of every parameter of `node`."""
+    """Return name, type, default, allowed values and description of every parameter of `node`."""
     names = sorted(set(node.list_parameters([], 0).names) - HIDDEN_PARAMETERS)
     rows = []
     for name in names:
@@ -129,49 +138,77 @@ def parameters(node: Node) -> list[tuple[str, ...]]:
         default = '' if value in ('', None) else f'`{value}`'
         if '/' in default and name != 'topics':
             default = 'needed'
-        rows.append((f'`{name}`', kind, default, descriptor.description))
+        allowed = descriptor.additional_constraints
+        rows.append((f'`{name}`', kind, default, allowed, descriptor.description))
     return rows
 
 
-def section(executable: str, make: type[Node], given: dict[str, Any]) -> str:
+def rules(node: Node) -> dict[str, Any]:
+    """Return the rules of all parameters of `node`; the camera has those of all its sources."""
+    found = {rule.name: rule for rule in rules_of(node)}
+    if node.get_name() == 'camera':
+        options = [option for kind in SOURCES.values() for option in kind.options]
+        for option in options:
+            values = {key: value for key, value in vars(option).items() if value is not None}
+            found.setdefault(option.name, ParameterRule(**values))
+    return {name: found[name].as_json() for name in sorted(found)}
+
+
+def section(executable: str, node: Node) -> str:
     """Return the Markdown section of one node."""
-    overrides = [Parameter(name, value=value) for name, value in given.items()]
-    node = make(namespace=NAMESPACE, parameter_overrides=overrides)
-    time.sleep(0.5)  # until the node has discovered its own actions
-    summary = (inspect.getdoc(make) or '').split('\n\n')[0].replace('\n', ' ')
+    summary = (inspect.getdoc(type(node)) or '').split('\n\n')[0].replace('\n', ' ')
     package, module = executable.split('/')
     parts = [
         f'## {node.get_name()}\n\n{summary}\n\nPackage `{package}`, executable `{module}`.\n',
         table(('kind', 'name', 'type'), interfaces(node)),
-        table(('parameter', 'type', 'default', 'meaning'), parameters(node)),
+        table(('parameter', 'type', 'default', 'allowed', 'meaning'), parameters(node)),
     ]
     return '\n'.join(filter(None, parts))
 
 
-def page() -> str:
-    """Return the whole document."""
+def started(make: type[Node], given: dict[str, Any]) -> Node:
+    """Return a node as it is after its start."""
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = make(namespace=NAMESPACE, parameter_overrides=overrides)
+    ensure_diagnostics(node)
+    time.sleep(0.5)  # until the node has discovered its own actions
+    return node
+
+
+def documents() -> dict[Path, str]:
+    """Return the texts of both files."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init()
+    sections, all_rules = [], {}
     with tempfile.TemporaryDirectory() as folder:
         needed = needed_parameters(Path(folder))
-        sections = [
-            section(executable, make, needed.get(executable, needed['default']))
-            for executable, make in node_classes()
-        ]
-    return '\n'.join([HEAD, *sections])
+        for executable, make in node_classes():
+            node = started(make, needed.get(executable, needed['default']))
+            sections.append(section(executable, node))
+            all_rules[node.get_name()] = rules(node)
+    return {
+        PAGE: '\n'.join([HEAD, *sections]),
+        RULES: json.dumps(all_rules, indent=1, sort_keys=True) + '\n',
+    }
 
 
 def main() -> int:
-    """Write the page, or with --check compare it with the file."""
-    text = page()
+    """Write the files, or with --check compare them."""
+    texts = documents()
     if '--check' in sys.argv[1:]:
-        return int(PAGE.read_text(encoding='utf-8') != text)
-    PAGE.write_text(text, encoding='utf-8')
+        return int(any(path.read_text(encoding='utf-8') != text for path, text in texts.items()))
+    for path, text in texts.items():
+        path.write_text(text, encoding='utf-8')
     return 0
 
 
 if __name__ == '__main__':
     faulthandler.dump_traceback_later(LONGEST_S, exit=True)
-    status = main()
+    try:
+        status = main()
+    except BaseException:
+        traceback.print_exc()
+        status = 1
     sys.stdout.flush()
+    sys.stderr.flush()
     os._exit(status)  # threads of the nodes wait for a graph that never comes

@@ -22,6 +22,7 @@ setup(
         'console_scripts': [
             'hub_node = porotwin_hub.hub_node:main',
             'operator_node = porotwin_hub.operator_node:main',
+            'supervisor_node = porotwin_hub.supervisor_node:main',
         ],
     },
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
@@ -23,6 +24,7 @@ TOPICS: dict[str, tuple[Any, Any]] = {
     'tracer/predicted': (TracerField, qos.FIELD),
     'wells/setpoint': (Setpoint, qos.SETPOINT),
     'hub/cycle': (CycleReport, qos.FIELD),
+    '/diagnostics': (DiagnosticArray, 10),
 }
 
 
@@ -70,9 +72,12 @@ class Listener:
 
 
 class RunningGraph:
-    """The processes of a graph, their messages by topic, and the `lines` of the supervisor."""
+    """The processes of the `nodes`, their messages by topic, and the `lines` of the supervisor."""
 
-    def __init__(self, processes: GraphProcesses, listener: Listener, lines: list[str]) -> None:
+    def __init__(
+        self, nodes: list[str], processes: GraphProcesses, listener: Listener, lines: list[str]
+    ) -> None:
+        self.nodes = nodes
         self.processes = processes
         self.listener = listener
         self.lines = lines
@@ -80,7 +85,8 @@ class RunningGraph:
 
     def log(self, name: str) -> str:
         """Return the log of a node so far."""
-        return self.processes.log(name).read_text(encoding='utf-8', errors='replace')
+        path = self.processes.log(name)
+        return path.read_text(encoding='utf-8', errors='replace') if path.is_file() else ''
 
     def wait_for_publishers(self, *topics: str) -> None:
         """Return when the publishers of `topics` are found, so that no message is missed."""
@@ -124,7 +130,7 @@ def running_graph(
     listener = Listener(domain)
     try:
         with GraphProcesses(nodes, folder, say=lines.append, environment=environment) as processes:
-            graph = RunningGraph(processes, listener, lines)
+            graph = RunningGraph([node.name for node in nodes], processes, listener, lines)
             try:
                 yield graph
             except BaseException:

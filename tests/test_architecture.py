@@ -14,12 +14,13 @@ MODULES = sorted(path for package in PACKAGES for path in (ROOT / package / pack
 ROS = {'rclpy', 'launch', 'launch_ros'}
 MESSAGES = {
     'porotwin_msgs', 'sensor_msgs', 'std_msgs', 'diagnostic_msgs', 'rosgraph_msgs',
-    'builtin_interfaces', 'rcl_interfaces',
+    'builtin_interfaces', 'rcl_interfaces', 'std_srvs',
 }  # fmt: skip
 
 ROS_SHELLS = {
     'porotwin_core/qos.py': 'names the qualities of service',
     'porotwin_core/node.py': 'shared by all nodes',
+    'porotwin_core/single_instance.py': 'finds other nodes of the same name',
     'porotwin_core/conversions.py': 'the one place that converts messages',
     'porotwin_recording/bag_conversion.py': 'makes the bag that a live run would have recorded',
     'porotwin_recording/player.py': 'turns recorded setpoints into measured rates',
@@ -36,6 +37,7 @@ MAY_IMPORT = {
     'porotwin_solver': {'porotwin_core'},
     'porotwin_costa': {'porotwin_core', 'porotwin_recording'},
     'porotwin_hub': {'porotwin_core'},
+    'porotwin_guard': {'porotwin_core'},  # it judges the hub, so it shares no limits with it
     'porotwin_rig': {'porotwin_core', 'porotwin_recording'},
     'porotwin_page': {'porotwin_core'},
     'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},

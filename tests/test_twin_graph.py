@@ -68,7 +68,9 @@ def mock_camera(session: Path, **parameters: str | float) -> NodeDescription:
 
 
 def twin_beside(session: Path, *, evaluations: int = 12) -> list[NodeDescription]:
-    settings = GraphSettings(rig=session / 'rig.yaml', grid=GRID, evaluations=evaluations)
+    settings = GraphSettings(
+        rig=session / 'rig.yaml', grid=GRID, evaluations=evaluations, use_sim_time=True
+    )
     return [*twin_nodes(settings), operator_node(settings, asset=True)]
 
 
@@ -134,7 +136,7 @@ def test_an_unknown_well_in_rig_yaml_is_named_at_once(
     settings = GraphSettings(rig=wrong, grid=GRID)
     with running_graph(twin_nodes(settings), tmp_path, domain) as graph:
         graph.listener.wait_for(
-            'all four nodes to refuse', lambda: len(graph.processes.failed) == 4, timeout=START_S
+            'all five nodes to refuse', lambda: len(graph.processes.failed) == 5, timeout=START_S
         )
         for name, line in graph.processes.failed.items():
             assert "unknown well 'control9'" in line, name
@@ -196,7 +198,11 @@ def test_real_photographs_become_maps_predictions_and_setpoints(
     watched.mkdir()
     shutil.copy(real_photographs / 'imaging.csv', watched)
     settings = GraphSettings(
-        rig=tmp_path / 'rig.yaml', photos=watched, grid='140x75', evaluations=8
+        rig=tmp_path / 'rig.yaml',
+        photos=watched,
+        grid='140x75',
+        evaluations=8,
+        use_sim_time=True,  # imaging.csv counts from the start of the experiment
     )
     with running_graph(live_graph(settings), tmp_path, domain) as graph:
         graph.wait_for_log('solver', 'ready', timeout=START_S)

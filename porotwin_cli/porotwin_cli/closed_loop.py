@@ -3,7 +3,7 @@
 import os
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,17 @@ from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
-from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_hub.graph import (
+    GraphSettings,
+    NodeDescription,
+    operator_node,
+    page_node,
+    supervised,
+    twin_nodes,
+)
 from porotwin_hub.processes import GraphProcesses
 from porotwin_hub.setpoint_limits import Limits
+from porotwin_page.address import listen
 from porotwin_recording.concentration import open_maps
 from porotwin_rig.camera import camera_before
 from porotwin_rig.pumps import Pumps
@@ -33,8 +41,14 @@ PHOTO_INTERVAL_S = 30.0
 PRODUCER_DELIVERY = 0.99
 """Share of its commanded rate that the producer's pump delivers (paper, section 4)."""
 
-PAGE = '127.0.0.1:8765'
-"""Address of the page: this machine only."""
+PREPARATION_S = 35.0
+"""Calibration of the camera, start of the nodes and pictures on two cores [s]."""
+
+TRAINING_S = 50.0
+"""Training of COSTA on two cores [s]."""
+
+SECONDS_PER_PHOTOGRAPH = 1.2
+"""One photograph, its map, setpoint and forecast on two cores [s]."""
 
 POLL_S = 0.5
 """Time between two looks at the nodes [s]."""
@@ -52,9 +66,22 @@ DOMAINS = 100
 """ROS domains among which demos on one machine are spread; all have free ports on Linux."""
 
 
+LONG_MINUTES = 60.0
+"""An experiment of this length [min] shows control from its start; see `start_minute`."""
+
+UNCONTROLLED_MINUTES = 20.0
+"""In a shorter experiment the tracer spreads so long [min] before the twin takes over.
+
+It then approaches the disallowed zone of the small rig, which it enters after 28 min.
+"""
+
+
 @dataclass(frozen=True)
 class DemoSettings:
-    """The options of `./porotwin demo`; `minutes` is the length of the experiment [min]."""
+    """The options of `./porotwin demo`.
+
+    `minutes` is the time under control [min]; `page` the HOST:PORT of the page, empty: no page.
+    """
 
     minutes: float
     speed: str
@@ -62,16 +89,40 @@ class DemoSettings:
     costa: bool
     preset: str
     photo_width: int
-    page: bool
+    page: str
+
+    @property
+    def start_minute(self) -> float:
+        """Time since the start of the injection when the twin takes over [min].
+
+        A short experiment from the start would end before the tracer reaches the zone: its picture
+        would show nothing of the control.
+        """
+        return 0.0 if self.minutes >= LONG_MINUTES else UNCONTROLLED_MINUTES
+
+    @property
+    def photographs(self) -> int:
+        """Number of photographs under control."""
+        return round(self.minutes * 60.0 / PHOTO_INTERVAL_S) + 1
 
     def check(self) -> None:
         """Check the options that are text.
 
         Raises:
-            InputError: speed or preset is unknown.
+            InputError: speed, preset or the address of the page is wrong.
         """
         parse_speed(self.speed)
         preset_named(self.preset)
+        if self.page:
+            listen(self.page).close()
+
+    def expected_seconds(self) -> float:
+        """Return about how long the demo takes on two cores [s]."""
+        pace = parse_speed(self.speed)
+        loop = self.photographs * SECONDS_PER_PHOTOGRAPH
+        if pace is not None:
+            loop = max(loop, self.minutes * 60.0 / pace)
+        return PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop
 
 
 def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
@@ -81,19 +132,26 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         WorkFailed: a node cannot run, or the loop stalls.
     """
     started = time.monotonic()
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    # two demos on one machine must not receive each other's messages
+    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % DOMAINS))
     rig_file = _prepare_rig(folder, settings.photo_width)
-    calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
     graph = GraphSettings(
         rig=rig_file,
-        calibration=calibration,
-        model=model,
         preset=settings.preset,
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
-        page=PAGE if settings.page else '',
+        page=settings.page,
         use_sim_time=True,
     )
-    _run_loop(graph, folder, settings)
+    with GraphProcesses(page_node(graph), folder, say=say) as page:
+        if settings.page:
+            say(f'page: http://{settings.page}')
+        calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
+        graph = replace(graph, calibration=calibration, model=model)
+        _run_loop(graph, folder, settings)
+        for why in page.failed.values():
+            say(f'the page did not run: {why}')
     figures = _account(load_rig(rig_file), folder)
     return {**figures, 'duration_s': time.monotonic() - started}
 
@@ -136,7 +194,8 @@ def _virtual_rig(graph: GraphSettings, folder: Path, settings: DemoSettings) -> 
         {
             'rig': str(graph.rig),
             'photo_interval_s': graph.photo_interval_s,
-            'duration_s': settings.minutes * 60.0,
+            'start_s': settings.start_minute * 60.0,
+            'duration_s': (settings.start_minute + settings.minutes) * 60.0,
             'seed': settings.seed,
             'speed': settings.speed,
             'photo_width_px': settings.photo_width,
@@ -151,19 +210,17 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
     Raises:
         WorkFailed: a node cannot run, or the loop stalls.
     """
-    nodes = [
-        *twin_nodes(graph),
-        operator_node(graph, asset=False),
-        _virtual_rig(graph, folder, settings),
-    ]
-    photographs = round(settings.minutes * 60.0 / graph.photo_interval_s) + 1
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    # two demos on one machine must not receive each other's messages
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % DOMAINS))
+    nodes = supervised(
+        [
+            *twin_nodes(replace(graph, page='')),  # the page runs already
+            operator_node(graph, asset=False),
+            _virtual_rig(graph, folder, settings),
+        ]
+    )
     newest = [time.monotonic()]
     reported = threading.Event()
     with progress() as bar:
-        task = bar.add_task('closed loop', total=photographs)
+        task = bar.add_task('closed loop', total=settings.photographs)
 
         def on_cycle(_: object) -> None:
             newest[0] = time.monotonic()
@@ -172,8 +229,6 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
                 reported.set()
 
         with GraphWatch(on_cycle) as watch, GraphProcesses(nodes, folder, say=say) as processes:
-            if graph.page:
-                say(f'page: http://{graph.page}')
             while not watch.finished.wait(POLL_S):
                 _check(processes, newest[0], folder)
             reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
@@ -181,10 +236,9 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
 
 
 def _check(processes: GraphProcesses, newest: float, folder: Path) -> None:
-    """Raise WorkFailed if a node other than the page gave up, or if no cycle came for long."""
-    failed = {name: why for name, why in processes.failed.items() if name != 'page'}
-    if failed:
-        name, why = next(iter(failed.items()))
+    """Raise WorkFailed if a node gave up, or if no cycle came for long."""
+    if processes.failed:
+        name, why = next(iter(processes.failed.items()))
         raise WorkFailed(f'{name} cannot run: {why}')
     if time.monotonic() - newest > STALL_S:
         raise WorkFailed(f'no cycle for {STALL_S:g} s; see {folder / "log"}')

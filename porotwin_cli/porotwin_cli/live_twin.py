@@ -18,8 +18,11 @@ from porotwin_imaging.calibration import load_calibration
 from porotwin_page.address import listen
 from porotwin_solver.model import preset_named
 
-NEEDED = ('imaging', 'solver', 'hub', 'camera')
-"""Nodes without which the twin cannot work."""
+OPTIONAL = ('costa', 'trainer', 'diagnosis', 'page', 'supervisor')
+"""Nodes without which the twin goes on: it predicts, controls and records all the same."""
+
+SHOWN = ('operator', 'supervisor')
+"""Nodes whose output is for the person at the rig."""
 
 POLL_S = 0.5
 """Time between two looks at the nodes [s]."""
@@ -67,9 +70,13 @@ def run_until_stopped(settings: GraphSettings, folder: Path) -> None:
     if settings.page:
         say(f'page: http://{settings.page}')
     say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
-    with GraphProcesses(live_graph(settings), folder, say=say, show=('operator',)) as graph:
+    with GraphProcesses(live_graph(settings), folder, say=say, show=SHOWN) as graph:
+        told: set[str] = set()
         while not stop.wait(POLL_S):
-            failed = [name for name in NEEDED if name in graph.failed]
-            if failed:
-                raise InputError(f'{failed[0]} cannot run: {graph.failed[failed[0]]}')
+            for name, why in list(graph.failed.items()):
+                if name not in OPTIONAL:
+                    raise InputError(f'{name} cannot run: {why}')
+                if name not in told:
+                    say(f'{name} cannot run, going on without: {why}')
+                told.add(name)
     say('stopped')

@@ -6,6 +6,7 @@ experiment to come.
 """
 
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +34,8 @@ CALIBRATION_MINUTES = 40.0
 CALIBRATION_PHOTOS = 8
 """Length [min] and number of photographs of the calibration."""
 
-TRAINING_MINUTES = 20.0
-"""Length of a training experiment [min]."""
+TRAINING_MINUTES = 12.0
+"""Length of a training experiment [min]: water follows the tracer for half of it."""
 
 TRAINING_EPOCHS = 20
 """Fewer than usual, so that the demo starts soon."""
@@ -104,31 +105,49 @@ def training_schedules() -> list[Schedule]:
     ]
 
 
-def training_runs(
-    rig: Rig, folder: Path, *, photo_interval: float, seed: int, photo_width: int
-) -> list[Path]:
-    """Photograph the training experiments every `photo_interval` [s]; return their folders."""
-    jobs = [
-        (folder / f'training_run_{number}', schedule)
-        for number, schedule in enumerate(training_schedules(), 1)
-    ]
+@dataclass(frozen=True)
+class TrainingRun:
+    """A training experiment: its schedule, camera and the calibration of its photographs.
+
+    `photo_interval` is the time between photographs [s], `photo_width` their width [px].
+    """
+
+    rig: Rig
+    schedule: Schedule
+    calibration: Path
+    photo_interval: float
+    photo_width: int
+    seed: int
+
+    def frames(self, folder: Path) -> Frames:
+        """Photograph the experiment into `folder`; return its maps, made by the twin's imaging.
+
+        Raises:
+            InputError: a photograph or the calibration is unusable.
+        """
+        make_experiment(
+            folder,
+            self.rig,
+            commanded=self.schedule,
+            duration=TRAINING_MINUTES * 60.0,
+            photo_interval=self.photo_interval,
+            seed=self.seed,
+            photo_width_px=self.photo_width,
+        )
+        return imaged(open_recording(folder), self.rig.default_grid(), self.calibration)
+
+
+def training_frames(runs: list[TrainingRun], folder: Path) -> list[Frames]:
+    """Return the maps of all training experiments; one core works on each of them."""
     with ProcessPoolExecutor() as pool, progress() as bar:
         made = [
-            pool.submit(
-                make_experiment,
-                path,
-                rig,
-                commanded=schedule,
-                duration=TRAINING_MINUTES * 60.0,
-                photo_interval=photo_interval,
-                seed=seed,
-                photo_width_px=photo_width,
-            )
-            for path, schedule in jobs
+            pool.submit(run.frames, folder / f'training_run_{number}')
+            for number, run in enumerate(runs, 1)
         ]
-        for run in bar.track(as_completed(made), len(made), description='training experiments'):
-            run.result()
-    return [path for path, _ in jobs]
+        task = bar.add_task('training experiments', total=len(made))
+        for _ in as_completed(made):
+            bar.advance(task)
+    return [frames.result() for frames in made]
 
 
 def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
@@ -144,14 +163,11 @@ def imaged(recording: Recording, grid: Grid, calibration: Path) -> Frames:
         calibration=load_calibration(calibration),
     )
     states = [photo for photo in recording.photos if photo.role == 'state']
-    with progress() as bar:
-        maps = [
-            concentration_map(photo.read(), baseline).values
-            for photo in bar.track(states, description='photographs to maps')
-        ]
     return Frames(
         times=np.array([photo.time for photo in states]),
-        concentration=np.array(maps),
+        concentration=np.array(
+            [concentration_map(photo.read(), baseline).values for photo in states]
+        ),
         schedule=recording.schedule,
         name=source_name(recording),
     )
@@ -176,10 +192,11 @@ def train_costa(
         InputError: the calibration is unusable, or there are too few training pairs.
     """
     grid = rig.default_grid()
-    runs = training_runs(
-        rig, folder, photo_interval=photo_interval, seed=seed, photo_width=photo_width
-    )
-    frames = [imaged(open_recording(run), grid, calibration) for run in runs]
+    runs = [
+        TrainingRun(rig, schedule, calibration, photo_interval, photo_width, seed)
+        for schedule in training_schedules()
+    ]
+    frames = training_frames(runs, folder)
     dataset = dataset_of(frames, rig, grid=grid, time_step=photo_interval, preset=preset)
     model = train_with_progress(
         dataset, architecture(ARCHITECTURE), epochs=TRAINING_EPOCHS, seed=seed

@@ -8,52 +8,34 @@ mpl.use('Agg')
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 
+from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.run_account import ML, RunAccount, TrueTracer
-from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 
-SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
-DPI = 110
-"""Resolution of the pictures [dots per inch]."""
-
-SHOWN_MINUTES = (10, 35, 60, 80)
+PAPER_MINUTES = (10, 35, 60, 80)
 """Times of the paper's figures [min]."""
 
 
+def shown_minutes(first: float, last: float) -> list[float]:
+    """Return the times of the paper's figures [min], or four even ones if the run lacks some."""
+    if first <= PAPER_MINUTES[0] and PAPER_MINUTES[-1] <= last:
+        return [float(minute) for minute in PAPER_MINUTES]
+    return [float(minute) for minute in np.linspace(first, last, 4)]
+
+
 def plume_picture(path: Path, rig: Rig, controlled: TrueTracer, free: TrueTracer) -> None:
-    """Draw the true plume with and without control at `SHOWN_MINUTES`, as far as the run went."""
-    last = controlled.times[-1] / 60.0
-    minutes = [time for time in SHOWN_MINUTES if time <= last] or [last]
+    """Draw the true plume with and without control, at four times of the run."""
+    minutes = shown_minutes(controlled.times[0] / 60.0, controlled.times[-1] / 60.0)
     figure, rows = plt.subplots(
         2, len(minutes), figsize=(4.2 * len(minutes), 5.8), squeeze=False, layout='constrained'
     )
     for label, truth, axes in (('with control', controlled, rows[0]), ('without', free, rows[1])):
         for minute, axis in zip(minutes, axes, strict=True):
-            _draw_rig(axis, rig, truth.at(minute * 60.0))
+            draw_map(axis, rig, truth.at(minute * 60.0))
             axis.set_title(f'{label}, {minute:.0f} min')
     figure.savefig(path, dpi=DPI)
     plt.close(figure)
-
-
-def _draw_rig(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
-    extent = (0.0, rig.width_m, 0.0, rig.height_m)
-    axis.imshow(
-        concentration, origin='lower', extent=extent, cmap=SAND_TO_TRACER, vmin=0.0, vmax=1.0
-    )
-    if rig.control is not None:
-        zone = np.array([*rig.control.disallowed_zone_m, rig.control.disallowed_zone_m[0]])
-        axis.fill(zone[:, 0], zone[:, 1], facecolor='none', edgecolor='#b03a2e', hatch='//', lw=0)
-        axis.plot(zone[:, 0], zone[:, 1], color='#b03a2e', lw=1.2)
-    for name, well in rig.wells.items():
-        axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=5)
-        axis.annotate(name, (well.x_m, well.z_m), (3, 4), textcoords='offset points', fontsize=7)
-    axis.set_xlim(0.0, rig.width_m)
-    axis.set_ylim(0.0, rig.height_m)
-    axis.set_xlabel('x [m]')
-    axis.set_ylabel('z [m]')
 
 
 def course_picture(

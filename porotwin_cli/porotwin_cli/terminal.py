@@ -54,6 +54,13 @@ def show_warnings() -> None:
     logger.propagate = False
 
 
+def duration_in_words(seconds: float) -> str:
+    """Return a duration that a person plans with: in seconds, or in minutes from two on."""
+    if seconds < 120.0:
+        return f'{max(10, round(seconds, -1)):.0f} s'
+    return f'{seconds / 60.0:.0f} min'
+
+
 def progress() -> AbstractContextManager[Progress]:
     """Return a progress display with an estimate of the remaining time, on standard error."""
     return Progress(

@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from porotwin_core.errors import InputError
+from porotwin_core.from_messages import RIG_FRAME as RIG_FRAME
 from porotwin_core.from_messages import grid_from_msg as grid_from_msg
 from porotwin_core.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.from_messages import rig_from_msg as rig_from_msg
@@ -40,9 +41,6 @@ from porotwin_msgs.msg import (
 )
 from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
-
-RIG_FRAME = 'rig'
-"""Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
 
 CAMERA_FRAME = 'camera_optical'
 """Frame of photographs (REP-103): z forward, x right, y down."""

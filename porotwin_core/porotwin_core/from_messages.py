@@ -17,6 +17,14 @@ from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate
 
+RIG_FRAME = 'rig'
+"""Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
+
+LOWEST_CONCENTRATION, HIGHEST_CONCENTRATION = -2.0, 3.0
+"""Range of the values of a map [-]. Noise and an uncalibrated scale lead to -0.5 and 1.5 (settings
+of imaging), the largest correction of COSTA to -1.5 and 2.5. Numbers beyond the range are no
+concentrations."""
+
 
 def time_from_msg(stamp: Any) -> float:
     """Return the time of a stamp [s], since the epoch of the clock that made it."""
@@ -43,13 +51,23 @@ def _values(kind: str, values: Any, grid: Grid, dtype: type) -> FloatArray:
 
 
 def tracer_from_msg(message: Any) -> tuple[FloatArray, Grid]:
-    """Return the map (nz, nx) [-] in double precision, and its grid.
+    """Return the map (nz, nx) [-] in double precision, and its grid; NaN where nothing was seen.
 
     Raises:
-        InputError: the grid is wrong, or the number of values does not fit it.
+        InputError: the grid is wrong, the number of values does not fit it, the map is in another
+            frame, or a value is infinite or no concentration.
     """
     grid = grid_from_msg(message.grid)
     values = _values('tracer field', message.concentration, grid, np.float32)
+    frame = message.header.frame_id
+    if frame not in ('', RIG_FRAME):
+        raise InputError(f"tracer field in the frame '{frame}'; send it in '{RIG_FRAME}'")
+    wrong = values[(values < LOWEST_CONCENTRATION) | (values > HIGHEST_CONCENTRATION)]
+    if wrong.size:
+        raise InputError(
+            f'tracer field with {wrong[0]:g} in {wrong.size} cells; a concentration lies between '
+            '0 and 1, NaN where nothing was seen'
+        )
     return values.astype(np.float64), grid
 
 
@@ -57,10 +75,14 @@ def source_from_msg(message: Any) -> tuple[FloatArray, Grid]:
     """Return the tracer source (nz, nx) [1/s] and its grid.
 
     Raises:
-        InputError: the grid is wrong, or the number of values does not fit it.
+        InputError: the grid is wrong, the number of values does not fit it, or one is not finite.
     """
     grid = grid_from_msg(message.grid)
-    return _values('source field', message.source, grid, np.float64).copy(), grid
+    values = _values('source field', message.source, grid, np.float64).copy()
+    if not np.isfinite(values).all():
+        count = np.count_nonzero(~np.isfinite(values))
+        raise InputError(f'source field: {count} cells are not finite; send a number for each')
+    return values, grid
 
 
 def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:

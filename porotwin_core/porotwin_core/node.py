@@ -3,13 +3,16 @@
 import math
 import sys
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, NotInitializedException
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
@@ -18,8 +21,19 @@ from rclpy.parameter import Parameter
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_core.parent import end_with_parent
+from porotwin_core.node_health import NodeHealth
+from porotwin_core.parameter_rule import ParameterRule
+from porotwin_core.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.rig import Rig, load_rig
+
+DIAGNOSTICS = '/diagnostics'
+"""Topic of the health of all nodes."""
+
+HARDWARE_ID = 'porotwin'
+"""Name of this system in the reports of health."""
+
+HEARTBEAT_S = 1.0
+"""Time between two reports of a node's health [s]: the customary rate of /diagnostics."""
 
 OnChangeFn = Callable[[Any], None]
 """Takes a value of a parameter; raises InputError if it is wrong."""
@@ -53,46 +67,43 @@ def declare(
         InputError: the value given is of another type, not a number, out of range or no choice.
     """
 
-    def check(value: Any) -> None:
-        where = f"parameter '{name}' of {node.get_name()} is"
-        if isinstance(value, (int, float)) and not at_least <= value <= at_most:
-            raise InputError(f'{where} {value:g}; it must be {_range_in_words(at_least, at_most)}')
-        if choices and value not in choices:
-            raise InputError(f"{where} '{value}'; choose one of: {', '.join(choices)}")
-
-    descriptor = ParameterDescriptor(description=description, read_only=on_change is None)
-    if choices:
-        descriptor.additional_constraints = f'one of: {", ".join(choices)}'
-    elif (at_least, at_most) != (-math.inf, math.inf):
-        descriptor.additional_constraints = _range_in_words(at_least, at_most)
+    rule = ParameterRule(
+        name, default, description, at_least, at_most, tuple(choices), on_change is not None
+    )
+    descriptor = ParameterDescriptor(
+        description=description,
+        read_only=on_change is None,
+        additional_constraints=rule.constraint,
+    )
+    _rules.setdefault(node, []).append(rule)
     try:
         value = node.declare_parameter(name, default, descriptor).value
     except InvalidParameterTypeException as error:
         raise InputError(f"parameter '{name}' of {node.get_name()}: {error}") from None
-    check(value)
+    rule.check(value, node.get_name())
     if on_change is not None:
-        node.add_on_set_parameters_callback(_on_set(name, check, on_change))
+        node.add_on_set_parameters_callback(_on_set(node, rule, on_change))
     return value
 
 
-def _range_in_words(at_least: float, at_most: float) -> str:
-    if at_most == math.inf:
-        return f'at least {at_least:g}'
-    if at_least == -math.inf:
-        return f'at most {at_most:g}'
-    return f'from {at_least:g} to {at_most:g}'
+_rules: WeakKeyDictionary[Node, list[ParameterRule]] = WeakKeyDictionary()
+
+
+def rules_of(node: Node) -> list[ParameterRule]:
+    """Return the rules of all parameters that `node` has declared, in the order of declaration."""
+    return list(_rules.get(node, []))
 
 
 def _on_set(
-    name: str, check: OnChangeFn, on_change: OnChangeFn
+    node: Node, rule: ParameterRule, on_change: OnChangeFn
 ) -> Callable[[list[Parameter]], SetParametersResult]:
-    """Return rclpy's callback for the parameter `name`."""
+    """Return rclpy's callback for the parameter of `rule`."""
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
         try:
             for parameter in parameters:
-                if parameter.name == name:
-                    check(parameter.value)
+                if parameter.name == rule.name:
+                    rule.check(parameter.value, node.get_name())
                     on_change(parameter.value)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
@@ -123,31 +134,61 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
 
 
 class Diagnostics:
-    """Publishes the health of one node on /diagnostics (REP-107)."""
+    """Publishes the health of one node on /diagnostics once a second (REP-107).
+
+    The executor of the node publishes. Silence therefore means that the executor is stuck or the
+    process is stopped; a long computation in a thread of its own is no silence.
+    """
 
     def __init__(self, node: Node) -> None:
-        """Make the publisher of `node`."""
+        """Make the publisher of `node` and its heartbeat."""
         self._node = node
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._health = NodeHealth()
+        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # also while simulated time stands still
+        own = MutuallyExclusiveCallbackGroup()
+        node.create_timer(HEARTBEAT_S, self._beat, callback_group=own, clock=steady)
+        node.create_timer(HEARTBEAT_S, self._health.callbacks_ran, clock=steady)
 
     def report(self, level: bytes, message: str, **values: object) -> None:
-        """Publish the health of the node.
+        """Publish the health of the node; it is repeated until the next report.
 
         Args:
             level: DiagnosticStatus.OK, WARN or ERROR.
             message: one line.
             values: numbers and texts by name, published as text.
         """
+        texts = {name: str(value) for name, value in values.items()}
+        self._health.report(level[0], message, texts)
+        self._beat()
+
+    def busy(self, what: str, longest_s: float = math.inf) -> AbstractContextManager[None]:
+        """Return a context that marks a piece of work as in progress.
+
+        Args:
+            what: the work in a few words, such as 'state 12'.
+            longest_s: time after which the health is an error [s]; infinite: never.
+        """
+        return self._health.busy(what, longest_s)
+
+    def _beat(self) -> None:
+        health = self._health.now()
         status = DiagnosticStatus(
-            level=level,
+            level=bytes([health.level]),
             name=self._node.get_name(),
-            hardware_id='porotwin',
-            message=message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            hardware_id=HARDWARE_ID,
+            message=health.message,
+            values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
+
+
+def ensure_diagnostics(node: Node) -> None:
+    """Publish the health of `node`, unless it does so by itself."""
+    if not any(publisher.topic_name == DIAGNOSTICS for publisher in node.publishers):
+        Diagnostics(node)  # its timers keep it alive
 
 
 @contextmanager
@@ -171,22 +212,23 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
 
     Args:
         make_node: makes the node; an InputError ends the process with status 2 and one line.
-        threads: threads that run callbacks.
+        threads: threads that run callbacks; one more is added for the health of the node.
     """
     end_with_parent()
     rclpy.init()
     executor = (
-        SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads)
+        SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads + 1)
     )
     node = None
     try:
         with until_shutdown(executor.context):
             node = make_node()
+            ensure_diagnostics(node)
             executor.add_node(node)
             executor.spin()
     except InputError as error:
-        print(f'error: {error}', file=sys.stderr)
-        sys.exit(2)
+        print(f'{REFUSAL}{error}', file=sys.stderr)
+        sys.exit(WRONG_PARAMETERS)
     except KeyboardInterrupt:
         pass  # asked to stop, perhaps during the start
     finally:

@@ -1,4 +1,4 @@
-"""Processes that end with the process that started them."""
+"""The agreement of a node and its launcher: who launched it, and how a node refuses to run."""
 
 import ctypes
 import os
@@ -7,6 +7,12 @@ import sys
 
 PARENT = 'POROTWIN_PARENT'
 """Environment variable with the number of the process that started this one."""
+
+REFUSAL = 'error: '
+"""A node refuses its parameters with a line that begins with this."""
+
+WRONG_PARAMETERS = 2
+"""Exit status of a node whose parameters are wrong: a restart would change nothing."""
 
 _PR_SET_PDEATHSIG = 1
 """Option of Linux' prctl(2): the signal to receive when the parent ends."""
@@ -24,5 +30,11 @@ def end_with_parent() -> None:
     if parent is None or sys.platform != 'linux':
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != int(parent):  # it ended while this process was starting
+    if launcher_is_gone():  # it ended while this process was starting
         sys.exit(1)
+
+
+def launcher_is_gone() -> bool:
+    """Return whether the process that started this one, named by `PARENT`, has ended."""
+    parent = os.environ.get(PARENT)
+    return parent is not None and str(os.getppid()) != parent

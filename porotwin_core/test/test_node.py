@@ -1,18 +1,20 @@
-"""Tests of the main loop of nodes: a shutdown at any moment ends it quietly."""
+"""Tests of the main loop of nodes: its health, its parameters, and a quiet end at any moment."""
 
 import math
 import sys
+import threading
 from collections.abc import Iterator
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 
 from porotwin_core.errors import InputError
-from porotwin_core.node import declare, run
+from porotwin_core.node import DIAGNOSTICS, Diagnostics, declare, run
 
 pytestmark = pytest.mark.graph
 
@@ -105,3 +107,71 @@ def test_a_change_is_checked_and_taken(node_of_ranges: Node) -> None:
     assert 'from 1 to 9' in refused.reason
     assert taken == [5]
     assert node_of_ranges.get_parameter('count').value == 5
+
+
+class Watched(Node):
+    """A node that hears its own health, and ends when `enough` reports say so."""
+
+    def __init__(self) -> None:
+        super().__init__('watched')
+        self.heard: list[DiagnosticStatus] = []
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, 10)
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        self.heard += message.status
+        if self.enough():
+            rclpy.try_shutdown(context=self.context)
+
+    def enough(self) -> bool:
+        return len(self.heard) >= 2
+
+
+def test_every_node_tells_its_health_without_code_of_its_own() -> None:
+    nodes: list[Watched] = []
+
+    def make() -> Watched:
+        nodes.append(Watched())
+        return nodes[0]
+
+    run(make, threads=1)
+    names = {(status.name, status.level, status.message) for status in nodes[0].heard}
+    assert names == {('watched', DiagnosticStatus.OK, 'running')}
+
+
+class Stuck(Watched):
+    """A node whose worker hangs, and whose callback blocks all others but the heartbeat."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ended = threading.Event()
+        self.diagnostics = Diagnostics(self)
+        self.diagnostics.report(DiagnosticStatus.OK, 'state 3 done')
+        self.work = self.diagnostics.busy('state 4', longest_s=0.5)
+        self.work.__enter__()
+        self.subscription = self.create_subscription(
+            DiagnosticArray,
+            DIAGNOSTICS,
+            self._hear,
+            10,
+            callback_group=rclpy.callback_groups.ReentrantCallbackGroup(),
+        )
+        self.create_timer(0.1, lambda: self.ended.wait(60.0))
+
+    def enough(self) -> bool:
+        if any('state 4: at work' in status.message for status in self.heard):
+            self.ended.set()
+            return True
+        return False
+
+
+def test_a_stuck_worker_shows_while_the_executor_spins_on() -> None:
+    nodes: list[Stuck] = []
+
+    def make() -> Stuck:
+        nodes.append(Stuck())
+        return nodes[0]
+
+    run(make)
+    stuck = nodes[0].heard[-1]
+    assert stuck.level == DiagnosticStatus.ERROR
+    assert {value.key for value in stuck.values} >= {'report_age_s', 'busy_with', 'busy_s'}

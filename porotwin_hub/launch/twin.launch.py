@@ -1,6 +1,7 @@
 """The twin beside a real rig: ros2 launch porotwin_hub twin.launch.py rig:=... photos:=..."""
 
 import dataclasses
+import os
 import types
 import typing
 from pathlib import Path
@@ -10,6 +11,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from porotwin_core.parent import PARENT
 from porotwin_hub.graph import NAMESPACE, GraphSettings, description_of, live_graph
 
 RESTART_PAUSE_S = 1.0
@@ -40,6 +42,9 @@ def nodes(context: LaunchContext) -> list[Node]:
             namespace=NAMESPACE,
             parameters=[dict(node.parameters)],
             remappings=list(node.remappings.items()),
+            # logs go to the screen and launch's own log, so a third copy is not needed
+            ros_arguments=['--disable-external-lib-logs'],
+            additional_env={PARENT: str(os.getpid())},  # no node outlives this launch
             output='screen',
             emulate_tty=True,
             respawn=True,

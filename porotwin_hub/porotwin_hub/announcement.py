@@ -1,10 +1,14 @@
 """Setpoints in words: text for a terminal, sentences for a voice."""
 
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates
-from porotwin_hub.setpoint_limits import SAME_SETTING_ML_H
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_hub.setpoint_limits import PUMP_STEP_ML_H
+
+SINCE_1970 = 1e9
+"""Times below this [s] count from the start of an experiment, not from 1970."""
 
 
 @dataclass(frozen=True)
@@ -16,43 +20,74 @@ class Announcement:
     changed: tuple[str, ...]
 
 
-def _spoken_name(well: str) -> str:
-    """Return 'control 2' for 'control2', so that a voice reads the number by itself."""
-    head = well.rstrip('0123456789')
-    return f'{head} {well[len(head) :]}'.replace('_', ' ').strip()
+def clock_time(seconds: float) -> str:
+    """Return a time in words: the time of the day, or h:mm:ss since the start of an experiment."""
+    if seconds < SINCE_1970:
+        return str(timedelta(seconds=round(seconds)))
+    return datetime.fromtimestamp(seconds).astimezone().strftime('%H:%M:%S')
 
 
-def announce(sequence: int, rates: WellRates, before: WellRates) -> Announcement:
+def announce(
+    sequence: int,
+    rates: WellRates,
+    before: WellRates,
+    *,
+    note: str = '',
+    step_ml_h: float = PUMP_STEP_ML_H,
+) -> Announcement:
     """Return the words for setpoint `sequence`, with every rate in ml/h.
 
     Args:
         sequence: the number of the setpoint.
         rates: the rates to set [m^3/s].
-        before: the rates until now [m^3/s]; a well that is missing there counts as changed.
+        before: the rates at the pumps [m^3/s]; a well that is missing there counts as changed.
+        note: follows the number, such as the time of the photograph.
+        step_ml_h: the smallest change that a hand can set [ml/h]; smaller ones do not count.
     """
-    return _words(f'setpoint {sequence}', '', rates, before)
-
-
-def announce_expiry(sequence: int, safe: WellRates, before: WellRates) -> Announcement:
-    """Return the words for the expired setpoint `sequence`: the `safe` rates [m^3/s] hold now."""
-    title = f'setpoint {sequence} has expired and none followed; the safe rates hold'
-    return _words(title, f'Setpoint {sequence} has expired. ', safe, before)
-
-
-def _words(title: str, opening: str, rates: WellRates, before: WellRates) -> Announcement:
     changed = tuple(
         well
         for well, rate in rates.items()
-        if well not in before or abs(to_ml_h(rate.rate - before[well].rate)) > SAME_SETTING_ML_H
+        if well not in before or _step(rate, before[well]) >= step_ml_h - 0.5 * PUMP_STEP_ML_H
     )
+    speech = ' '.join(_order(well, rates[well]) for well in changed) or 'No change.'
+    title = f'setpoint {sequence}{note}'
+    return Announcement(_table(title, rates, before, changed), speech, changed)
+
+
+def announce_expiry(
+    sequence: int, safe: WellRates, before: WellRates, *, note: str = ''
+) -> Announcement:
+    """Return the words for the expired setpoint `sequence`: the `safe` rates [m^3/s] hold now.
+
+    They name every well: whoever missed the last setpoints must not miss a pump.
+    """
+    title = f'setpoint {sequence} has expired and none followed{note}; set the safe rates now'
+    orders = ' '.join(_order(well, rate) for well, rate in safe.items())
+    speech = f'Setpoint {sequence} has expired. Set the safe rates now. {orders}'.strip()
+    return Announcement(_table(title, safe, before, tuple(safe)), speech, tuple(safe))
+
+
+def _step(rate: WellRate, before: WellRate) -> float:
+    return abs(to_ml_h(rate.rate - before.rate))
+
+
+def _table(title: str, rates: WellRates, before: WellRates, changed: tuple[str, ...]) -> str:
     lines = [title]
     for well, rate in rates.items():
-        value = to_ml_h(rate.rate)
-        line = f'  {well:12} {value:8.1f} ml/h'
+        line = f'  {well:12} {to_ml_h(rate.rate) + 0.0:8.1f} ml/h'
         if well in changed:
             known = well in before
-            line += f'   <-- was {to_ml_h(before[well].rate):.1f}' if known else '   <-- set'
+            line += f'   <-- was {to_ml_h(before[well].rate) + 0.0:.1f}' if known else '   <-- set'
         lines.append(line)
-    spoken = [f'{_spoken_name(well)}: {to_ml_h(rates[well].rate):.0f}' for well in changed]
-    speech = opening + (f'Set {", ".join(spoken)}.' if spoken else 'No change.')
-    return Announcement('\n'.join(lines), speech.replace(': -', ': minus '), changed)
+    return '\n'.join(lines)
+
+
+def _order(well: str, rate: WellRate) -> str:
+    """Return one short sentence that a voice reads well, such as 'Set control 2 to minus 740.'"""
+    head = well.rstrip('0123456789')
+    name = f'{head} {well[len(head) :]}'.replace('_', ' ').strip()
+    value = round(to_ml_h(rate.rate), 1)
+    if value == 0.0:
+        return f'Switch {name} off.'
+    sign = 'minus ' if value < 0.0 else ''
+    return f'Set {name} to {sign}{abs(value):g}.'

@@ -8,17 +8,26 @@ import threading
 from typing import Any
 
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from porotwin_core import conversions
 from porotwin_core.correction import Correction
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
 from porotwin_hub.forecast import ModelUnavailable
-from porotwin_msgs.msg import Outcome, Setpoint
+from porotwin_msgs.msg import Outcome, Setpoint, TracerField
 from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict
 
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
+
+
+CANCEL = 'solver/cancel'
+"""The service that ends the predictions of the solver."""
+
+CANCEL_WAIT_S = 1.0
+"""Longest wait for the answer of a cancel service [s]: a time step of the solver is shorter."""
 
 
 class Caller:
@@ -27,31 +36,47 @@ class Caller:
     def __init__(self, node: Node, *, timeout: float) -> None:
         """Use `node` for clients; a call that takes longer than `timeout` [s] has failed."""
         self._node = node
-        self._timeout = timeout
+        self.timeout = timeout
         self._clients: dict[str, Any] = {}
 
-    def __call__(self, service_type: Any, name: str, request: Any) -> Any:
+    def __call__(self, service_type: Any, name: str, request: Any, *, cancel: str = '') -> Any:
         """Return the response to `request` from the service called `name`.
+
+        A call that has failed by its time limit is ended by the service called `cancel`, so that
+        the model is free for the next one.
 
         Raises:
             ModelUnavailable: the service is absent, silent, or refuses the request.
         """
-        if name not in self._clients:
-            self._clients[name] = self._node.create_client(service_type, name)
-        client = self._clients[name]
-        if not client.wait_for_service(timeout_sec=min(self._timeout, LONGEST_SEARCH_S)):
+        timeout = self.timeout
+        client = self._client(service_type, name)
+        if not client.wait_for_service(timeout_sec=min(timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
-        received = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: received.set())
-        if not received.wait(self._timeout):
-            client.remove_pending_request(future)
-            raise ModelUnavailable(f"service '{name}' did not answer within {self._timeout:g} s")
+        future = self._answered(client, request, timeout)
+        if future is None:
+            if cancel:
+                self._answered(self._client(Trigger, cancel), Trigger.Request(), CANCEL_WAIT_S)
+            raise ModelUnavailable(f"service '{name}' did not answer within {timeout:g} s")
         response = future.result()
         outcome = getattr(response, 'outcome', None)
         if outcome is not None and outcome.code != Outcome.OK:
             raise ModelUnavailable(f"service '{name}' refuses: {outcome.message}")
         return response
+
+    def _client(self, service_type: Any, name: str) -> Any:
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(service_type, name)
+        return self._clients[name]
+
+    def _answered(self, client: Any, request: Any, timeout: float) -> Any:
+        """Return the future of a call when it is answered, None after `timeout` [s]."""
+        received = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: received.set())
+        if received.wait(timeout):
+            return future
+        client.remove_pending_request(future)
+        return None
 
 
 class PhysicsModelClient:
@@ -73,8 +98,8 @@ class PhysicsModelClient:
             wells=conversions.rates_to_msg(rates),
             time_step=float(time_step),
         )
-        response = self._call(Predict, 'solver/predict', request)
-        return conversions.tracer_from_msg(response.predicted)[0]
+        response = self._call(Predict, 'solver/predict', request, cancel=CANCEL)
+        return _map_of('solver/predict', response.predicted)
 
     def correct(
         self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
@@ -90,8 +115,8 @@ class PhysicsModelClient:
             wells=conversions.rates_to_msg(rates),
             time_step=float(time_step),
         )
-        response = self._call(Correct, 'solver/correct', request)
-        return conversions.tracer_from_msg(response.corrected)[0]
+        response = self._call(Correct, 'solver/correct', request, cancel=CANCEL)
+        return _map_of('solver/correct', response.corrected)
 
 
 class DataDrivenModelClient:
@@ -111,17 +136,29 @@ class DataDrivenModelClient:
         )
         try:
             response = self._call(CorrectiveSource, 'costa/corrective_source', request)
-        except ModelUnavailable as error:
+            if not response.active:
+                return Correction(None, response.status)
+            return Correction(conversions.source_from_msg(response.source)[0], response.status)
+        except (ModelUnavailable, InputError) as error:
             return Correction(None, str(error))
-        if not response.active:
-            return Correction(None, response.status)
-        return Correction(conversions.source_from_msg(response.source)[0], response.status)
+
+
+def _map_of(service: str, message: TracerField) -> FloatArray:
+    """Return the map (nz, nx) [-] that `service` answered.
+
+    Raises:
+        ModelUnavailable: the answer is no map of concentrations.
+    """
+    try:
+        return conversions.tracer_from_msg(message)[0]
+    except InputError as error:
+        raise ModelUnavailable(f"service '{service}' answers wrongly: {error}") from None
 
 
 def send_control(call: Caller, setpoint: Setpoint) -> None:
-    """Ask the physical asset to pump `setpoint`.
+    """Ask the guard to publish `setpoint` and to hand it to the pumps.
 
     Raises:
-        ModelUnavailable: the asset is absent, silent, or refuses the setpoint.
+        ModelUnavailable: guard or pumps are absent, silent, or refuse the setpoint.
     """
-    call(Control, 'asset/control', Control.Request(setpoint=setpoint))
+    call(Control, 'guard/control', Control.Request(setpoint=setpoint))

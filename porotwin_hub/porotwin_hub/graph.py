@@ -1,42 +1,29 @@
-"""The description of the node graph, for `./porotwin up`, `./porotwin demo` and the launch file.
-
-A node is a package, an executable (also a module of that package) and its parameters. Names of
-topics and services are relative to the namespace, except `/clock` and `/diagnostics`.
-"""
+"""The description of the node graph, for `./porotwin up`, `./porotwin demo` and the launch file."""
 
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-NAMESPACE = '/porotwin'
-"""Namespace of all nodes."""
+from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
+from porotwin_hub.parameter_file import known_rules, with_parameters
+
+__all__ = [
+    'NAMESPACE',
+    'GraphSettings',
+    'NodeDescription',
+    'Parameter',
+    'camera_node',
+    'description_of',
+    'live_graph',
+    'operator_node',
+    'supervised',
+    'twin_nodes',
+]
 
 TRAINING_PAIRS = 'pairs'
 TRAINED_MODEL = 'model.safetensors'
 """Names in the folder of retraining: the pairs that the trainer collects, and the weights."""
-
-Parameter = bool | int | float | str
-"""A value of a node's parameter."""
-
-Parameters = dict[str, Parameter]
-"""The parameters of a node by name."""
-
-
-@dataclass(frozen=True)
-class NodeDescription:
-    """One process of the graph: `executable` of `package`, started under `name`."""
-
-    name: str
-    package: str
-    executable: str
-    parameters: Parameters = field(default_factory=dict)
-    remappings: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def module(self) -> str:
-        """The module to run where executables are not installed."""
-        return f'{self.package}.{self.executable}'
 
 
 def _option(default: Any, description: str) -> Any:
@@ -60,7 +47,7 @@ class GraphSettings:
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
     preset: str = _option('fast', 'scheme of the physics-based model: fast, accurate or upwind')
     photo_interval_s: float = _option(30.0, 'time between photographs [s]')
-    horizon_s: float = _option(600.0, 'how far the optimiser looks ahead [s]')
+    horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
     evaluations: int = _option(60, 'most predictions of one optimisation')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
     retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')
@@ -71,6 +58,7 @@ class GraphSettings:
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     use_sim_time: bool = _option(False, 'take the time from /clock')
+    params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
 
 def description_of(option: str) -> str:
@@ -94,10 +82,11 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         NodeDescription('solver', 'porotwin_solver', 'solver_node', modelled),
         _costa_node(settings, modelled),
         _hub_node(settings, mapped),
+        _guard_node(settings, common),
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
-        *_page_node(settings, common),
+        *page_node(settings),
     ]
 
 
@@ -148,6 +137,12 @@ def _hub_node(settings: GraphSettings, mapped: Parameters) -> NodeDescription:
     return NodeDescription('hub', 'porotwin_hub', 'hub_node', parameters)
 
 
+def _guard_node(settings: GraphSettings, common: Parameters) -> NodeDescription:
+    """Return the node that checks the hub's setpoints on their way to the pumps."""
+    parameters = {**common, 'photo_interval_s': settings.photo_interval_s}
+    return NodeDescription('guard', 'porotwin_guard', 'guard_node', parameters)
+
+
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:
     if settings.record is None:
         return []
@@ -166,10 +161,15 @@ def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeD
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
 
 
-def _page_node(settings: GraphSettings, common: Parameters) -> list[NodeDescription]:
+def page_node(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the page, or nothing if there is none."""
     if not settings.page:
         return []
-    parameters = {**common, 'address': settings.page}
+    parameters: Parameters = {
+        'rig': str(settings.rig),
+        'use_sim_time': settings.use_sim_time,
+        'address': settings.page,
+    }
     return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
 
 
@@ -207,6 +207,19 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
 
     Without a camera source there is no camera: photographs are replayed from a bag.
+
+    Raises:
+        InputError: the parameter file of `settings` is wrong.
     """
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
-    return [*twin_nodes(settings), operator_node(settings, asset=True), *camera]
+    nodes = supervised([*twin_nodes(settings), operator_node(settings, asset=True), *camera])
+    return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
+
+
+def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:
+    """Return `nodes` and the node that watches them; it starts last and so ends first."""
+    names = ' '.join(node.name for node in nodes)
+    return [
+        *nodes,
+        NodeDescription('supervisor', 'porotwin_hub', 'supervisor_node', {'nodes': names}),
+    ]

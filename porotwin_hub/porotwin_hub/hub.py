@@ -1,12 +1,12 @@
 """The hub: takes one ready state after the other through the twin, and acts on fresh ones."""
 
+import math
 import time
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
 from porotwin_hub.forecast import ModelUnavailable
-from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.inbox import ReadyState
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
@@ -17,50 +17,60 @@ ActuateFn = Callable[[SetpointDecision, ReadyState[Any]], None]
 
 
 class Hub:
-    """Decides about ready states in their order; it holds the twin and the clock of photographs."""
+    """Decides about ready states in their order; it holds the twin."""
 
     def __init__(
         self,
         twin: Twin,
         *,
         limits: Limits | None,
-        photographs: PhotographClock | None,
         clock: Callable[[], float],
+        most_age: float = math.inf,
     ) -> None:
         """Make the hub.
 
         Args:
             twin: the loop.
             limits: of the wells, checked again before a setpoint leaves; None: no control.
-            photographs: tells how late photographs are; None: in simulated time none is late.
             clock: returns the time [s] of arrivals; a clock that nobody sets.
+            most_age: age [s] up to which a photograph is acted on; in simulated time none is late.
         """
         self._twin = twin
         self._limits = limits
-        self._photographs = photographs
         self._clock = clock
+        self._most_age = most_age
 
-    def run(self, ready: ReadyState[Any], actuate: ActuateFn) -> Cycle:
+    def run(self, ready: ReadyState[Any], actuate: ActuateFn, *, objection: str = '') -> Cycle:
         """Return the cycle of a ready state; a setpoint goes through `actuate` at once.
 
-        A setpoint that the asset does not take is a remark of the cycle.
+        A setpoint that the asset does not take is a remark of the cycle. A state whose stamp is not
+        believed changes nothing: its cycle holds a remark only.
+
+        Args:
+            ready: the state.
+            actuate: commands a setpoint.
+            objection: why no setpoint may follow now; empty: it may.
 
         Raises:
             RuntimeError: a setpoint breaks a limit; it was not commanded.
         """
         begin = time.perf_counter()
+        observation = Observation(ready.state.stamp, ready.state.concentration)
+        if not ready.is_believed:
+            cycle = self._twin.set_aside(observation)
+            cycle.remarks += ready.doubts
+            cycle.durations['cycle'] = time.perf_counter() - begin
+            return cycle
         if ready.time_went_back:
             self._twin.begin_anew()
         if ready.interruptions:
             self._twin.interrupt()
-        late = self._lateness(ready)
-        fresh = late <= self._twin.validity
-        observation = Observation(ready.state.stamp, ready.state.concentration)
-        cycle = self._twin.decide(observation, ready.known, actuate=fresh)
+        objection = self._lateness(ready) or objection
+        cycle = self._twin.decide(observation, ready.known, actuate=not objection)
         cycle.durations['cycle'] = time.perf_counter() - begin
-        if not fresh and self._limits is not None:
-            age = timedelta(seconds=round(late))
-            cycle.remarks.append(f'no setpoint: the photograph was taken {age} ago (h:mm:ss)')
+        cycle.remarks += ready.doubts
+        if objection and self._twin.controls:
+            cycle.remarks.append(f'no setpoint: {objection}')
         if cycle.setpoint is not None:
             self._actuate(cycle, ready, actuate)
         self._twin.look_ahead(cycle)
@@ -84,9 +94,9 @@ class Hub:
             self._twin.reject_setpoint(cycle)
             cycle.remarks.append(str(error))
 
-    def _lateness(self, ready: ReadyState[Any]) -> float:
-        """Return the age of a photograph [s]; 0 in simulated time, which waits for the twin."""
-        if self._photographs is None:
-            return 0.0
-        waited = self._clock() - ready.arrival
-        return self._photographs.lateness(ready.state.stamp, ready.arrival) + waited
+    def _lateness(self, ready: ReadyState[Any]) -> str:
+        """Return that a photograph is too late to act on, in words, or an empty string."""
+        age = ready.judgement.age + self._clock() - ready.arrival
+        if age <= self._most_age:
+            return ''
+        return f'the photograph was taken {timedelta(seconds=round(age))} ago (h:mm:ss)'

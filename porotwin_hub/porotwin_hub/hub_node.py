@@ -7,6 +7,9 @@ slow cycle delays no message and a service call can wait without a deadlock.
 import math
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -15,18 +18,17 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import Rig
-from porotwin_core.wells import WellRates
+from porotwin_core.single_instance import another_lives, only_one
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.controller import Controller
+from porotwin_hub.door import Door
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
 from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.rates_in_force import KnownRates, balanced
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Cycle, Twin
@@ -41,12 +43,38 @@ from porotwin_msgs.msg import (
 )
 from porotwin_msgs.msg import WellRates as WellRatesMessage
 
+DAY_S = 86400.0
+"""Longest photo interval and horizon [s]: an experiment lasts hours."""
+
+SIMULATED_PATIENCE_S = 60.0
+"""Least wait for a model in simulated time [s]: as long as the virtual rig waits for a setpoint."""
+
+REPORT_S = 60.0
+"""Shortest time between two lines about the same doubt [s]."""
+
 OPTIMISER_SHARE = 0.5
 """Share of the photo interval that one optimisation may take: the rest is for the forecast."""
 
 
+@dataclass(frozen=True)
+class ControlSettings:
+    """The parameters of the controller; `horizon` [s], `evaluations` per decision."""
+
+    enabled: bool
+    horizon: float
+    evaluations: int
+
+
+def steady_time() -> Callable[[], float]:
+    """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
+    epoch = time.time() - time.clock_gettime(time.CLOCK_BOOTTIME)
+    return lambda: epoch + time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
 class HubNode(Node):
     """Listens to the asset's states, asks the models, publishes forecasts and setpoints."""
+
+    _settings: ControlSettings
 
     def __init__(
         self,
@@ -68,59 +96,121 @@ class HubNode(Node):
         super().__init__('hub', **kwargs)
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
-        control = declare(self, 'control', True, 'choose setpoints when rig.yaml allows it')
-        self._wells = set(rig.wells)
-        self._balancing_well = rig.control.producer if rig.control and rig.closed else None
-        self._limits = Limits.of(rig) if control and rig.control is not None else None
-        simulated = bool(self.get_parameter('use_sim_time').value)
-        interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
-        self._call = Caller(
-            self, timeout=declare(self, 'model_timeout_s', 20.0, 'longest wait for a model [s]')
+        self._door = Door(rig, self._grid)
+        self._known_limits = Limits.of(rig) if rig.control is not None else None
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        interval = declare(
+            self,
+            'photo_interval_s',
+            30.0,
+            'time between photographs [s]',
+            at_least=0.1,
+            at_most=DAY_S,
         )
+        self._call = Caller(self, timeout=self._declare_timeout())
+        self._changed = threading.Event()
+        self._controller = self._declare_controller(rig, interval)
         twin = Twin(
             physics or PhysicsModelClient(self._call, self._grid),
             data_driven or DataDrivenModelClient(self._call, self._grid),
             photo_interval=interval,
-            controller=self._controller(
-                rig,
-                self._grid,
-                # simulated time waits for the twin, and the result must not depend on the machine
-                patience=math.inf if simulated else OPTIMISER_SHARE * interval,
-            ),
-            assumed=Limits.of(rig).safe() if rig.control is not None else None,
+            controller=self._controller,
+            assumed=self._known_limits.safe() if self._known_limits else None,
         )
-        # seconds since 1970 that go on steadily when this machine's clock is set
-        epoch = time.time() - time.monotonic()
-
-        def clock() -> float:
-            return epoch + time.monotonic()
-
+        photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(
-            clock, clock_tolerance=math.inf if simulated else twin.validity
+            steady_time(),
+            judge=None if self._simulated else photographs.judge,
+            clock_tolerance=math.inf if self._simulated else twin.validity,
         )
         self._hub = Hub(
             twin,
-            limits=self._limits,
-            photographs=(
-                None if simulated else PhotographClock(interval=interval, validity=twin.validity)
-            ),
-            clock=clock,
+            limits=self._known_limits,
+            clock=self._inbox.now,
+            most_age=math.inf if self._simulated else photographs.most_age,
         )
+        self._twin = twin
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
-        if self._limits is None:
+        if self._controller is None:
             self._log_prediction_only(rig)
         threading.Thread(target=self._work, daemon=True).start()
 
-    def _controller(self, rig: Rig, grid: Grid, *, patience: float) -> Controller | None:
-        horizon = declare(self, 'horizon_s', 600.0, 'how far the optimiser looks ahead [s]')
-        evaluations = declare(self, 'evaluations', 60, 'predictions per optimisation')
-        if self._limits is None:
+    def _declare_timeout(self) -> float:
+        """Return the longest wait for a model [s].
+
+        Simulated time waits for the twin, and the result must not depend on the machine.
+        """
+
+        def in_use(seconds: float) -> float:
+            return max(seconds, SIMULATED_PATIENCE_S) if self._simulated else seconds
+
+        def change(seconds: float) -> None:
+            self._call.timeout = in_use(seconds)
+
+        return in_use(
+            declare(
+                self,
+                'model_timeout_s',
+                20.0,
+                'longest wait for a model [s]; in simulated time at least a minute',
+                at_least=0.01,
+                at_most=3600.0,
+                on_change=change,
+            )
+        )
+
+    def _declare_controller(self, rig: Rig, interval: float) -> Controller | None:
+        """Return the controller of the parameters; None: choose no setpoints."""
+
+        def replace_controller(**changes: Any) -> None:
+            self._settings = replace(self._settings, **changes)
+            self._changed.set()
+
+        enabled = declare(
+            self,
+            'control',
+            True,
+            'choose setpoints when rig.yaml allows it',
+            on_change=lambda value: replace_controller(enabled=value),
+        )
+        horizon = declare(
+            self,
+            'horizon_s',
+            1800.0,
+            'how far the optimiser looks ahead [s]',
+            at_least=1.0,
+            at_most=DAY_S,
+            on_change=lambda value: replace_controller(horizon=value),
+        )
+        evaluations = declare(
+            self,
+            'evaluations',
+            60,
+            'predictions per optimisation',
+            at_least=1,
+            at_most=10_000,
+            on_change=lambda value: replace_controller(evaluations=value),
+        )
+        self._settings = ControlSettings(enabled, horizon, evaluations)
+        if self._known_limits is None:
             return None
-        objective = make_objective(rig, grid)
-        return Controller(self._limits, objective, horizon, evaluations, patience)
+        self._make_controller = partial(
+            Controller,
+            self._known_limits,
+            make_objective(rig, self._grid),
+            patience=math.inf if self._simulated else OPTIMISER_SHARE * interval,
+        )
+        return self._controller_in_use()
+
+    def _controller_in_use(self) -> Controller | None:
+        if self._known_limits is None or not self._settings.enabled:
+            return None
+        return self._make_controller(
+            horizon=self._settings.horizon, evaluations=self._settings.evaluations
+        )
 
     def _log_prediction_only(self, rig: Rig) -> None:
         known = rig.control is not None
@@ -134,7 +224,6 @@ class HubNode(Node):
         self._rig_publisher = self.create_publisher(RigDescription, 'rig/description', qos.CONFIG)
         self._predicted = self.create_publisher(TracerField, 'tracer/predicted', qos.FIELD)
         self._corrected = self.create_publisher(TracerField, 'tracer/corrected', qos.FIELD)
-        self._setpoint = self.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
         self._report = self.create_publisher(CycleReport, 'hub/cycle', qos.FIELD)
         # The executor serves subscriptions in the order of their creation, one callback at a time:
         # rates that are here before a state are in the inbox before it.
@@ -148,24 +237,21 @@ class HubNode(Node):
     # --- messages in --------------------------------------------------------------------------
 
     def _on_measured(self, message: WellRatesMessage) -> None:
+        start = conversions.time_from_msg(message.start)
+        end = conversions.time_from_msg(message.header.stamp)
         try:
             rates = conversions.rates_from_msg(message.wells)
-            self._refuse_unknown_wells(rates)
+            known = self._door.known_rates(start, end, rates)
         except InputError as error:
             self.get_logger().error(f'measured rates ignored: {error}')
             return
-        if self._balancing_well is not None:
-            rates = balanced(rates, self._balancing_well)
-        start = conversions.time_from_msg(message.start)
-        end = conversions.time_from_msg(message.header.stamp)
-        self._inbox.add_rates(KnownRates(start, end, rates))
-
-    def _refuse_unknown_wells(self, rates: WellRates) -> None:
-        unknown = sorted(set(rates) - self._wells)
-        if unknown:
-            raise InputError(
-                f"well '{unknown[0]}' is not in rig.yaml; known: {', '.join(sorted(self._wells))}"
+        if not self._inbox.is_near(end):
+            self.get_logger().warning(
+                f'measured rates stamped {end:.3f} s: neither the clock of the camera nor of this '
+                'machine; they count from the last photograph on',
+                throttle_duration_sec=REPORT_S,
             )
+        self._inbox.add_rates(known)
 
     def _on_clean_state(self, message: CleanState) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
@@ -174,19 +260,12 @@ class HubNode(Node):
     def _on_new_state(self, message: NewState) -> None:
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
-            self._refuse_other_grid(grid)
+            self._door.check_state(concentration, grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
         self._inbox.add_state(ArrivedState(message.sequence, stamp, concentration, message))
-
-    def _refuse_other_grid(self, grid: Grid) -> None:
-        if grid != self._grid:
-            raise InputError(
-                f'its map is {grid} over {grid.width} x {grid.height} m, the hub works on '
-                f'{self._grid} over {self._grid.width} x {self._grid.height} m; start both alike'
-            )
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
@@ -200,7 +279,10 @@ class HubNode(Node):
             sequence = ready.state.sequence
             try:
                 self._log_sequence_of_time(ready)
-                cycle = self._hub.run(ready, self._send)
+                if self._changed.is_set():
+                    self._changed.clear()
+                    self._twin.change_controller(self._controller_in_use())
+                cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)
             except Exception as error:
                 # the loop outlives any one photograph
@@ -215,11 +297,24 @@ class HubNode(Node):
         for reason in ready.interruptions:
             self.get_logger().info(f'time sequence interrupted: {reason}')
 
+    def _objection(self) -> str:
+        """Return why no setpoint may follow from any state now, or an empty string."""
+        if another := another_lives(self):
+            return another
+        if self.count_publishers('asset/new_state') > 1:
+            return (
+                'several nodes publish asset/new_state; stop all but one, or set ROS_DOMAIN_ID to '
+                'another number to run two twins'
+            )
+        if not self._simulated and self.count_publishers('/clock'):
+            return 'a node publishes /clock: a replay; start the hub with use_sim_time for it'
+        return ''
+
     def _send(self, decision: SetpointDecision, ready: ReadyState[NewState]) -> None:
-        """Announce a setpoint and command it to the asset.
+        """Send a setpoint to the guard, which announces it and commands it to the asset.
 
         Raises:
-            ModelUnavailable: the asset does not take it.
+            ModelUnavailable: the guard or the asset does not take it.
         """
         self._setpoints += 1
         message = Setpoint(
@@ -229,8 +324,7 @@ class HubNode(Node):
             wells=conversions.rates_to_msg(decision.rates),
             reason=decision.reason,
         )
-        self._inbox.supersede_confirmed_rates()
-        self._setpoint.publish(message)
+        self._inbox.supersede_confirmed_rates(ready.state.stamp)
         try:
             send_control(self._call, message)
         except ModelUnavailable as error:
@@ -278,8 +372,8 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
 
 
 def main() -> None:
-    """Run the node."""
-    run(HubNode)
+    """Run the node, unless another hub controls the rig."""
+    run(only_one(HubNode, 'hub'))
 
 
 if __name__ == '__main__':

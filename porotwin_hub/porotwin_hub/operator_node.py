@@ -13,13 +13,11 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from porotwin_core import __version__, conversions, qos
+from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
-from porotwin_core.wells import WellRate
-from porotwin_hub.announcement import Announcement
-from porotwin_hub.setpoint_book import SetpointBook
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.announcement import SINCE_1970, Announcement
+from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.voice import Voice
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control, Ping
@@ -45,13 +43,12 @@ class OperatorNode(Node):
         rig = declare_rig(self)
         simulated = bool(self.get_parameter('use_sim_time').value)
         self._now = clock or (self._simulated_time if simulated else time.monotonic)
-        self._book = SetpointBook(
-            tuple(rig.wells), Limits.of(rig) if rig.control is not None else None
-        )
+        self._book = SetpointBook(rig)
         stands_for_asset = declare(self, 'asset', False, 'answer asset/control for a person')
-        self._voice = Voice() if declare(self, 'speak', False, 'speak with espeak-ng') else None
-        if self._voice is not None and self._voice.program is None:
-            self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
+        self._voice: Voice | None = None
+        self._let_speak(
+            declare(self, 'speak', False, 'speak with espeak-ng', on_change=self._let_speak)
+        )
         self._photographs_ahead = 0.0
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
@@ -63,33 +60,44 @@ class OperatorNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(EXPIRY_PERIOD_S, self._on_timer, clock=steady)
 
+    def _let_speak(self, speak: bool) -> None:
+        self._voice = Voice(on_problem=self.get_logger().warning) if speak else None
+        if self._voice is not None and self._voice.program is None:
+            self.get_logger().warning('no espeak-ng on this machine, so no speech: apt install it')
+
     def _simulated_time(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
     def _on_setpoint(self, message: Setpoint) -> None:
         now = self._now()
         try:
-            rates, validity = self._checked(message)
-            words = self._book.announce(message.sequence, rates, validity=validity, now=now)
+            senders.check_only_guard_publishes(self)
+            setpoint = self._shown(message)
+            words = self._book.announce(setpoint, now=now)
         except InputError as error:
             self.get_logger().error(f'setpoint {message.sequence} not shown: {error}')
             return
-        self._photographs_ahead = conversions.time_from_msg(message.header.stamp) - now
+        self._photographs_ahead = setpoint.stamp - now
         self._say(words)
 
-    def _checked(self, message: Setpoint) -> tuple[dict[str, WellRate], float]:
-        """Return the rates of a setpoint and the time [s] that they are valid.
+    def _shown(self, message: Setpoint) -> ShownSetpoint:
+        """Return a setpoint as the book keeps it.
 
         Raises:
-            InputError: rates or times are not valid, or break a limit of the rig.
+            InputError: its rates are not valid.
         """
-        rates = conversions.rates_from_msg(message.wells)
-        self._book.check(rates)
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        if until < taken:
-            raise InputError(f'valid until {until:.3f} s, before its photograph at {taken:.3f} s')
-        return rates, until - taken
+        now = float(self.get_clock().now().nanoseconds) * 1e-9
+        # beside a clock since 1970, the times of an experiment tell no age
+        comparable = (taken < SINCE_1970) == (now < SINCE_1970)
+        return ShownSetpoint(
+            sequence=message.sequence,
+            rates=conversions.rates_from_msg(message.wells),
+            stamp=taken,
+            valid_until=until,
+            validity=min(until - taken, until - now if comparable else until - taken),
+        )
 
     def _on_timer(self) -> None:
         words = self._book.expire(self._now())
@@ -99,8 +107,9 @@ class OperatorNode(Node):
     def _say(self, words: Announcement) -> None:
         print(words.text, flush=True)
         self._announcements.publish(String(data=words.speech))
-        if self._voice is not None and words.changed:
-            self._voice.say(words.speech)
+        voice = self._voice
+        if voice is not None and words.changed:
+            voice.say(words.speech)
 
     def _on_confirm(
         self, request: ConfirmRates.Request, response: ConfirmRates.Response
@@ -123,7 +132,8 @@ class OperatorNode(Node):
 
     def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
         try:
-            self._checked(request.setpoint)
+            senders.check_only_guard_calls(self)
+            self._book.check(self._shown(request.setpoint))
         except InputError as error:
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'setpoint {request.setpoint.sequence} refused: {error}')

@@ -1,66 +1,114 @@
 """The operator's book of setpoints: which were announced, which expired, what may be confirmed."""
 
+import math
+from dataclasses import dataclass
+
 from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_hub.announcement import Announcement, announce, announce_expiry
+from porotwin_hub.announcement import Announcement, announce, announce_expiry, clock_time
+from porotwin_hub.confirmed_rates import question_about, refuse_implausible
 from porotwin_hub.setpoint_expiry import ExpiryWatch
-from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.setpoint_limits import PUMP_STEP_ML_H, Limits
 
 REMEMBERED_SETPOINTS = 100
 """Setpoints that can still be confirmed: 50 minutes of photographs every 30 s."""
 
+HAND_SHARE = 0.002
+"""Smallest change that a hand sets, as a share of a pump's greatest rate: 1 of 500 ml/h."""
+
+
+@dataclass(frozen=True)
+class ShownSetpoint:
+    """A setpoint for the operator: rates [m^3/s], and stamps [s] by the clock of the photographs.
+
+    `validity` [s] is what is left of it on arrival.
+    """
+
+    sequence: int
+    rates: dict[str, WellRate]
+    stamp: float
+    valid_until: float
+    validity: float
+
 
 class SetpointBook:
-    """All announced setpoints; times [s] are by a clock that nobody sets."""
+    """All announced setpoints; times `now` [s] are by a clock that nobody sets."""
 
-    def __init__(self, wells: tuple[str, ...], limits: Limits | None) -> None:
-        """Begin an empty book.
-
-        Args:
-            wells: all wells of the rig.
-            limits: of the rates; None: the rig has no control section.
-        """
-        self._wells = wells
-        self._limits = limits
+    def __init__(self, rig: Rig) -> None:
+        """Begin an empty book for `rig`."""
+        self._rig = rig
+        self._limits = Limits.of(rig) if rig.control is not None else None
+        greatest_ml_h = to_ml_h(self._limits.max_rate) if self._limits else 0.0
+        self._step_ml_h = max(PUMP_STEP_ML_H, HAND_SHARE * greatest_ml_h)
         self._announced: dict[int, dict[str, WellRate]] = {}
-        self._newest: dict[str, WellRate] = {}
+        self._at_pumps: dict[str, WellRate] = {}
+        """What the operator was told to set: a well keeps its rate until a change is told."""
+        self._in_force: ShownSetpoint | None = None
+        self._since = -math.inf
+        """Arrival of the setpoint in force [s]."""
         self._expiry = ExpiryWatch()
+        self._asked: tuple[int, dict[str, WellRate]] | None = None
+        """A confirmation that was answered with a question."""
 
     @property
     def sequences(self) -> tuple[int, ...]:
         """Numbers of the setpoints that can be confirmed, the oldest first."""
         return tuple(self._announced)
 
-    def check(self, rates: WellRates) -> None:
-        """Return if `rates` keep the limits of the rig.
+    def check(self, setpoint: ShownSetpoint) -> None:
+        """Return if a setpoint keeps the limits of the rig and has not expired.
 
         Raises:
-            InputError: they break a limit; the message names all of them.
+            InputError: it breaks a limit, and the message names all of them; or it has expired.
         """
-        broken = self._limits.violations(rates) if self._limits is not None else []
+        broken = self._limits.violations(setpoint.rates) if self._limits is not None else []
         if broken:
             raise InputError('; '.join(broken))
+        if not setpoint.validity > 0.0:
+            raise InputError(f'it expired at {clock_time(setpoint.valid_until)}')
 
-    def announce(
-        self, sequence: int, rates: dict[str, WellRate], *, validity: float, now: float
-    ) -> Announcement:
-        """Add setpoint `sequence`, valid for `validity` [s], and return it in words.
+    def announce(self, setpoint: ShownSetpoint, *, now: float) -> Announcement:
+        """Add a setpoint and return it in words.
 
         A number that is not above all others means that the hub was restarted and counts from one.
 
         Raises:
-            InputError: the rates break a limit.
+            InputError: the rates break a limit, the setpoint has expired, or it follows from an
+                older photograph than the one in force.
         """
-        self.check(rates)
-        if sequence <= max(self._announced, default=0):
+        self.check(setpoint)
+        last = self._in_force
+        if last is not None and now >= self._since and setpoint.stamp <= last.stamp:
+            raise InputError(
+                f'its photograph is no newer than that of setpoint {last.sequence}, still in force'
+            )
+        if setpoint.sequence <= max(self._announced, default=0):
             self._announced.clear()
+        self._remember(setpoint.sequence, setpoint.rates)
+        self._in_force, self._since = setpoint, now
+        self._expiry.start(setpoint.sequence, now=now, validity=setpoint.validity)
+        words = announce(
+            setpoint.sequence,
+            setpoint.rates,
+            self._at_pumps,
+            note=(
+                f' (photograph {clock_time(setpoint.stamp)}, '
+                f'valid until {clock_time(setpoint.valid_until)})'
+            ),
+            step_ml_h=self._step_ml_h,
+        )
+        self._at_pumps = {
+            **self._at_pumps,
+            **{well: setpoint.rates[well] for well in words.changed},
+        }
+        return words
+
+    def _remember(self, sequence: int, rates: dict[str, WellRate]) -> None:
         self._announced[sequence] = rates
         while len(self._announced) > REMEMBERED_SETPOINTS:
             del self._announced[next(iter(self._announced))]
-        self._expiry.start(sequence, now=now, validity=validity)
-        words = announce(sequence, rates, self._newest)
-        self._newest = rates
-        return words
 
     def expire(self, now: float) -> Announcement | None:
         """Return the words for a setpoint that has expired by `now`, once; else None.
@@ -68,27 +116,32 @@ class SetpointBook:
         From then on its number stands for the safe rates.
         """
         sequence = self._expiry.expired(now)
-        if sequence is None:
+        if sequence is None or self._in_force is None:
             return None
         safe = self._limits.safe() if self._limits is not None else {}
-        words = announce_expiry(sequence, safe, self._newest)
+        note = f' at {clock_time(self._in_force.valid_until)}'
+        self._in_force = None
+        words = announce_expiry(sequence, safe, self._at_pumps, note=note)
         if safe:
-            self._announced[sequence] = self._newest = safe
+            self._announced[sequence] = self._at_pumps = safe
         return words
 
     def confirmed(self, sequence: int, changed: WellRates) -> dict[str, WellRate]:
         """Return the rates that the operator set: as announced, except for the `changed` wells.
 
         Raises:
-            InputError: the setpoint or a well is not known.
+            InputError: the setpoint or a well is not known, a rate is not plausible, or the rates
+                do not balance and this was not said before.
         """
         if sequence not in self._announced:
             newest = max(self._announced, default=None)
             known = 'there was none yet' if newest is None else f'the newest is {newest}'
             raise InputError(f'setpoint {sequence} is not known; {known}')
-        for well in changed:
-            if well not in self._wells:
-                raise InputError(
-                    f"well '{well}' is not in the rig; known: {', '.join(self._wells)}"
-                )
-        return {**self._announced[sequence], **changed}
+        refuse_implausible(changed, self._rig)
+        rates = {**self._announced[sequence], **changed}
+        question = question_about(rates, self._rig)
+        if question is not None and self._asked != (sequence, rates):
+            self._asked = (sequence, rates)
+            raise InputError(question)
+        self._asked = None
+        return rates

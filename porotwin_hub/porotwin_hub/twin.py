@@ -37,6 +37,11 @@ SAME_TIME_S = 0.5
 """A forecast belongs to a photograph if their times differ by at most this [s]."""
 
 
+LONGEST_GAP_INTERVALS = 10
+"""Photo intervals without a state after which the next one does not follow from the last: nothing
+is predicted over a longer time. A few lost photographs are no interruption."""
+
+
 @dataclass(frozen=True)
 class Observation:
     """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen."""
@@ -115,6 +120,7 @@ class Twin:
         self._physics = physics
         self._forecaster = Forecaster(physics, data_driven)
         self._photo_interval = photo_interval
+        self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
         self._assumed = assumed or {}
         self.validity = validity(photo_interval)
@@ -136,6 +142,21 @@ class Twin:
         self.interrupt()
         self._command = None
         self._pumped = None
+
+    @property
+    def controls(self) -> bool:
+        """Whether setpoints are chosen."""
+        return self._controller is not None
+
+    def change_controller(self, controller: Controller | None) -> None:
+        """Choose setpoints by `controller` from now on; None: predict and do not control."""
+        self._controller = controller
+
+    def set_aside(self, observation: Observation) -> Cycle:
+        """Return the cycle of an observation that is shown and changes nothing."""
+        cycle = Cycle(observation, observation.concentration, (), {})
+        self._count_disallowed_tracer(cycle)
+        return cycle
 
     def cycle(self, observation: Observation, known: Sequence[KnownRates] = ()) -> Cycle:
         """Return the results of an observation: `decide`, then `look_ahead`."""
@@ -163,11 +184,9 @@ class Twin:
             actuate: False for a state too old to act on: no setpoint follows from it.
         """
         cycle = self._begin(observation, known)
-        if self._controller is not None:
-            objective = self._controller.objective
-            cycle.disallowed_tracer = objective.disallowed_tracer(observation.concentration)
-            if actuate:
-                self._choose_setpoint(cycle, self._controller)
+        self._count_disallowed_tracer(cycle)
+        if self._controller is not None and actuate:
+            self._choose_setpoint(cycle, self._controller)
         return cycle
 
     def reject_setpoint(self, cycle: Cycle) -> None:
@@ -187,9 +206,17 @@ class Twin:
         self._pumped = cycle.pumped
         self._expected = cycle.forecast.corrected if cycle.forecast is not None else cycle.state
 
+    def _count_disallowed_tracer(self, cycle: Cycle) -> None:
+        if self._controller is not None:
+            objective = self._controller.objective
+            cycle.disallowed_tracer = objective.disallowed_tracer(cycle.observation.concentration)
+
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
+        gap = now - self._state.time if self._state is not None else 0.0
+        if gap > self._longest_gap:
+            self.interrupt()
         commanded = self._commanded_rates(now)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
@@ -201,6 +228,8 @@ class Twin:
             )
             pumped = periods[-1].rates
         cycle = Cycle(observation, observation.concentration, periods, pumped)
+        if gap > self._longest_gap:
+            cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
         if self._state is not None and known_within(known, self._state.time, now):
             self._forecast_elapsed_again(cycle, self._state)
         expected = cycle.elapsed.corrected if cycle.elapsed is not None else self._expected

@@ -4,17 +4,33 @@ import queue
 import shutil
 import subprocess
 import threading
+from collections.abc import Callable, Sequence
+
+LONGEST_SENTENCE_S = 60.0
+"""Longest time for one announcement [s]; a sound card that blocks for longer is broken."""
 
 
 class Voice:
-    """Speaks one sentence after the other without blocking; silent without espeak-ng."""
+    """Speaks one announcement after the other without blocking; silent without espeak-ng."""
 
-    def __init__(self) -> None:
-        """Look for espeak-ng; `program` is its path, or None."""
+    def __init__(
+        self,
+        *,
+        options: Sequence[str] = (),
+        on_problem: Callable[[str], object] = str,
+    ) -> None:
+        """Look for espeak-ng; `program` is its path, or None.
+
+        Args:
+            options: further options of espeak-ng, such as `-w FILE` for a sound file.
+            on_problem: receives one line when an announcement was not spoken.
+        """
         self.program = shutil.which('espeak-ng')
+        self._options = tuple(options)
+        self._on_problem = on_problem
         self._sentences: queue.Queue[str] = queue.Queue()
         if self.program is not None:
-            threading.Thread(target=self._speak, args=(self.program,), daemon=True).start()
+            threading.Thread(target=self._work, args=(self.program,), daemon=True).start()
 
     def say(self, sentence: str) -> None:
         """Speak a sentence next; sentences that still wait are out of date and dropped."""
@@ -24,6 +40,23 @@ class Voice:
             self._sentences.get_nowait()
         self._sentences.put(sentence)
 
-    def _speak(self, program: str) -> None:
+    def _work(self, program: str) -> None:
         while True:
-            subprocess.run([program, self._sentences.get()], check=False, stderr=subprocess.DEVNULL)
+            self._speak(program, self._sentences.get())
+
+    def _speak(self, program: str, sentence: str) -> None:
+        try:
+            ended = subprocess.run(
+                [program, *self._options, '--stdin'],
+                input=sentence.encode(),
+                check=False,
+                capture_output=True,
+                timeout=LONGEST_SENTENCE_S,
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            self._on_problem(f'nothing was spoken: {error}')
+            return
+        if ended.returncode != 0:
+            said = ended.stderr.decode(errors='replace').strip().splitlines()
+            last = said[-1] if said else f'status {ended.returncode}'
+            self._on_problem(f'nothing was spoken: espeak-ng says {last}; check the sound card')

@@ -1,8 +1,10 @@
 """Tests of setpoints in words: changes are marked and spoken."""
 
+import re
+
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_hub.announcement import announce, announce_expiry
+from porotwin_hub.announcement import announce, announce_expiry, clock_time
 
 BEFORE = {'control1': WellRate(from_ml_h(120.0)), 'producer': WellRate(from_ml_h(-620.0))}
 AFTER = {'control1': WellRate(from_ml_h(240.5)), 'producer': WellRate(from_ml_h(-740.5))}
@@ -16,7 +18,8 @@ def test_every_rate_is_shown_in_ml_h_and_changes_are_marked() -> None:
 
 
 def test_speech_names_only_what_changed() -> None:
-    assert announce(7, AFTER, BEFORE).speech == 'Set control 1: 240, producer: minus 740.'
+    speech = announce(7, AFTER, BEFORE).speech
+    assert speech == 'Set control 1 to 240.5. Set producer to minus 740.5.'
     same = announce(8, AFTER, AFTER)
     assert (same.speech, same.changed) == ('No change.', ())
 
@@ -25,7 +28,7 @@ def test_a_well_whose_rate_is_unknown_is_always_announced() -> None:
     words = announce(1, {**AFTER, 'control2': WellRate()}, AFTER)
     assert words.changed == ('control2',)
     assert words.text.endswith('0.0 ml/h   <-- set')
-    assert words.speech == 'Set control 2: 0.'
+    assert words.speech == 'Switch control 2 off.'
 
 
 def test_a_difference_below_the_pumps_step_is_no_change() -> None:
@@ -33,8 +36,25 @@ def test_a_difference_below_the_pumps_step_is_no_change() -> None:
     assert announce(9, nearly, AFTER).changed == ()
 
 
-def test_an_expired_setpoint_is_announced_with_the_safe_rates() -> None:
-    words = announce_expiry(7, BEFORE, AFTER)
+def test_a_change_below_what_a_hand_can_set_is_not_marked() -> None:
+    nearly = {**AFTER, 'control1': WellRate(from_ml_h(241.4))}
+    assert announce(9, nearly, AFTER, step_ml_h=1.0).changed == ()
+    enough = {**AFTER, 'control1': WellRate(from_ml_h(241.5))}
+    assert announce(9, enough, AFTER, step_ml_h=1.0).changed == ('control1',)
+
+
+def test_an_expired_setpoint_is_announced_with_the_safe_rates_of_every_well() -> None:
+    safe = {**BEFORE, 'control2': WellRate()}
+    words = announce_expiry(7, safe, {**AFTER, 'control2': WellRate()})
     assert words.text.splitlines()[0].startswith('setpoint 7 has expired')
-    assert words.speech == 'Setpoint 7 has expired. Set control 1: 120, producer: minus 620.'
-    assert words.changed == ('control1', 'producer')
+    assert words.speech == (
+        'Setpoint 7 has expired. Set the safe rates now. '
+        'Set control 1 to 120. Set producer to minus 620. Switch control 2 off.'
+    )
+    assert words.changed == ('control1', 'producer', 'control2')
+    assert words.text.count('<--') == 3
+
+
+def test_times_are_times_of_the_day_or_of_the_experiment() -> None:
+    assert clock_time(3723.4) == '1:02:03'
+    assert re.fullmatch(r'\d\d:\d\d:\d\d', clock_time(1.7e9))

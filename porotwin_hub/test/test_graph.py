@@ -81,7 +81,7 @@ def test_names_are_unique() -> None:
 
 def test_optional_nodes_start_only_on_request() -> None:
     names = {node.name for node in twin_nodes(GraphSettings(rig=Path('rig.yaml')))}
-    assert names == {'imaging', 'solver', 'costa', 'hub'}
+    assert names == {'imaging', 'solver', 'costa', 'hub', 'guard'}
 
 
 def test_a_recorder_that_restarts_continues_its_bag() -> None:

@@ -1,5 +1,6 @@
 """Tests of the hub without ROS: setpoints leave first, and late photographs lead to none."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +11,7 @@ from hub_examples import ToyModel
 from porotwin_core.correction import Correction
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import ModelUnavailable
-from porotwin_hub.freshness import PhotographClock
+from porotwin_hub.freshness import IN_TIME, PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, ReadyState
 from porotwin_hub.rates_in_force import KnownRates
@@ -31,8 +32,10 @@ class Desk:
         self.setpoints: list[SetpointDecision] = []
         self.asset_answers = True
         twin = Twin(model, self._no_sigma, photo_interval=30.0, controller=controller)
-        photographs = None if simulated else PhotographClock(interval=30.0, validity=twin.validity)
-        self.hub = Hub(twin, limits=controller.limits, photographs=photographs, clock=lambda: NOW)
+        self.photographs = PhotographClock(interval=30.0, validity=twin.validity)
+        self.simulated = simulated
+        most_age = math.inf if simulated else self.photographs.most_age
+        self.hub = Hub(twin, limits=controller.limits, clock=lambda: NOW, most_age=most_age)
 
     def _no_sigma(self, *_: object) -> Correction:
         self.log.append('costa')
@@ -44,9 +47,11 @@ class Desk:
         if not self.asset_answers:
             raise ModelUnavailable('setpoint 1 not taken: the asset is absent')
 
-    def run(self, stamp: float, **changes: Any) -> Any:
+    def run(self, stamp: float, *, arrival: float = NOW, objection: str = '', **more: Any) -> Any:
         state = ArrivedState(1, stamp, np.zeros(SHAPE), None)
-        return self.hub.run(ReadyState(state, NOW, **changes), self.actuate)
+        judgement = IN_TIME if self.simulated else self.photographs.judge(stamp, arrival)
+        ready = ReadyState(state, arrival, judgement, **more)
+        return self.hub.run(ready, self.actuate, objection=objection)
 
 
 @pytest.fixture
@@ -81,8 +86,7 @@ def test_a_photograph_that_waited_too_long_is_not_acted_on(
     toy_model: ToyModel, toy_controller: Controller
 ) -> None:
     desk = Desk(toy_model, toy_controller, simulated=False)
-    state = ArrivedState(1, 30.0, np.zeros(SHAPE), None)
-    desk.hub.run(ReadyState(state, NOW - 100.0), desk.actuate)
+    desk.run(NOW - 102.0, arrival=NOW - 100.0)
     assert desk.log == ['costa']
 
 
@@ -123,8 +127,47 @@ def test_skipped_states_are_a_remark(desk: Desk) -> None:
     assert cycle.remarks == ['2 older states skipped: cycles are slower than photos']
 
 
-def test_after_time_went_back_the_loop_begins_anew(desk: Desk, toy_model: ToyModel) -> None:
+def test_after_time_went_back_the_loop_begins_anew(
+    make_desk: Callable[[bool], Desk], toy_model: ToyModel
+) -> None:
+    desk = make_desk(True)
     desk.run(NOW - 2.0)
     toy_model.available = False
     desk.run(NOW - 32.0, time_went_back=True)
     assert desk.setpoints[-1].reason.startswith('safe rates')
+
+
+@pytest.mark.parametrize('stamp', [0.0, 5.0, 1e9, 2.145e9])
+def test_a_wrong_stamp_leads_to_one_remark_and_spoils_nothing(
+    desk: Desk, toy_model: ToyModel, stamp: float
+) -> None:
+    desk.run(NOW - 62.0, arrival=NOW - 60.0)
+    toy_model.steps.clear()
+    cycle = desk.run(stamp, doubts=('the doubt',))
+    assert (cycle.remarks, cycle.setpoint, cycle.forecast) == (['the doubt'], None, None)
+    assert toy_model.steps == []
+    cycle = desk.run(NOW - 32.0)
+    assert (len(desk.setpoints), cycle.remarks) == (2, [])
+    assert cycle.elapsed is not None
+    assert max(toy_model.steps) <= 600.0
+
+
+def test_an_objection_is_a_remark_instead_of_a_setpoint(desk: Desk) -> None:
+    cycle = desk.run(NOW - 2.0, objection='two hubs run')
+    assert cycle.remarks == ['no setpoint: two hubs run']
+    assert cycle.forecast is not None
+    assert desk.setpoints == []
+
+
+@pytest.mark.parametrize('simulated', [True, False])
+def test_nothing_is_predicted_over_a_long_gap(
+    make_desk: Callable[[bool], Desk], toy_model: ToyModel, simulated: bool
+) -> None:
+    desk = make_desk(simulated)
+    desk.run(NOW - 1e7, arrival=NOW - 1e7)
+    toy_model.steps.clear()
+    cycle = desk.run(NOW - 2.0)
+    assert cycle.elapsed is None
+    assert cycle.notes == ['interrupted: 9999998 s without a photograph; none is predicted']
+    assert max(toy_model.steps) <= 600.0
+    assert desk.run(NOW + 28.0, arrival=NOW + 30.0).elapsed is not None

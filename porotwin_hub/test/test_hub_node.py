@@ -22,6 +22,7 @@ from porotwin_hub.hub_node import HubNode
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_msgs.msg import CycleReport, NewState, Setpoint, StateRefreshed
 from porotwin_msgs.msg import WellRates as WellRatesMessage
+from porotwin_msgs.srv import Control
 
 pytestmark = pytest.mark.graph
 
@@ -45,6 +46,7 @@ class Asset:
             Parameter('grid', value='20x12'),
             Parameter('evaluations', value=12),
             Parameter('model_timeout_s', value=0.1),
+            Parameter('use_sim_time', value=True),
         ]
         self.hub = HubNode(
             physics=Slope(),
@@ -61,9 +63,7 @@ class Asset:
         self.reports: list[CycleReport] = []
         self.setpoints: list[Setpoint] = []
         self.peer.create_subscription(CycleReport, 'hub/cycle', self.reports.append, qos.FIELD)
-        self.peer.create_subscription(
-            Setpoint, 'wells/setpoint', self.setpoints.append, qos.SETPOINT
-        )
+        self.peer.create_service(Control, 'guard/control', self._on_control)
         executor = SingleThreadedExecutor(context=context)
         for node in (self.hub, self.peer):
             executor.add_node(node)
@@ -76,6 +76,11 @@ class Asset:
         publishers = (self.states, self.refreshed, self.measured)
         self.wait_until(lambda: all(one.get_subscription_count() for one in publishers))
         self.wait_until(lambda: self.hub.count_subscribers('hub/cycle') > 0)
+
+    def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
+        self.setpoints.append(request.setpoint)
+        response.outcome = conversions.ok()
+        return response
 
     def wait_until(self, condition: Callable[[], bool]) -> None:
         deadline = time.monotonic() + 20.0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from porotwin_core.wells import WellRate
-from porotwin_hub.inbox import REMEMBERED_STATES, ArrivedState, Inbox, ReadyState
+from porotwin_hub.freshness import IN_TIME, Judgement
+from porotwin_hub.inbox import REMEMBERED_STATES, WAITING_STATES, ArrivedState, Inbox, ReadyState
 from porotwin_hub.rates_in_force import KnownRates
 
 RATES = {'push': WellRate(1e-7)}
@@ -30,7 +31,12 @@ def clock() -> Clock:
 
 @pytest.fixture
 def inbox(clock: Clock) -> Inbox[str]:
-    return Inbox(clock)
+    return Inbox(clock, judge=judge)
+
+
+def judge(stamp: float, _: float) -> Judgement:
+    """Doubt the stamps of a camera whose clock is wrong."""
+    return Judgement(0.0, 'of the future') if stamp > 1e6 else IN_TIME
 
 
 def state(sequence: int, stamp: float | None = None) -> ArrivedState[str]:
@@ -90,6 +96,66 @@ def test_the_newest_state_is_taken_and_older_ones_are_counted(inbox: Inbox[str])
     assert (ready.state.sequence, ready.skipped) == (3, 2)
     add(inbox, 4)
     assert taken(inbox).skipped == 0
+
+
+def test_a_doubtful_stamp_leaves_no_trace(inbox: Inbox[str]) -> None:
+    add(inbox, 1)
+    taken(inbox)
+    known = KnownRates(30.0, 60.0, RATES)
+    inbox.add_rates(known)
+    add(inbox, 2, 2e9)
+    doubtful = taken(inbox)
+    assert (doubtful.is_believed, doubtful.known) == (False, ())
+    assert doubtful.doubts == ('the photograph at 2000000000.000 s is not used: of the future',)
+    add(inbox, 3, 60.0)
+    ready = taken(inbox)
+    assert (ready.is_believed, ready.time_went_back, ready.known) == (True, False, (known,))
+
+
+def test_the_newest_believed_state_is_taken_and_doubts_are_told(inbox: Inbox[str]) -> None:
+    add(inbox, 1)
+    add(inbox, 2)
+    add(inbox, 3, 2e9)
+    ready = taken(inbox)
+    assert (ready.state.sequence, ready.skipped, len(ready.doubts)) == (2, 1, 1)
+    assert nothing(inbox)
+
+
+def test_in_simulated_time_no_state_is_left_out(clock: Clock) -> None:
+    inbox: Inbox[str] = Inbox(clock)
+    for number in range(WAITING_STATES + 3):
+        add(inbox, number)
+    ready = taken(inbox)
+    assert (ready.state.sequence, ready.skipped) == (2, 2)
+    assert [taken(inbox).state.sequence for _ in range(5)] == [3, 4, 5, 6, 7]
+
+
+def test_in_simulated_time_confirmations_of_later_setpoints_are_kept(clock: Clock) -> None:
+    inbox: Inbox[str] = Inbox(clock)
+    add(inbox, 1)
+    taken(inbox)
+    early, late = KnownRates(20.0, 20.0, RATES), KnownRates(45.0, 45.0, OTHER)
+    inbox.add_rates(late)
+    inbox.add_rates(early)
+    inbox.supersede_confirmed_rates(30.0)
+    add(inbox, 2)
+    assert taken(inbox).known == (late,)
+
+
+def test_interruptions_of_the_far_future_do_not_pile_up(inbox: Inbox[str]) -> None:
+    for number in range(1000):
+        inbox.add_interruption(2e9 + number, 'of the future')
+    inbox.add_interruption(45.0, 'now')
+    add(inbox, 2)
+    assert taken(inbox).interruptions == ('now',)
+
+
+def test_a_time_is_near_by_the_clock_of_the_camera_or_of_this_machine(clock: Clock) -> None:
+    inbox: Inbox[str] = Inbox(clock, judge=judge, clock_tolerance=90.0)
+    assert [inbox.is_near(time) for time in (950.0, 1100.0)] == [True, False]
+    add(inbox, 1)
+    taken(inbox)
+    assert [inbox.is_near(time) for time in (50.0, 950.0, 500.0)] == [True, True, False]
 
 
 def test_an_interruption_counts_by_its_stamp(inbox: Inbox[str]) -> None:
@@ -158,7 +224,7 @@ def test_confirmed_rates_end_with_the_next_setpoint_and_measured_ones_do_not(
     measured = KnownRates(30.0, 45.0, RATES)
     inbox.add_rates(KnownRates(40.0, 40.0, OTHER))
     inbox.add_rates(measured)
-    inbox.supersede_confirmed_rates()
+    inbox.supersede_confirmed_rates(30.0)
     add(inbox, 2)
     assert taken(inbox).known == (measured,)
 

@@ -31,7 +31,7 @@ class Desk:
         self.operator = OperatorNode(
             clock=lambda: self.now, context=context, parameter_overrides=overrides
         )
-        self.peer = rclpy.create_node('peer', context=context)
+        self.peer = rclpy.create_node('guard', context=context)
         self.executor = SingleThreadedExecutor(context=context)
         for node in (self.operator, self.peer):
             self.executor.add_node(node)
@@ -101,7 +101,7 @@ def test_setpoints_are_announced_confirmed_and_expire(
         shown.append(capsys.readouterr().out)
         return text in ''.join(shown)
 
-    desk.spin_until(lambda: shows('setpoint 1\n'))
+    desk.spin_until(lambda: shows('setpoint 1 (photograph 0:00:05, valid until 0:01:35)\n'))
     desk.now += 12.0
     assert desk.ask(ConfirmRates.Request(sequence=1)) == ''
     desk.spin_until(lambda: len(desk.measured) == 1)

@@ -1,4 +1,4 @@
-"""Tests of the graph's processes: they end with their starter, and a full disk stops nothing."""
+"""Tests of the graph's processes: restarts, stopped processes, bounded logs, and a sure end."""
 
 import os
 import signal
@@ -127,3 +127,87 @@ def test_a_closed_terminal_does_not_stop_the_log(tmp_path: Path) -> None:
     )
     with graph:
         assert until(lambda: 'line 19999' in graph.log('sleeper').read_text())
+
+
+def graph_of(folder: Path, source: str, lines: list[str], **settings: float) -> GraphProcesses:
+    node = pretend_node(folder, source)
+    return GraphProcesses(
+        [node], folder, say=lines.append, environment=with_path(folder), **settings
+    )
+
+
+def test_a_node_that_is_killed_ten_times_in_a_row_runs_again(tmp_path: Path) -> None:
+    lines: list[str] = []
+    with graph_of(tmp_path, SLEEPER.format(bound=False), lines, restart_pause_s=0.001) as graph:
+        for _ in range(10):
+            killed = graph.process('sleeper')
+            killed.kill()
+            assert until(lambda before=killed: graph.process('sleeper') is not before), lines
+        assert graph.running('sleeper')
+    assert sum('ended (-9); starting it again' in line for line in lines) == 10
+
+
+def test_a_stopped_node_is_killed_and_started_again(tmp_path: Path) -> None:
+    lines: list[str] = []
+    source = SLEEPER.format(bound=False)
+    with graph_of(tmp_path, source, lines, restart_pause_s=0.01, stopped_patience_s=0.5) as graph:
+        stopped = graph.process('sleeper')
+        stopped.send_signal(signal.SIGSTOP)
+        assert until(lambda: graph.process('sleeper') is not stopped), lines
+    assert any('sleeper was stopped for 0.5 s; killed' in line for line in lines)
+
+
+def test_a_stopped_node_ends_with_its_graph_in_order(tmp_path: Path) -> None:
+    lines: list[str] = []
+    with graph_of(tmp_path, SLEEPER.format(bound=False), lines) as graph:
+        assert until(lambda: 'here' in graph.log('sleeper').read_text())
+        process = graph.process('sleeper')
+        process.send_signal(signal.SIGSTOP)
+    assert process.returncode in (-signal.SIGINT, 1)
+    assert lines == []
+
+
+def test_a_node_that_ignores_the_end_is_killed_with_its_children(tmp_path: Path) -> None:
+    lines: list[str] = []
+    source = """
+import signal, subprocess, sys, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+child = subprocess.Popen(['sleep', '600'])
+print('child', child.pid, flush=True)
+time.sleep(600)
+"""
+    with graph_of(tmp_path, source, lines, end_patience_s=0.5) as graph:
+        assert until(lambda: 'child' in graph.log('sleeper').read_text())
+        child = int(graph.log('sleeper').read_text().split()[1])
+    assert lines == ['sleeper did not end within 0.5 s and is killed']
+    assert until(lambda: not alive(child))
+
+
+def test_a_node_that_logs_without_end_does_not_fill_the_disk(tmp_path: Path) -> None:
+    lines: list[str] = []
+    source = """
+import time
+while True:
+    print('x' * 1000, flush=True)
+    time.sleep(0.001)
+"""
+    with graph_of(tmp_path, source, lines, log_limit_bytes=20_000) as graph:
+        log = graph.log('sleeper')
+        older = log.with_name('sleeper.log.1')
+        assert until(older.is_file)
+        first = older.stat().st_mtime_ns
+        assert until(lambda: older.stat().st_mtime_ns > first)
+        assert until(lambda: log.stat().st_size < 20_000)
+
+
+def test_a_refusal_is_not_shown_but_kept_for_the_user_of_the_graph(tmp_path: Path) -> None:
+    lines: list[str] = []
+    source = "import sys\nprint('error: no such rig', flush=True)\nsys.exit(2)"
+    node = pretend_node(tmp_path, source)
+    graph = GraphProcesses(
+        [node], tmp_path, say=lines.append, show=['sleeper'], environment=with_path(tmp_path)
+    )
+    with graph:
+        assert until(lambda: bool(graph.failed)), lines
+    assert graph.failed == {'sleeper': 'no such rig'}
+    assert lines == []

@@ -1,5 +1,7 @@
 """Tests of the operator's book of setpoints."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_hub.setpoint_book import REMEMBERED_SETPOINTS, SetpointBook
+from porotwin_hub.setpoint_book import REMEMBERED_SETPOINTS, SetpointBook, ShownSetpoint
 from porotwin_hub.setpoint_limits import Limits
 
 
@@ -27,15 +29,24 @@ def other(limits: Limits) -> dict[str, WellRate]:
 
 
 @pytest.fixture
-def book(small_rig: Rig, limits: Limits) -> SetpointBook:
-    return SetpointBook(tuple(small_rig.wells), limits)
+def book(small_rig: Rig) -> SetpointBook:
+    return SetpointBook(small_rig)
 
 
 Rates = dict[str, WellRate]
 
 
+def shown(sequence: int, rates: Rates, *, stamp: float, validity: float = 90.0) -> ShownSetpoint:
+    return ShownSetpoint(sequence, rates, stamp, stamp + validity, validity)
+
+
 def announced(book: SetpointBook, sequence: int, rates: Rates, *, now: float = 0.0) -> str:
-    return book.announce(sequence, rates, validity=90.0, now=now).text
+    stamp = now or next(CLOCK)
+    return book.announce(shown(sequence, rates, stamp=stamp), now=now).text
+
+
+CLOCK = itertools.count(1.0)
+"""Stamps of photographs: each is newer than the one before."""
 
 
 def test_changes_are_announced_relative_to_the_last_setpoint(
@@ -79,6 +90,7 @@ def test_an_expired_setpoint_is_announced_once_and_stands_for_the_safe_rates(
     assert book.expire(1092.0) is None
     assert words.text.count('setpoint 1 has expired') == 1
     assert '0.0 ml/h   <-- was 100.0' in words.text
+    assert words.changed == tuple(safe)
     assert book.confirmed(1, {}) == safe
     assert '<-- was 0.0' in announced(book, 2, other, now=1093.0)
 
@@ -87,7 +99,10 @@ def test_confirmed_rates_are_the_announced_ones_except_for_changes(
     book: SetpointBook, other: Rates
 ) -> None:
     announced(book, 1, other)
-    changed = {'control2': WellRate(from_ml_h(40.0))}
+    changed = {
+        'control2': WellRate(from_ml_h(40.0)),
+        'producer': WellRate(from_ml_h(-640.0)),
+    }
     assert book.confirmed(1, {}) == other
     assert book.confirmed(1, changed) == {**other, **changed}
 
@@ -107,3 +122,51 @@ def test_old_setpoints_are_forgotten(book: SetpointBook, safe: Rates) -> None:
         announced(book, sequence, safe)
     assert book.sequences[0] == 3
     assert len(book.sequences) == REMEMBERED_SETPOINTS
+
+
+def test_rates_that_do_not_balance_are_confirmed_only_after_a_question(
+    book: SetpointBook, other: Rates
+) -> None:
+    announced(book, 1, other)
+    changed = {'control2': WellRate(from_ml_h(350.0))}
+    with pytest.raises(
+        InputError, match=r'350\.0 ml/h more is injected than produced; is producer'
+    ):
+        book.confirmed(1, changed)
+    with pytest.raises(InputError, match=r'340\.0 ml/h more is injected'):
+        book.confirmed(1, {'control2': WellRate(from_ml_h(340.0))})
+    with pytest.raises(InputError, match=r'350\.0 ml/h more is injected'):
+        book.confirmed(1, changed)
+    assert book.confirmed(1, changed) == {**other, **changed}
+
+
+def test_rates_that_no_pump_can_run_at_are_never_confirmed(
+    book: SetpointBook, other: Rates
+) -> None:
+    announced(book, 1, other)
+    for rate_ml_h in (1e300, -1e9):
+        for _ in range(2):
+            with pytest.raises(InputError, match="'injector'"):
+                book.confirmed(1, {'injector': WellRate(from_ml_h(rate_ml_h), 1.0)})
+
+
+def test_an_expired_setpoint_or_an_older_photograph_is_not_announced(
+    book: SetpointBook, safe: Rates, other: Rates
+) -> None:
+    with pytest.raises(InputError, match='it expired at 0:00:50'):
+        book.announce(shown(1, other, stamp=60.0, validity=-10.0), now=100.0)
+    book.announce(shown(1, other, stamp=60.0), now=100.0)
+    with pytest.raises(InputError, match='no newer than that of setpoint 1'):
+        book.announce(shown(2, safe, stamp=30.0), now=101.0)
+    assert book.sequences == (1,)
+    assert book.expire(200.0) is not None
+    book.announce(shown(2, safe, stamp=30.0), now=201.0)
+
+
+def test_small_changes_add_up_until_a_hand_can_set_them(book: SetpointBook, limits: Limits) -> None:
+    texts = [
+        announced(book, number, limits.setpoint(from_ml_h(1.0) * np.array([rate, 0.0, 0.0])))
+        for number, rate in ((1, 100.0), (2, 100.6), (3, 101.2))
+    ]
+    assert '<--' not in texts[1]
+    assert '101.2 ml/h   <-- was 100.0' in texts[2]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
-from porotwin_imaging.calibration_fit import CalibrationFit
+from porotwin_imaging.calibration_fit import CalibrationFit, seen_mass_line
 from porotwin_imaging.colour_checker import REFERENCE
 
 Array = NDArray[Any]
@@ -135,7 +135,7 @@ def _mass(axes: Any, fit: CalibrationFit) -> None:
     axes.plot([0, injected.max()], [0, injected.max()], 'k-', linewidth=0.8, label='equal')
     axes.set_xlabel('tracer injected after the pump log [ml]')
     axes.set_ylabel('tracer seen [ml]')
-    axes.set_title('mass growth')
+    axes.set_title(seen_mass_line(fit.injected, fit.imaged))
     axes.legend()
 
 

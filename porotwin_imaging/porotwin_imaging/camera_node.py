@@ -1,8 +1,11 @@
 """Publishes the photographs of a camera source, stamped with their exposure."""
 
-from typing import Any
+import time
+from pathlib import Path
+from typing import Any, get_args
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
@@ -10,13 +13,22 @@ from sensor_msgs.msg import CompressedImage
 from porotwin_core.conversions import CAMERA_FRAME, header_at
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.qos import BASELINE, PHOTO
+from porotwin_imaging.file_names import one_line, printable
+from porotwin_imaging.photo_clock import Trust
 from porotwin_imaging.photo_forwarding import PhotoForwarder
-from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem
-from porotwin_imaging.sources.source_registry import source_at
+from porotwin_imaging.poll_schedule import PollSchedule
+from porotwin_imaging.sent_photos import SentPhotos, folder_of_launch
+from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, SourceKind
+from porotwin_imaging.sources.source_registry import check_source, source_at
 from porotwin_imaging.subscriber_wait import SubscriberWait
 
 FORMATS = {b'\xff\xd8': 'jpeg', b'\x89P': 'png'}
 """Format of a file by its first two bytes; all others are TIFF."""
+TICK_S = 0.25
+"""Time between two looks at the schedule [s]."""
+LONGEST_POLL_S = 60.0
+"""A poll that takes longer [s] hangs, as on a network share that does not answer."""
+DAY_S = 86400.0
 
 
 class CameraNode(Node):
@@ -26,22 +38,34 @@ class CameraNode(Node):
         """Read the parameters and open the source.
 
         Raises:
-            InputError: a parameter is wrong, or the source cannot be opened.
+            InputError: a parameter is wrong, or at the first start no camera is there.
         """
         super().__init__('camera', **kwargs)
-        kind, address = source_at(
-            declare(self, 'source', '', 'camera source, NAME:ADDRESS, such as folder:/mnt/camera')
+        source = declare(
+            self, 'source', '', 'camera source, NAME:ADDRESS, such as folder:/mnt/camera'
         )
-        interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
+        kind, address = source_at(source)
+        interval = self._declare_interval()
         listeners = declare(
-            self, 'listeners', 1, 'number of subscribers to wait for, at most half a minute'
+            self,
+            'listeners',
+            1,
+            'number of subscribers to wait for, at most half a minute',
+            at_least=0,
+            at_most=32,
         )
-        options = {
-            option.name: declare(self, option.name, option.default, option.description)
-            for option in kind.options
-        }
+        options = self._declare_options(kind)
+        sent = self._declare_progress(source)
+        if not sent.began_before:
+            check_source(source)
         self._forwarder = PhotoForwarder(
-            kind.open(address, **options), send=self._publish, report=self._complain
+            kind.open(address, **options),
+            send=self._publish,
+            report=self._complain,
+            say=self._say,
+            sent=sent,
+            interval_s=interval,
+            trust=self._declare_trust(),
         )
         self._baseline = self.create_publisher(
             CompressedImage, 'camera/baseline/compressed', BASELINE
@@ -49,15 +73,94 @@ class CameraNode(Node):
         self._state = self.create_publisher(CompressedImage, 'camera/image/compressed', PHOTO)
         self._subscribers = SubscriberWait(listeners)
         self._diagnostics = Diagnostics(self)
-        # polls follow real time, even if photographs are stamped by /clock
+        self._schedule = PollSchedule(kind.poll_interval_s or interval)
+        self._takes_photographs = kind.poll_interval_s is None
+        self._poll_began: float | None = None
+        self._forwarder.send_baselines_again()
+        # polls follow real time, even if photographs are stamped by /clock; a poll that hangs must
+        # not stop the watch over it
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(kind.poll_interval_s or interval, self._poll, clock=steady)
+        for callback, period in ((self._poll, TICK_S), (self._watch, 1.0)):
+            group = MutuallyExclusiveCallbackGroup()
+            self.create_timer(period, callback, clock=steady, callback_group=group)
+
+    def _declare_interval(self) -> float:
+        def change(value: float) -> None:
+            self._forwarder.interval_s = value
+            if self._takes_photographs:
+                self._schedule.interval_s = value
+
+        interval: float = declare(
+            self,
+            'photo_interval_s',
+            30.0,
+            'time between photographs [s]',
+            at_least=0.1,
+            at_most=DAY_S,
+            on_change=change,
+        )
+        return interval
+
+    def _declare_trust(self) -> Trust:
+        def change(value: Trust) -> None:
+            self._forwarder.trust = value
+
+        trust: Trust = declare(
+            self,
+            'trust',
+            'exif',
+            'first time of a photograph that may be believed; see docs/camera.md',
+            choices=get_args(Trust),
+            on_change=change,
+        )
+        return trust
+
+    def _declare_options(self, kind: SourceKind) -> dict[str, Any]:
+        return {
+            option.name: declare(
+                self,
+                option.name,
+                option.default,
+                option.description,
+                at_least=option.at_least,
+                at_most=option.at_most,
+                choices=option.choices,
+            )
+            for option in kind.options
+        }
+
+    def _declare_progress(self, source: str) -> SentPhotos:
+        progress = declare(
+            self,
+            'progress',
+            '',
+            'folder that remembers the photographs sent, for a restart; empty: a temporary one '
+            'for each launch',
+        )
+        return SentPhotos(Path(progress) if progress else folder_of_launch(source))
 
     def _poll(self) -> None:
         connected = self._state.get_subscription_count()
         known = self.count_subscribers(self._state.topic_name)
-        if self._subscribers.is_over(connected, known):
-            self._forwarder.forward()
+        if not (self._subscribers.is_over(connected, known) and self._schedule.is_due()):
+            return
+        self._poll_began = time.monotonic()
+        self._forwarder.forward()
+        self._poll_began = None
+        self._schedule.polled(failed=bool(self._forwarder.absent))
+        if self._forwarder.absent:
+            self._diagnostics.report(DiagnosticStatus.ERROR, self._forwarder.absent)
+
+    def _watch(self) -> None:
+        """Report a poll that hangs."""
+        began = self._poll_began
+        if began is not None and time.monotonic() - began > LONGEST_POLL_S:
+            line = f'the camera has not answered for {time.monotonic() - began:.0f} s'
+            self._diagnostics.report(DiagnosticStatus.ERROR, line)
+
+    def _say(self, line: str) -> None:
+        self.get_logger().info(line)
+        self._diagnostics.report(DiagnosticStatus.OK, line)
 
     def _complain(self, problem: PhotoProblem) -> None:
         self.get_logger().warning(problem.reason)
@@ -69,9 +172,15 @@ class CameraNode(Node):
         message.data.frombytes(photo.data)
         publisher = self._baseline if photo.role == 'baseline' else self._state
         publisher.publish(message)
-        line = f'{photo.role} photograph {photo.name}, exposed at {photo.time:.3f} s'
+        name = printable(photo.name)
+        line = one_line(f'{photo.role} photograph {name}, exposed at {photo.time:.3f} s')
         self.get_logger().info(line)
-        self._diagnostics.report(DiagnosticStatus.OK, line, file=photo.name)
+        self._diagnostics.report(DiagnosticStatus.OK, line, file=name)
+
+    def destroy_node(self) -> None:
+        """Note the last photographs and end."""
+        self._forwarder.keep()
+        super().destroy_node()
 
 
 def main() -> None:

@@ -21,6 +21,9 @@ from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
+LONGEST_GAP_S = 7 * 86400.0
+"""No experiment has pauses longer than a week [s]."""
+
 
 class ImagingNode(Node):
     """The device of the paper: emits new states, refreshed states and clean states."""
@@ -35,7 +38,12 @@ class ImagingNode(Node):
         rig = declare_rig(self)
         calibration = declare(self, 'calibration', '', 'path of a calibration file; empty: none')
         longest_gap = declare(
-            self, 'longest_gap', 0.0, 'longest time without photographs [s]; 0: automatic'
+            self,
+            'longest_gap',
+            0.0,
+            'longest time without photographs [s]; 0: automatic',
+            at_least=0.0,
+            at_most=LONGEST_GAP_S,
         )
         self._session = ImagingSession(
             rig,
@@ -61,19 +69,26 @@ class ImagingNode(Node):
     def _work(self) -> None:
         while self.context.ok():
             role, time, data = self._queue.get()
-            try:
-                if role == 'baseline':
-                    self._take_baseline(time, data)
-                elif self._session.baseline is not None:
-                    self._publish(self._session.add_photo(time, data))
-                elif warning := self._session.keep_waiting(time, data):
-                    self._complain(warning, time)
-            except InputError as error:
-                self._complain(f'{role} photograph at {time:.3f} s left out: {error}', time)
-            except Exception as error:
-                self._complain(f'{role} photograph at {time:.3f} s failed: {error!r}', time)
+            waited = self._take(role, time, data)
+            for photo in waited:  # before the photographs that came after them
+                self._take('state', *photo)
 
-    def _take_baseline(self, time: float, data: bytes) -> None:
+    def _take(self, role: str, time: float, data: bytes) -> list[tuple[float, bytes]]:
+        """Read one photograph; return those that have waited for it."""
+        try:
+            if role == 'baseline':
+                return self._take_baseline(time, data)
+            if self._session.baseline is not None:
+                self._publish(self._session.add_photo(time, data))
+            elif warning := self._session.keep_waiting(time, data):
+                self._complain(warning, time)
+        except InputError as error:
+            self._complain(f'{role} photograph at {time:.3f} s left out: {error}', time)
+        except Exception as error:
+            self._complain(f'{role} photograph at {time:.3f} s failed: {error!r}', time)
+        return []
+
+    def _take_baseline(self, time: float, data: bytes) -> list[tuple[float, bytes]]:
         waited = self._session.add_baseline(data)
         assert self._session.baseline is not None
         for remark in self._session.baseline.remarks:
@@ -82,8 +97,7 @@ class ImagingNode(Node):
         self._diagnostics.report(
             DiagnosticStatus.OK, f'{count} baseline photographs', photograph_time=time
         )
-        for photo in waited:
-            self._queue.put(('state', *photo))
+        return waited
 
     def _publish(self, state: ImagedState) -> None:
         header = header_at(state.time)

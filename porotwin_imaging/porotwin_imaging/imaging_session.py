@@ -83,11 +83,14 @@ class ImagingSession:
         """Take the photograph `data` (bytes of the file) as a baseline.
 
         Before the first state it is averaged with the earlier baselines; after that it starts a new
-        experiment. Returns time [s] and bytes of the photographs that have waited for it.
+        experiment. A baseline in use changes nothing: a restarted camera offers it again. Returns
+        time [s] and bytes of the photographs that have waited for it.
 
         Raises:
             InputError: the photograph cannot be used or shows tracer; the session is unchanged.
         """
+        if data in self.baseline_photos:
+            return []
         new_experiment = self._states > 0
         if new_experiment:
             self._refuse_tracer(data)

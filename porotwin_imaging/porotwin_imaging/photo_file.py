@@ -7,6 +7,7 @@ pixels of the sensor.
 
 import io
 import struct
+import warnings
 from dataclasses import dataclass
 
 import cv2
@@ -33,8 +34,14 @@ _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of the JPEG segment that holds the size; the three exceptions are tables."""
 _ORIENTATION_TAG = 0x0112
 _UPRIGHT = 1
+_TIFF_SIZE_TAGS = (256, 257)
 _TRAILING_BYTES = 64
 """Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
+MOST_PIXELS = 175_000_000
+"""Larger photographs are refused before they are decoded: a damaged or malicious header may claim
+any size. The largest cameras have 150 megapixels."""
+MOST_BYTES = 512_000_000
+"""Larger files are refused: a TIFF of 150 megapixels has 450 MB."""
 _CHECKED_EVERY = 4
 """Every fourth pixel in each direction is enough to find black and white photographs."""
 
@@ -86,11 +93,19 @@ def _without_orientation(tiff: bytes) -> bytes:
 def orientation(data: bytes) -> int:
     """Return the EXIF orientation (1 to 8) of the photograph `data`, 1 (upright) by default."""
     try:
-        with Image.open(io.BytesIO(data)) as image:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
             written = image.getexif().get(_ORIENTATION_TAG, _UPRIGHT)
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return _UPRIGHT
     return written if written in range(1, 9) else _UPRIGHT
+
+
+def is_photograph(data: bytes) -> bool:
+    """Return whether the file `data` begins as a JPEG, PNG or TIFF."""
+    return data.startswith((JPEG_START, PNG_START, *TIFF_STARTS))
 
 
 def is_complete(data: bytes) -> bool:
@@ -101,8 +116,23 @@ def is_complete(data: bytes) -> bool:
     if data.startswith(PNG_START):
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
-        return _pixels(data) is not None
+        size = _tiff_size(data)
+        return size is not None and size[0] * size[1] <= MOST_PIXELS and _pixels(data) is not None
     return False
+
+
+def _tiff_size(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) from the header of a TIFF, or None."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of a large picture; its size is judged here
+            image = Image.open(io.BytesIO(data))
+        with image:
+            # `size` would be turned by the orientation
+            width, height = (int(image.tag_v2[tag]) for tag in _TIFF_SIZE_TAGS)  # type: ignore[attr-defined]
+            return width, height
+    except Exception:  # a damaged header makes Pillow raise errors of many types
+        return None
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int] | None:
@@ -126,7 +156,8 @@ def photo_size(data: bytes) -> tuple[int, int]:
     """Return (width, height) [px] of the photograph `data`, read from the header only.
 
     Raises:
-        InputError: the file is no JPEG, PNG or TIFF, or its header is broken.
+        InputError: the file is no JPEG, PNG or TIFF, its header is broken, or it claims too many
+            pixels.
     """
     found: tuple[int, int] | None = None
     if data.startswith(JPEG_START):
@@ -134,10 +165,13 @@ def photo_size(data: bytes) -> tuple[int, int]:
     elif data.startswith(PNG_START) and len(data) >= 24:
         found = struct.unpack('>II', data[16:24])
     elif data.startswith(TIFF_STARTS):
-        pixels = _pixels(data)
-        found = None if pixels is None else (pixels.shape[1], pixels.shape[0])
+        found = _tiff_size(data)
     if found is None or min(found) < 1:
         raise InputError(f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again')
+    if found[0] * found[1] > MOST_PIXELS:
+        raise InputError(
+            f'photograph claims {found[0]} x {found[1]} px, more than any camera has; send it again'
+        )
     return found
 
 

@@ -3,6 +3,7 @@
 import io
 import os
 import shutil
+import socket
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,10 +13,23 @@ import pytest
 from PIL import Image
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.sources.baseline_choice import BaselineChoice
-from porotwin_imaging.sources.folder import MOST_AT_ONCE, FolderSource
+from porotwin_imaging.photo_forwarding import PhotoForwarder
+from porotwin_imaging.sent_photos import SentPhotos
+from porotwin_imaging.sources.camera_source import CameraPhoto
+from porotwin_imaging.sources.folder import (
+    MOST_AT_ONCE,
+    FolderSource,
+    check_folder,
+    read_regular_file,
+)
 
 GENERATOR = np.random.default_rng(2)
+BEGIN = 1.7e9
+"""Time of the first file [s since 1970]."""
+INTERVAL = 30.0
+JUST_NOW = 1e4
+NOW = BEGIN + INTERVAL * JUST_NOW
+"""Start of the clock [s since 1970], after all other files."""
 
 
 def jpeg() -> bytes:
@@ -24,42 +38,67 @@ def jpeg() -> bytes:
 
 
 class WatchedFolder:
-    """A folder with a clock that advances half a second per poll.
+    """A folder beside a camera node with a clock that advances half a second per poll.
 
     Attributes:
         path: the folder.
         problems: reasons of all problems so far.
+        times: stamps of the photographs by name.
         after_reading: called with each file that the source has read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, progress: Path | None = None) -> None:
         self.path = path
         self.problems: list[str] = []
+        self.times: dict[str, float] = {}
         self.after_reading: Callable[[Path], None] = lambda _: None
+        self._progress = progress
         self._now = 0.0
-        self._roles = BaselineChoice()
-        self._source = FolderSource(
-            path, patience=5.0, clock=lambda: self._now, read_bytes=self._read
+        self._found: list[tuple[str, str | None]] = []
+        self.start()
+
+    def start(self) -> None:
+        """Start the camera node, or start it again."""
+        source = FolderSource(
+            self.path,
+            patience=5.0,
+            clock=lambda: self._now,
+            now=lambda: NOW + self._now,
+            read_bytes=self._read,
+        )
+        self.forwarder = PhotoForwarder(
+            source,
+            send=self._send,
+            report=lambda problem: self.problems.append(problem.reason),
+            say=lambda _: None,
+            sent=SentPhotos(self._progress),
+            interval_s=INTERVAL,
         )
 
     def _read(self, path: Path) -> bytes:
-        data = path.read_bytes()
+        data = read_regular_file(path)
         self.after_reading(path)
         return data
 
+    def _send(self, photo: CameraPhoto) -> None:
+        self._found.append((photo.name, photo.role))
+        self.times[photo.name] = photo.time
+
     def poll(self, times: int = 1) -> list[tuple[str, str | None]]:
         """Return names and roles of the new photographs."""
-        found = []
+        self._found = []
         for _ in range(times):
             self._now += 0.5
-            photos, problems = self._roles.with_roles(self._source.poll())
-            found += [(photo.name, photo.role) for photo in photos]
-            self.problems += [problem.reason for problem in problems]
-        return found
+            self.forwarder.forward()
+        return self._found
 
     def put(self, name: str, data: bytes, age: float = 0.0) -> None:
+        """Write a photograph with the file time of photograph number `age`."""
         (self.path / name).write_bytes(data)
-        os.utime(self.path / name, (1000.0 + age, 1000.0 + age))
+        self.touch(name, age)
+
+    def touch(self, name: str, age: float) -> None:
+        os.utime(self.path / name, (BEGIN + INTERVAL * age, BEGIN + INTERVAL * age))
 
 
 @pytest.fixture
@@ -74,7 +113,7 @@ def test_each_photograph_comes_once_and_the_first_is_the_baseline(folder) -> Non
     assert folder.poll(3) == [('a.jpg', 'baseline'), ('b.jpg', 'state')]
     folder.put('c.png', cv2.imencode('.png', np.zeros((9, 9, 3), np.uint8))[1].tobytes(), age=3)
     assert folder.poll(3) == [('c.png', 'state')]
-    os.utime(folder.path / 'a.jpg', (2000.0, 2000.0))
+    folder.touch('a.jpg', age=9)
     assert folder.poll(3) == []
     assert folder.problems == []
 
@@ -94,7 +133,7 @@ def test_a_file_that_is_written_slowly_comes_when_it_is_complete(folder) -> None
     for end in range(100, len(data), 400):
         folder.put('slow.jpg', data[:end], age=end)
         assert folder.poll() == []
-    folder.put('slow.jpg', data, age=9999)
+    folder.put('slow.jpg', data, age=JUST_NOW)
     assert folder.poll(2) == [('slow.jpg', 'baseline')]
 
 
@@ -105,6 +144,7 @@ def test_a_newer_file_waits_for_an_older_one_for_a_limited_time(folder) -> None:
     assert folder.poll(4) == []
     folder.put('1.jpg', data, age=1)
     assert folder.poll(2) == [('1.jpg', 'baseline'), ('2.jpg', 'state')]
+    data = jpeg()
     folder.put('3.jpg', data[:500], age=3)
     folder.put('4.jpg', jpeg(), age=4)
     assert folder.poll(30) == [('4.jpg', 'state')]
@@ -124,7 +164,7 @@ def test_the_protocol_gives_roles_and_times_and_may_grow(tmp_path) -> None:
     folder.put('x.jpg', jpeg(), age=1)
     assert folder.poll(3) == [('x.jpg', 'baseline'), ('a.jpg', 'state')]
     protocol.write_text(protocol.read_text() + '60,photos/b.jpg,baseline\n')
-    folder.put('b.jpg', jpeg())
+    folder.put('b.jpg', jpeg(), age=JUST_NOW)
     assert folder.poll(3) == [('b.jpg', 'baseline')]
 
 
@@ -149,17 +189,18 @@ def dated(original: str, offset: str) -> bytes:
     return file.getvalue()
 
 
-def test_a_photograph_with_an_impossible_time_is_reported_and_the_others_come(folder) -> None:
+def test_a_photograph_with_an_impossible_exif_time_gets_its_file_time(folder) -> None:
     folder.put('1.jpg', dated('2021:09:03 14:05:06', '+99:00'), age=1)
     folder.put('2.jpg', dated('0001:01:01 00:00:00', ''), age=2)
-    folder.put('3.jpg', dated('2021:09:03 14:05:06', '+00:00'), age=3)
-    assert folder.poll(5) == [('3.jpg', 'baseline')]
-    assert len(folder.problems) == 2
-    assert (
-        "photograph '1.jpg' left out: EXIF time '2021:09:03 14:05:06+99:00'" in folder.problems[0]
-    )
-    folder.put('1.jpg', dated('2021:09:03 14:05:36', '+00:00'), age=4)
-    assert folder.poll(3) == [('1.jpg', 'state')]
+    folder.put('3.jpg', dated('2001:01:01 00:00:00', '+00:00'), age=3)
+    assert [name for name, _ in folder.poll(5)] == ['1.jpg', '2.jpg', '3.jpg']
+    assert list(folder.times.values()) == [BEGIN + 30, BEGIN + 60, BEGIN + 90]
+    assert sorted(problem.split(' of ')[0] for problem in folder.problems) == [
+        'EXIF time 2001-01-01 00:00:00 UTC',
+        "photograph '1.jpg': EXIF time '2021:09:03 14:05:06+99:00' is impossible; set the camera's "
+        'clock',
+        "photograph '2.jpg': EXIF time '0001:01:01 00:00:00' is impossible; set the camera's clock",
+    ]
 
 
 def test_a_photograph_that_is_removed_after_reading_is_sent(folder) -> None:
@@ -175,24 +216,115 @@ def test_a_photograph_that_is_removed_after_reading_is_sent(folder) -> None:
     assert folder.problems == []
 
 
-def test_a_broken_link_is_ignored(folder) -> None:
+def test_names_that_are_no_photographs_cost_one_line_each(folder) -> None:
     (folder.path / '0.jpg').symlink_to(folder.path / 'nowhere.jpg')
+    (folder.path / 'loop.jpg').symlink_to(folder.path / 'loop.jpg')
+    (folder.path / 'folder.jpg').mkdir()
+    (folder.path / 'raw.CR2').write_bytes(b'raw')
+    (folder.path / 'more.CR2').write_bytes(b'raw')
+    os.mkfifo(folder.path / 'fifo.jpg')
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.bind(str(folder.path / 'socket.jpg'))
+    (folder.path / 'device.jpg').symlink_to('/dev/zero')
+    (folder.path / 'text.jpg').write_bytes(b'no picture')
+    (folder.path / 'empty.jpg').write_bytes(b'')
     folder.put('1.jpg', jpeg())
-    (folder.path / '2.jpg').symlink_to(folder.path / 'nowhere.jpg')
+    folder.put('sparse.jpg', b'')
+    os.truncate(folder.path / 'sparse.jpg', 10**12)
+    assert folder.poll(40) == [('1.jpg', 'baseline')]
+    told = sorted(problem.split("'")[1] for problem in folder.problems)
+    raw = 'more.CR2' if 'more.CR2' in told else 'raw.CR2'
+    strange = '0.jpg loop.jpg folder.jpg fifo.jpg socket.jpg device.jpg text.jpg empty.jpg'
+    assert told == sorted([*strange.split(), 'sparse.jpg', raw])
+    folder.put('empty.jpg', jpeg(), age=1)
+    assert folder.poll(2) == [('empty.jpg', 'state')]
+
+
+def test_a_name_that_is_no_utf_8_is_a_photograph(folder) -> None:
+    for number, name in enumerate((b'\xff\xfe.jpg', b'a\nb.jpg', b'x' * 251 + b'.jpg')):
+        folder.put(os.fsdecode(name), jpeg(), age=number)
+    folder.put(os.fsdecode(b'\xe9.jpg'), jpeg()[:500], age=4)
+    assert len(folder.poll(20)) == 3
+    (problem,) = folder.problems
+    assert problem.startswith("photograph '\\xe9.jpg' is truncated or broken")
+
+
+def test_a_file_without_permission_comes_when_it_may_be_read(folder) -> None:
+    folder.put('1.jpg', jpeg())
+
+    def forbid(path: Path) -> None:
+        raise PermissionError(13, 'Permission denied')
+
+    folder.after_reading = forbid
+    assert folder.poll(20) == []
+    assert folder.problems == [
+        "photograph '1.jpg' cannot be read: Permission denied; copy it again"
+    ]
+    folder.after_reading = lambda _: None
+    (folder.path / '1.jpg').chmod(0o600)
     assert folder.poll(2) == [('1.jpg', 'baseline')]
+
+
+def test_a_name_used_again_is_a_new_photograph_and_a_touched_file_is_not(folder) -> None:
+    first = jpeg()
+    folder.put('latest.jpg', first)
+    assert folder.poll(2) == [('latest.jpg', 'baseline')]
+    folder.touch('latest.jpg', age=1)
+    assert folder.poll(3) == []
+    folder.put('latest.jpg', jpeg(), age=2)
+    assert folder.poll(3) == [('latest.jpg', 'state')]
+    folder.put('latest.jpg', jpeg(), age=2)
+    assert folder.poll(3) == [('latest.jpg', 'state')]
+    assert folder.problems == []
+    folder.put('copy.jpg', first, age=3)
+    assert folder.poll(3) == []
+    assert folder.problems == ["photograph 'copy.jpg' is a duplicate of 'latest.jpg': left out"]
+
+
+def test_a_restarted_camera_goes_on_after_the_last_photograph(tmp_path) -> None:
+    (tmp_path / 'photos').mkdir()
+    folder = WatchedFolder(tmp_path / 'photos', tmp_path / 'progress')
+    first = jpeg()
+    folder.put('0.jpg', first)
+    folder.put('1.jpg', jpeg(), age=1)
+    assert len(folder.poll(3)) == 2
+    folder.put('2.jpg', jpeg(), age=2)
+    folder.start()
+    folder.after_reading = lambda path: read.append(path.name)
+    read: list[str] = []
+    assert folder.poll(3) == [('2.jpg', 'state')]
+    assert read == ['2.jpg']
+    assert folder.times['2.jpg'] == BEGIN + 2 * INTERVAL
+    folder.forwarder.send_baselines_again()
+    assert folder.times['baseline of an earlier start'] == BEGIN
+    folder.put('0.jpg', first, age=3)  # touched while the camera was away
+    folder.start()
+    assert folder.poll(3) == []
+    assert folder.problems == []
+
+
+def test_an_old_photograph_that_turns_up_late_is_left_out(folder) -> None:
+    folder.put('1.jpg', jpeg(), age=10)
+    folder.put('2.jpg', jpeg(), age=11)
+    assert len(folder.poll(2)) == 2
+    folder.put('0.jpg', jpeg(), age=2)
+    assert folder.poll(3) == []
+    assert 'out of order' in folder.problems[0]
 
 
 def test_a_folder_that_disappears_may_come_back(folder) -> None:
     folder.put('a.jpg', jpeg())
     shutil.move(folder.path, folder.path.with_name('away'))
     assert folder.poll(2) == []
+    assert 'does not answer: No such file' in folder.forwarder.absent
     shutil.move(folder.path.with_name('away'), folder.path)
     assert folder.poll(2) == [('a.jpg', 'baseline')]
 
 
 def test_a_missing_folder_is_refused(tmp_path) -> None:
     with pytest.raises(InputError, match='no such folder'):
-        FolderSource(tmp_path / 'nowhere')
+        check_folder(str(tmp_path / 'nowhere'))
+    check_folder(str(tmp_path))
 
 
 def test_old_files_are_not_read_again(folder) -> None:

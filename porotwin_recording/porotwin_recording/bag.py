@@ -1,9 +1,9 @@
 """The experiment in a bag: rig, rates, tracer maps and photographs from recorded messages."""
 
+import zlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +17,14 @@ from porotwin_recording.bag_reader import BagMessage, BagReader
 from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.segments import LocatedPhoto, Location, PhotoKey, Segment, joined
 from porotwin_recording.serialization import SECOND, stamp_of
 
-_START = 0
-"""Value of CleanState.START; a bag is read without the installed message classes."""
+_START, _INTERRUPTED = 0, 1
+"""Values of CleanState.cause; a bag is read without the installed message classes."""
+
+_SHOWN = 5
+"""Most moments that a remark lists."""
 
 _SUFFIXES = {b'\xff\xd8': '.jpg', b'\x89P': '.png', b'II': '.tif', b'MM': '.tif'}
 """Suffix of an image file by its first two bytes."""
@@ -29,18 +33,21 @@ _SIZE_TOLERANCE = 1e-6
 """Relative difference of sizes that only round-off explains."""
 
 
-def read_bag(path: Path, rig: Rig | None = None) -> RecordedData:
+def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) -> RecordedData:
     """Return the experiment in the bag at `path`; a given `rig` replaces the recorded one.
 
     - Time zero is the stamp of the CleanState message that starts the experiment, else the first
       stamp. Earlier rates hold from time zero on.
-    - If two maps or rates have the same stamp, the later message counts.
+    - If two maps, photographs or rates have the same stamp, the later message counts.
     - A setpoint holds until the next one, regardless of its validity.
-    - Reading ends where a second experiment starts at an earlier time.
+    - A sequence that begins again goes on with the same experiment, for example after a restart of
+      a node. A remark says so. Photographs that are sent again replace the earlier ones.
+    - If another experiment begins in the same bag, the `segment` is read (counted from 1), or the
+      one with most states. See `segments` for what counts as another experiment.
     - Rates that are not finite or belong to unknown wells are left out, as in the hub.
 
     Raises:
-        InputError: no bag, a damaged bag, a bag without a rig, or maps of another rig.
+        InputError: no bag, a bag without a rig, maps of another rig, or no such segment.
     """
     bag = BagReader(path)
     names = _experiment_topics(bag)
@@ -57,15 +64,45 @@ def read_bag(path: Path, rig: Rig | None = None) -> RecordedData:
     if rig is None:
         raise InputError(f'{path}: {collector.rig_fault}; name its rig.yaml with --rig')
     collector.remove_unknown_wells(rig)
-    start = collector.start_stamp()
+    chosen = _chosen(bag, joined(collector.segments), segment)
+    start = chosen.start_stamp()
     return RecordedData(
         rig,
-        commanded=_schedule(collector.commanded, start),
-        measured=_schedule(collector.measured, start),
-        maps=_maps(collector, start, rig),
-        photos=_photos(collector, start),
+        commanded=_schedule(chosen.commanded, start),
+        measured=_schedule(chosen.measured, start),
+        maps=_maps(bag, chosen, collector.grid, start, rig),
+        photos=_photos(bag, chosen, start),
         remarks=tuple(bag.remarks),
     )
+
+
+def _chosen(bag: BagReader, segments: list[Segment], number: int | None) -> Segment:
+    """Return segment `number` (from 1), or the one with most states; remark on the others.
+
+    Raises:
+        InputError: there is no such segment.
+    """
+    count = len(segments)
+    if number is not None and not 1 <= number <= count:
+        held = 'one experiment' if count == 1 else f'{count} experiments'
+        raise InputError(f'{bag.path}: holds {held}; choose a segment from 1 to {count}')
+    index = number - 1 if number else max(range(count), key=lambda i: segments[i].state_count)
+    chosen = segments[index]
+    if count > 1:
+        held = '; '.join(f'{n} with {s.state_count} states' for n, s in enumerate(segments, 1))
+        bag.remark(
+            f'{bag.path}: holds {count} experiments ({held}); segment {index + 1} is read; '
+            'choose another with ./porotwin export --segment'
+        )
+    if chosen.interruptions:
+        first = chosen.start_stamp()
+        moments = ', '.join(f'{(at - first) / SECOND:g}' for at in chosen.interruptions[:_SHOWN])
+        more = ', ...' if len(chosen.interruptions) > _SHOWN else ''
+        bag.remark(
+            f'{bag.path}: {len(chosen.interruptions) + 1} parts of one experiment joined; the '
+            f'sequence of states began again at {moments}{more} s'
+        )
+    return chosen
 
 
 def _experiment_topics(bag: BagReader) -> dict[str, str]:
@@ -91,29 +128,18 @@ def _experiment_topics(bag: BagReader) -> dict[str, str]:
     return names
 
 
-class _Location(NamedTuple):
-    """Location of a message in a bag.
-
-    `number` counts the messages of the topic with the same log time [ns].
-    """
-
-    topic: str
-    log_time: int
-    number: int
-
-
-def _located(messages: Iterable[BagMessage]) -> Iterator[tuple[_Location, BagMessage]]:
+def _located(messages: Iterable[BagMessage]) -> Iterator[tuple[Location, BagMessage]]:
     """Yield messages with their locations."""
-    last: dict[str, _Location] = {}
+    last: dict[str, Location] = {}
     for message in messages:
         before = last.get(message.topic)
         repeated = before is not None and before.log_time == message.log_time
         number = before.number + 1 if before is not None and repeated else 0
-        last[message.topic] = _Location(message.topic, message.log_time, number)
+        last[message.topic] = Location(message.topic, message.log_time, number)
         yield last[message.topic], message
 
 
-def _between(bag: BagReader, locations: list[_Location]) -> Iterator[tuple[_Location, BagMessage]]:
+def _between(bag: BagReader, locations: list[Location]) -> Iterator[tuple[Location, BagMessage]]:
     """Yield the messages from the first to the last of `locations`, all of one topic."""
     if locations:
         log_times = [location.log_time for location in locations]
@@ -121,60 +147,38 @@ def _between(bag: BagReader, locations: list[_Location]) -> Iterator[tuple[_Loca
         yield from _located(bag.messages([topic], start=min(log_times), stop=stop))
 
 
-@dataclass(frozen=True)
-class _LocatedPhoto:
-    role: Role
-    stamp: int
-    location: _Location
-    name: str
-
-
 class _Collector:
-    """Collects one experiment in one pass over a bag; maps and photographs stay on disk.
-
-    Rates and the locations of maps are stored by stamp [ns].
-    """
+    """Collects the experiments in one pass over a bag; maps and photographs stay on disk."""
 
     def __init__(self, bag: BagReader) -> None:
         self.bag = bag
         self.rig: Rig | None = None
         self.rig_fault = 'holds no rig description'
-        self.commanded: dict[int, WellRates] = {}
-        self.measured: dict[int, WellRates] = {}
-        self.maps: dict[int, _Location] = {}
-        self.photos: list[_LocatedPhoto] = []
         self.grid: Grid | None = None
-        self._start: int | None = None
+        self.segments = [Segment()]
         self._rate_faults: list[str] = []
-        self._add: dict[str, Callable[[BagMessage, _Location], None]] = {
+        self._add: dict[str, Callable[[BagMessage, Location], None]] = {
             topic_names.RIG: self._add_rig,
             topic_names.SETPOINT: self._add_setpoint,
             topic_names.MEASURED: self._add_measured,
             topic_names.NEW_STATE: self._add_state,
+            topic_names.CLEAN_STATE: self._add_clean_state,
             topic_names.IMAGE: self._add_photo,
             topic_names.BASELINE: self._add_baseline,
         }
 
     def collect(self, names: dict[str, str]) -> None:
-        """Read the topics `names` (absolute name to relative name) of the first experiment."""
+        """Read the topics `names` (absolute name to relative name)."""
+        faults: dict[str, list[str]] = {}
         for location, message in _located(self.bag.messages(list(names))):
-            relative = names[message.topic]
-            if relative != topic_names.CLEAN_STATE:
-                self._add[relative](message, location)
-            elif self.bag.decode(message).cause == _START:
-                stamp = stamp_of(message.data)
-                if self.maps and stamp < max(self.maps):
-                    path = self.bag.path
-                    self.bag.remark(f'{path}: a second experiment begins; only the first is read')
-                    break
-                self._start = stamp if self._start is None else self._start
-
-    def start_stamp(self) -> int:
-        """Return the start of the experiment [ns]: its CleanState message or the first stamp."""
-        if self._start is not None:
-            return self._start
-        states = (photo.stamp for photo in self.photos if photo.role == 'state')
-        return min((*self.commanded, *self.measured, *self.maps, *states), default=0)
+            try:
+                self._add[names[message.topic]](message, location)
+            except InputError as error:  # one wrong message costs that message
+                faults.setdefault(message.topic, []).append(str(error))
+        for topic, lines in faults.items():
+            self.bag.remark(
+                f"{self.bag.path}: {len(lines)} messages of '{topic}' left out: {lines[0]}"
+            )
 
     def remove_unknown_wells(self, rig: Rig) -> None:
         """Remove rates of wells that `rig` lacks, and remark on all rates that were left out.
@@ -182,8 +186,9 @@ class _Collector:
         Raises:
             InputError: no rates remain, so the bag belongs to another rig.
         """
-        any_recorded = bool(self.commanded or self.measured)
-        for rates in (self.commanded, self.measured):
+        schedules = [rates for part in self.segments for rates in (part.commanded, part.measured)]
+        any_recorded = any(schedules)
+        for rates in schedules:
             for stamp in list(rates):
                 unknown = [well for well in rates[stamp] if well not in rig.wells]
                 if unknown:
@@ -191,25 +196,25 @@ class _Collector:
                     known = ', '.join(rig.wells)
                     self._rate_faults.append(f"unknown well '{unknown[0]}'; the rig has {known}")
         path, faults = self.bag.path, self._rate_faults
-        if any_recorded and not (self.commanded or self.measured):
+        if any_recorded and not any(schedules):
             raise InputError(f'{path}: rates name an {faults[-1]}')
         if faults:
             self.bag.remark(f'{path}: {len(faults)} messages of rates left out: {faults[0]}')
 
-    def _add_rig(self, message: BagMessage, _: _Location) -> None:
+    def _add_rig(self, message: BagMessage, _: Location) -> None:
         try:
             self.rig = rig_from_msg(self.bag.decode(message))
         except InputError as error:  # the caller's rig.yaml may replace it
             self.rig_fault = str(error)
 
-    def _add_setpoint(self, message: BagMessage, _: _Location) -> None:
+    def _add_setpoint(self, message: BagMessage, _: Location) -> None:
         wells = self.bag.decode(message).wells
-        self._add_rates(self.commanded, stamp_of(message.data), wells)
+        self._add_rates(self.segments[-1].commanded, stamp_of(message.data), wells)
 
-    def _add_measured(self, message: BagMessage, _: _Location) -> None:
+    def _add_measured(self, message: BagMessage, _: Location) -> None:
         rates = self.bag.decode(message)
         start = int(rates.start.sec) * SECOND + int(rates.start.nanosec)
-        self._add_rates(self.measured, start, rates.wells)
+        self._add_rates(self.segments[-1].measured, start, rates.wells)
 
     def _add_rates(self, rates: dict[int, WellRates], stamp: int, wells: Any) -> None:
         try:
@@ -217,23 +222,29 @@ class _Collector:
         except InputError as error:  # the hub ignored this message, too
             self._rate_faults.append(str(error))
 
-    def _add_state(self, message: BagMessage, location: _Location) -> None:
+    def _add_clean_state(self, message: BagMessage, _: Location) -> None:
+        event = self.bag.decode(message)
+        if event.cause in (_START, _INTERRUPTED):
+            stamp, starts = stamp_of(message.data), event.cause == _START
+            self.segments += self.segments[-1].restarted(stamp, starts=starts)
+
+    def _add_state(self, message: BagMessage, location: Location) -> None:
         if self.grid is None:
             grid = self.bag.decode(message).tracer.grid
             self.grid = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
-        self.maps[stamp_of(message.data)] = location
+        self.segments[-1].add_map(stamp_of(message.data), location)
 
-    def _add_photo(self, message: BagMessage, location: _Location) -> None:
+    def _add_photo(self, message: BagMessage, location: Location) -> None:
         self._add_image(message, location, 'state')
 
-    def _add_baseline(self, message: BagMessage, location: _Location) -> None:
+    def _add_baseline(self, message: BagMessage, location: Location) -> None:
         self._add_image(message, location, 'baseline')
 
-    def _add_image(self, message: BagMessage, location: _Location, role: Role) -> None:
-        first_bytes = bytes(self.bag.decode(message).data[:2])
-        number = sum(known.role == role for known in self.photos) + 1
-        name = f'photos/{role}_{number:04d}{_SUFFIXES.get(first_bytes, ".img")}'
-        self.photos.append(_LocatedPhoto(role, stamp_of(message.data), location, name))
+    def _add_image(self, message: BagMessage, location: Location, role: Role) -> None:
+        image = bytes(self.bag.decode(message).data)
+        key = PhotoKey(role, stamp_of(message.data), zlib.crc32(image))
+        suffix = _SUFFIXES.get(image[:2], '.img')
+        self.segments[-1].photos[key] = LocatedPhoto(location, suffix)
 
 
 def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
@@ -244,14 +255,15 @@ def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
     return Schedule.from_rates(by_time.items())
 
 
-def _maps(collected: _Collector, start: int, rig: Rig) -> ConcentrationMaps | None:
+def _maps(
+    bag: BagReader, segment: Segment, grid: Grid | None, start: int, rig: Rig
+) -> ConcentrationMaps | None:
     """Return the tracer maps, which are decoded when they are read.
 
     Raises:
         InputError: the maps have another size than the rig.
     """
-    grid, bag = collected.grid, collected.bag
-    if not collected.maps or grid is None:
+    if not segment.maps or grid is None:
         return None
     sizes, expected = (grid.width, grid.height), (rig.width_m, rig.height_m)
     if not np.allclose(sizes, expected, rtol=_SIZE_TOLERANCE):
@@ -259,8 +271,8 @@ def _maps(collected: _Collector, start: int, rig: Rig) -> ConcentrationMaps | No
             f'{bag.path}: its maps cover {grid.width:g} x {grid.height:g} m, '
             f'the rig {rig.width_m:g} x {rig.height_m:g} m; name the rig.yaml it was recorded with'
         )
-    stamps = sorted(collected.maps)
-    locations = [collected.maps[stamp] for stamp in stamps]
+    stamps = sorted(segment.maps)
+    locations = [segment.maps[stamp] for stamp in stamps]
     times = np.array([(stamp - start) / SECOND for stamp in stamps])
 
     def read(first: int, last: int) -> Maps:
@@ -289,20 +301,19 @@ def _map_values(bag: BagReader, message: BagMessage, grid: Grid, time: float) ->
     return values.reshape(grid.shape)
 
 
-def _photos(collected: _Collector, start: int) -> tuple[Photo, ...]:
-    photos = [
-        Photo(
-            (photo.stamp - start) / SECOND,
-            photo.role,
-            photo.name,
-            _image_reader(collected.bag, photo.location),
-        )
-        for photo in collected.photos
-    ]
-    return tuple(sorted(photos, key=lambda photo: photo.time))
+def _photos(bag: BagReader, segment: Segment, start: int) -> tuple[Photo, ...]:
+    """Return the photographs, ordered by time and numbered by role."""
+    numbers: dict[Role, int] = {}
+    photos = []
+    for key, photo in sorted(segment.photos.items(), key=lambda item: item[0].stamp):
+        numbers[key.role] = numbers.get(key.role, 0) + 1
+        name = f'photos/{key.role}_{numbers[key.role]:04d}{photo.suffix}'
+        read = _image_reader(bag, photo.location)
+        photos.append(Photo((key.stamp - start) / SECOND, key.role, name, read))
+    return tuple(photos)
 
 
-def _image_reader(bag: BagReader, photo: _Location) -> Callable[[], bytes]:
+def _image_reader(bag: BagReader, photo: Location) -> Callable[[], bytes]:
     def read() -> bytes:
         for location, message in _between(bag, [photo]):
             if location == photo:

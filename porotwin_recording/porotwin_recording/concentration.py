@@ -1,6 +1,7 @@
 """Tracer maps of an experiment folder: `concentration.nc`, read and written map by map."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self, overload
@@ -107,14 +108,25 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     return ConcentrationMaps(times, grid, read)
 
 
-def _dataset(path: Path) -> netCDF4.Dataset:
+@contextmanager
+def _dataset(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open a file for reading.
+
+    Raises:
+        InputError: it is missing, no NetCDF file, or damaged at the place that is read.
+    """
     if not path.is_file():
         raise InputError(f'{path}: no such file; it holds the concentration maps')
     try:
-        return netCDF4.Dataset(path)
+        dataset = netCDF4.Dataset(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f'{path}: not a readable NetCDF file ({reason}); write it again') from None
+    with dataset:
+        try:
+            yield dataset
+        except RuntimeError as error:  # of the HDF library
+            raise InputError(f'{path}: damaged ({error}); copy it again') from None
 
 
 def _variable(

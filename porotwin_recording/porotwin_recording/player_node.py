@@ -11,6 +11,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from porotwin_core.errors import InputError
@@ -28,6 +29,7 @@ from porotwin_recording.player import (
     played_topics,
 )
 from porotwin_recording.replay_clock import ReplayClock
+from porotwin_recording.replay_readiness import GraphSeen, PlayedTopic, missing
 from porotwin_recording.serialization import SECOND, Serializer, stamp_of
 
 QUEUE_DEPTH = 1000
@@ -44,6 +46,30 @@ CLOCK_PERIOD = 0.05
 
 DISCOVERY_PERIOD = 0.05
 """Period of the search for subscribers and publishers [s]."""
+
+PATIENCE = 60.0
+"""Longest wait for the graph [s]: the start of all nodes on a loaded machine takes half of it."""
+
+SETTLE_PERIOD = 1.0
+"""The replay begins when the graph was ready and unchanged for so long [s].
+
+A subscriber learns of the player a moment after the player learns of the subscriber.
+"""
+
+PROGRESS_PERIOD = 5.0
+"""Period of the lines that say what the player waits for [s]."""
+
+FASTEST = 1000.0
+"""Largest speed relative to the recording; 0 stands for no waiting at all."""
+
+SHORTEST_WAIT = 0.1
+"""Shortest limit of a wait for an answer [s]: less than any cycle takes."""
+
+HOUR = 3600.0
+"""Largest limit of a wait [s]: whoever waits longer has forgotten it."""
+
+DECADE = 3.2e8
+"""Longer than any recording [s]."""
 
 _DRIVING = (f'/{topic_names.IMAGE}', f'/{topic_names.STATE_REFRESHED}')
 """Topics that start a cycle of the graph with every message."""
@@ -78,16 +104,37 @@ class PlayerNode(Node):
         selection = declare(
             self, 'topics', 'inputs', "names, 'inputs' (data from the asset), or 'all'"
         )
-        rate = declare(self, 'rate', 1.0, 'speed relative to the recording; 0: without waiting')
-        start_s = declare(self, 'start_s', 0.0, 'where in the bag to start [s]')
+        rate = declare(
+            self,
+            'rate',
+            1.0,
+            'speed relative to the recording; 0: without waiting',
+            at_least=0.0,
+            at_most=FASTEST,
+        )
+        start_s = declare(
+            self, 'start_s', 0.0, 'where in the bag to start [s]', at_least=0.0, at_most=DECADE
+        )
         self._loop = declare(self, 'loop', False, 'start again at the end')
-        self._discovery = declare(self, 'discovery_s', 3.0, 'longest wait for subscribers [s]')
+        self._patience = declare(
+            self,
+            'discovery_s',
+            PATIENCE,
+            'longest wait for subscribers, and in lock-step for the answering node [s]',
+            at_least=0.0,
+            at_most=HOUR,
+        )
         lockstep = declare(
             self, 'lockstep', '', 'topic of the answer to wait for after every photograph'
         )
         self._lockstep = self.resolve_topic_name(lockstep) if lockstep else ''
         self._lockstep_timeout = declare(
-            self, 'lockstep_timeout_s', 60.0, 'longest wait for that answer [s]'
+            self,
+            'lockstep_timeout_s',
+            60.0,
+            'longest wait for that answer [s]',
+            at_least=SHORTEST_WAIT,
+            at_most=HOUR,
         )
         self._replay_clock = ReplayClock(rate)
         self._start = self._checked_start(start_s)
@@ -95,6 +142,7 @@ class PlayerNode(Node):
         self._clock_publisher = self.create_publisher(Clock, CLOCK, QUEUE_DEPTH)
         self._publishers_by_topic = self._make_publishers(selection)
         self._last_answer = -1
+        self._answer_subscription: Subscription | None = None
         self._answers = threading.Condition()
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
@@ -140,8 +188,7 @@ class PlayerNode(Node):
 
     def _run(self) -> None:
         try:
-            self._subscribe_to_answers()
-            self._await_subscribers()
+            self._await_graph()
             count = len(self._publishers_by_topic)
             self.get_logger().info(f'playing {count} topics of {self._bag.path}')
             while not self._stopping.is_set():
@@ -160,33 +207,87 @@ class PlayerNode(Node):
             if not self._stopping.is_set():
                 rclpy.try_shutdown(context=self.context)
 
-    def _subscribe_to_answers(self) -> None:
-        """Subscribe to the answers of the lock-step; the running graph knows their type."""
-        if not self._lockstep:
+    def _await_graph(self) -> None:
+        """Wait until the graph is ready, see `replay_readiness`, and stays so for a moment.
+
+        Raises:
+            InputError: nobody listens after `discovery_s`, or in lock-step something is missing.
+        """
+        begin = settled_since = time.monotonic()
+        due = begin + PROGRESS_PERIOD
+        before: GraphSeen | None = None
+        while (now := time.monotonic()) < begin + self._patience:
+            seen = self._seen()
+            waits = missing(seen)
+            if waits or seen != before:
+                before, settled_since = seen, now
+            elif now - settled_since >= SETTLE_PERIOD:
+                return
+            if waits and now >= due:
+                due += PROGRESS_PERIOD
+                self.get_logger().info(
+                    f'waiting for {"; ".join(waits)} ({now - begin:.0f} of {self._patience:g} s)'
+                )
+            if self._stopping.wait(DISCOVERY_PERIOD):
+                return
+        self._begin_without(missing(self._seen()))
+
+    def _begin_without(self, waits: list[str]) -> None:
+        """Warn about what is missing, or refuse to begin in lock-step or without any listener.
+
+        Raises:
+            InputError: see above.
+        """
+        if not waits or (self._patience == 0.0 and not self._lockstep):
             return
-        deadline = time.monotonic() + self._discovery
-        while time.monotonic() < deadline and not self._stopping.wait(DISCOVERY_PERIOD):
-            for name, types in self.get_topic_names_and_types():
-                if name == self._lockstep and self.count_publishers(name):
-                    self.create_subscription(
-                        message_class(types[0]), name, self._on_answer, QUEUE_DEPTH, raw=True
+        text = f'waited {self._patience:g} s for {"; ".join(waits)}'
+        nobody = not any(p.get_subscription_count() for p in self._publishers_by_topic.values())
+        if self._lockstep or nobody:
+            raise InputError(f'{text}; nothing was played; start ./porotwin up --replay beside it')
+        self.get_logger().warning(f'{text}; playing without')
+
+    def _seen(self) -> GraphSeen:
+        space = self.get_namespace()
+        nodes = frozenset(
+            name
+            for name, namespace in self.get_node_names_and_namespaces()
+            if namespace == space and name != self.get_name()
+        )
+        topics = tuple(
+            PlayedTopic(
+                publisher.topic_name,
+                publisher.get_subscription_count(),
+                tuple(
+                    sorted(
+                        info.node_name
+                        for info in self.get_subscriptions_info_by_topic(publisher.topic_name)
                     )
-                    return
-        self.get_logger().warning(f'nobody publishes {self._lockstep}; playing without lock-step')
-        self._lockstep = ''
+                ),
+            )
+            for publisher in self._publishers_by_topic.values()
+        )
+        return GraphSeen(nodes, topics, answering=self._hears_answers())
+
+    def _hears_answers(self) -> bool | None:
+        """Return whether the answering node is connected; None without lock-step.
+
+        The running graph knows the type of the answers, so the subscription waits for it.
+        """
+        if not self._lockstep:
+            return None
+        if self._answer_subscription is None:
+            types = dict(self.get_topic_names_and_types()).get(self._lockstep, [])
+            if not types or not self.count_publishers(self._lockstep):
+                return False
+            self._answer_subscription = self.create_subscription(
+                message_class(types[0]), self._lockstep, self._on_answer, QUEUE_DEPTH, raw=True
+            )
+        return bool(self._answer_subscription.get_publisher_count() > 0)
 
     def _on_answer(self, data: bytes) -> None:
         with self._answers:
             self._last_answer = max(self._last_answer, stamp_of(data))
             self._answers.notify_all()
-
-    def _await_subscribers(self) -> None:
-        """Wait until every played topic has a subscriber, at most `discovery_s`."""
-        publishers = self._publishers_by_topic.values()
-        deadline = time.monotonic() + self._discovery
-        while time.monotonic() < deadline and not self._stopping.wait(DISCOVERY_PERIOD):
-            if all(publisher.get_subscription_count() for publisher in publishers):
-                return
 
     def _play_once(self) -> None:
         names = list(self._publishers_by_topic)

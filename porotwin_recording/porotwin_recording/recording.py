@@ -88,10 +88,15 @@ class Recording(RecordedData):
         return self.maps
 
 
-def open_recording(path: Path | str, *, rig: Rig | Path | str | None = None) -> Recording:
+def open_recording(
+    path: Path | str, *, rig: Rig | Path | str | None = None, segment: int | None = None
+) -> Recording:
     """Return the recording at `path`: an experiment folder, a rosbag2 folder or an .mcap file.
 
-    A `rig`, or the path of a rig.yaml, replaces the rig of the recording.
+    Args:
+        path: the recording.
+        rig: a rig, or the path of a rig.yaml, that replaces the one of the recording.
+        segment: number of the experiment in a bag that holds several, from 1; see `read_bag`.
 
     Raises:
         InputError: one line that names the recording, the fault and the remedy.
@@ -102,5 +107,7 @@ def open_recording(path: Path | str, *, rig: Rig | Path | str | None = None) -> 
     if not path.exists():
         raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
     is_folder = path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))
-    data = read_folder(path, rig) if is_folder else read_bag(path, rig)
+    if is_folder and segment not in (None, 1):
+        raise InputError(f'{path}: a folder holds one experiment; leave the segment away')
+    data = read_folder(path, rig) if is_folder else read_bag(path, rig, segment=segment)
     return Recording(source=path, **vars(data))

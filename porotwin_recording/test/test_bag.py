@@ -4,12 +4,15 @@ from pathlib import Path
 
 import pytest
 from recording_examples import controlled_rig, write_live_bag
+from sensor_msgs.msg import CompressedImage
 
 from porotwin_core.conversions import rates_to_msg, rig_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.rig import write_rig
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.recording import open_recording
 from porotwin_recording.serialization import SECOND
 
@@ -59,18 +62,93 @@ def test_a_live_bag_counts_time_from_its_clean_start(tmp_path: Path) -> None:
     assert recording.measured == Schedule((ScheduleRow(0.0, 'in', WellRate(0.9e-7, 1.0)),))
 
 
-def test_only_the_first_of_two_experiments_is_read(tmp_path: Path) -> None:
+def clean(stamp: int, cause: int = CleanState.START) -> object:
+    return stamped(CleanState(cause=cause), stamp)
+
+
+def write_states(path: Path, *runs: list[tuple[int, float]], wrong_order: bool = False) -> Path:
+    """Write runs of states (stamp [s], value); each run begins with a clean start."""
     messages = [('/lab/rig/description', rig_to_msg(controlled_rig()))]
-    for value in (0.25, 0.75):
+    for run in runs:
+        states = [('/lab/asset/new_state', state(stamp * SECOND, value)) for stamp, value in run]
+        begin = ('/lab/asset/clean_state', clean(run[0][0] * SECOND))
+        messages += [states[0], begin, *states[1:]] if wrong_order else [begin, *states]
+    write_live_bag(path, messages)
+    return path
+
+
+@pytest.mark.parametrize('wrong_order', [False, True])
+def test_a_sequence_that_begins_again_goes_on(tmp_path: Path, wrong_order: bool) -> None:
+    runs = [(100, 0.1), (130, 0.2)], [(160, 0.3), (190, 0.4)], [(220, 0.5)]
+    bag = write_states(tmp_path / 'run.mcap', *runs, wrong_order=wrong_order)
+    recording = open_recording(bag)
+    assert recording.times.tolist() == [0, 30, 60, 90, 120]
+    assert '3 parts of one experiment joined' in recording.remarks[0]
+    assert 'at 60, 120 s' in recording.remarks[0]
+
+
+@pytest.mark.parametrize('wrong_order', [False, True])
+def test_photographs_that_are_sent_again_replace_the_earlier_ones(
+    tmp_path: Path, wrong_order: bool
+) -> None:
+    now = 1_700_000_000
+    runs = [(now, 0.1), (now + 30, 0.2)], [(now, 0.3), (now + 30, 0.4), (now + 60, 0.5)]
+    bag = write_states(tmp_path / 'run.mcap', *runs, wrong_order=wrong_order)
+    recording = open_recording(bag)
+    assert recording.times.tolist() == [0, 30, 60]
+    assert recording.concentration[:, 0, 0].tolist() == pytest.approx([0.3, 0.4, 0.5])
+
+
+@pytest.mark.parametrize('wrong_order', [False, True])
+def test_the_longest_of_several_experiments_is_read_unless_one_is_chosen(
+    tmp_path: Path, wrong_order: bool
+) -> None:
+    runs = [(1, 0.25), (2, 0.25)], [(1, 0.75), (2, 0.75), (3, 0.75)]
+    bag = write_states(tmp_path / 'run.mcap', *runs, wrong_order=wrong_order)
+    recording = open_recording(bag)
+    assert recording.concentration[:, 0, 0].tolist() == [0.75, 0.75, 0.75]
+    assert 'holds 2 experiments (1 with 2 states; 2 with 3 states)' in recording.remarks[0]
+    assert 'segment 2 is read' in recording.remarks[0]
+    first = open_recording(bag, segment=1)
+    assert first.concentration[:, 0, 0].tolist() == [0.25, 0.25]
+    with pytest.raises(InputError, match='holds 2 experiments; choose a segment from 1 to 2'):
+        open_recording(bag, segment=3)
+
+
+def test_a_new_baseline_begins_another_experiment(tmp_path: Path) -> None:
+    def photo(stamp: int) -> object:
+        return stamped(CompressedImage(data=b'\xff\xd8'), stamp * SECOND)
+
+    messages = [('/lab/rig/description', rig_to_msg(controlled_rig()))]
+    for begin in (100, 200):
         messages += [
-            ('/lab/asset/clean_state', stamped(CleanState(cause=CleanState.START), SECOND)),
-            ('/lab/asset/new_state', state(SECOND, value)),
-            ('/lab/asset/new_state', state(2 * SECOND, value)),
+            ('/lab/camera/baseline/compressed', photo(begin - 10)),
+            ('/lab/camera/image/compressed', photo(begin)),
+            ('/lab/asset/clean_state', clean(begin * SECOND)),
+            ('/lab/asset/new_state', state(begin * SECOND, 0.5)),
         ]
     write_live_bag(tmp_path / 'run.mcap', messages)
-    recording = open_recording(tmp_path / 'run.mcap')
-    assert recording.concentration[:, 0, 0].tolist() == [0.25, 0.25]
-    assert 'a second experiment' in recording.remarks[0]
+    for segment in (1, 2):
+        recording = open_recording(tmp_path / 'run.mcap', segment=segment)
+        assert recording.times.tolist() == [0.0]
+        assert [(photo.role, photo.time) for photo in recording.photos] == [
+            ('baseline', -10.0),
+            ('state', 0.0),
+        ]
+
+
+def test_a_message_that_cannot_be_read_costs_itself(tmp_path: Path) -> None:
+    path = write_states(tmp_path / 'run.mcap', [(1, 0.1), (2, 0.2)])
+    with BagWriter(tmp_path / 'damaged') as writer:
+        bag = BagReader(path)
+        for name, topic in bag.topics.items():
+            writer.add_topic(name, topic.type_name, definition=topic.definition)
+        for number, message in enumerate(bag.messages()):
+            writer.write(message.topic, message.data, log_time=number)
+        writer.write('/lab/asset/clean_state', b'\x00\x01\x00\x00\x07', log_time=9)
+    recording = open_recording(tmp_path / 'damaged')
+    assert recording.times.tolist() == [0.0, 1.0]
+    assert "1 messages of '/lab/asset/clean_state' left out" in recording.remarks[0]
 
 
 def test_a_bag_without_a_rig_asks_for_one(rig_file: Path, tmp_path: Path) -> None:

@@ -34,7 +34,6 @@ def answer(photo):
     print('seen', len(seen), flush=True)
     publisher.publish(PointStamped(header=photo.header))
 node.create_subscription(CompressedImage, 'camera/image/compressed', answer, 1)
-print('ready', flush=True)
 rclpy.spin(node)
 """
 
@@ -86,7 +85,6 @@ def test_only_the_inputs_of_the_twin_are_played_by_default(tmp_path: Path, bag: 
 def test_a_slow_graph_receives_every_photograph_in_lock_step(tmp_path: Path, bag: Path) -> None:
     answerer = Process(tmp_path / 'answerer.log', ['-c', ANSWERER])
     try:
-        answerer.wait_for_output('ready')
         with node(
             tmp_path / 'player.log', 'player_node', bag=bag, rate=0.0, lockstep='hub/cycle'
         ) as player:
@@ -97,9 +95,19 @@ def test_a_slow_graph_receives_every_photograph_in_lock_step(tmp_path: Path, bag
         answerer.stop(signal.SIGKILL)
 
 
+def test_lock_step_without_the_answering_node_plays_nothing(tmp_path: Path, bag: Path) -> None:
+    with node(
+        tmp_path / 'player.log', 'player_node', bag=bag, lockstep='hub/cycle', discovery_s=0.5
+    ) as player:
+        assert player.popen.wait(timeout=100) == 1, player.output
+    (line,) = [line for line in player.output.splitlines() if 'ERROR' in line]
+    assert 'waited 0.5 s for the node that answers in lock-step' in line
+    assert 'nothing was played; start ./porotwin up --replay' in line
+
+
 def test_an_interrupt_ends_the_player(tmp_path: Path, bag: Path) -> None:
     with node(
-        tmp_path / 'player.log', 'player_node', bag=bag, loop=True, discovery_s=0.1
+        tmp_path / 'player.log', 'player_node', bag=bag, loop=True, discovery_s=0.0
     ) as player:
         player.wait_for_output('playing 3 topics')
         assert player.stop() == 0
@@ -126,7 +134,7 @@ def test_wrong_parameters_end_with_one_line(
 
 def played(monkeypatch: pytest.MonkeyPatch, *parameters: str) -> None:
     """Give the player of this process its parameters."""
-    values = ['discovery_s:=0.1', *parameters]
+    values = ['discovery_s:=0.0', *parameters]
     arguments = [word for value in values for word in ('-p', value)]
     monkeypatch.setattr(sys, 'argv', ['player', '--ros-args', *arguments])
 

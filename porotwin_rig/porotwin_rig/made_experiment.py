@@ -99,6 +99,7 @@ def make_experiment(
     photo_width_px: int | None = None,
     conditions: Conditions | None = None,
     truth: Path | None = None,
+    cell: float | None = None,
 ) -> MadeExperiment:
     """Run an experiment and write it into `folder`, without its effects.
 
@@ -116,6 +117,7 @@ def make_experiment(
         photo_width_px: width of photographs (8:5) to be taken as well; None for none.
         conditions: conditions of the photographs.
         truth: file for the signal without noise at the times of the frames; keep it elsewhere.
+        cell: size of the elements of the virtual rig [m]; its default if None.
 
     Raises:
         InputError: the folder is in use, or an effect, a well or a time is wrong.
@@ -123,7 +125,7 @@ def make_experiment(
     if not (duration > 0.0 and photo_interval > 0.0):
         raise InputError(f'duration {duration} s, photo interval {photo_interval} s: give positive')
     grid = grid or rig.default_grid()
-    asset = VirtualRig(rig, effects=effects, pumps=pumps)
+    asset = VirtualRig(rig, effects=effects, pumps=pumps, cell=cell)
     photographer = None
     if photo_width_px is not None:
         camera = camera_before(rig, photo_width_px, round(photo_width_px * ASPECT))

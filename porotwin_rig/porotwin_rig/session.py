@@ -54,6 +54,11 @@ class AssetSession:
         signal = signal_seen(self.asset, fine, time=self.time)
         return self._photographer.photograph(signal, time=self.time)
 
+    def advance_with_safe_rates(self, until: float) -> None:
+        """Pump the safe rates until the time `until` [s]: what happened before the twin started."""
+        self.asset.set_rates(self._safe)
+        self.asset.advance(max(0.0, until - self.time))
+
     def command(self, rates: WellRates, *, valid_until: float) -> None:
         """Command `rates` from now until `valid_until` [s].
 

@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
 
-from porotwin_core import __version__, conversions, qos
+from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
@@ -55,15 +55,23 @@ class VirtualRigNode(Node):
         self.set_parameters([Parameter('use_sim_time', value=True)])
         rig = declare_rig(self)
         interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
-        duration = declare(self, 'duration_s', 4800.0, 'length of the experiment [s]')
+        duration = declare(self, 'duration_s', 4800.0, 'time at which the experiment ends [s]')
+        self._start = declare(
+            self, 'start_s', 0.0, 'time of the first photograph; safe rates until then [s]'
+        )
         self._interval = _positive('photo_interval_s', interval)
         self._duration = _positive('duration_s', duration)
+        if not 0.0 <= self._start < self._duration:
+            raise InputError(
+                f"parameter 'start_s' of the virtual rig: {self._start:g}; give a time from 0 to "
+                f'before the end at {self._duration:g} s'
+            )
         self._pace = parse_speed(
             declare(self, 'speed', 'max', 'max, or times faster than real time')
         )
         self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
         self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
-        needed = 'solver/predict,costa/corrective_source'
+        needed = 'solver/predict,costa/corrective_source,guard/control'
         needed = declare(self, 'wait_for_services', needed, 'services to wait for at the start')
         self._needed = [self.resolve_service_name(name) for name in filter(None, needed.split(','))]
         self._session = self._make_session(rig)
@@ -119,6 +127,7 @@ class VirtualRigNode(Node):
         setpoint = request.setpoint
         with self._answered:
             try:
+                senders.check_only_guard_calls(self)
                 rates = conversions.rates_from_msg(setpoint.wells)
                 until = conversions.time_from_msg(setpoint.valid_until)
                 self._session.command(rates, valid_until=until)
@@ -146,6 +155,7 @@ class VirtualRigNode(Node):
         try:
             self._publish_clock()
             self._publish_photo(self._baseline, self._session.baseline())
+            self._session.advance_with_safe_rates(self._start)
             self._wait_for_graph()
             self._run_experiment()
         except Exception as error:  # a thread that fails must say so

@@ -45,7 +45,7 @@ class Twin:
         self._answers = answers
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
-        self.node = rclpy.create_node('twin', namespace=namespace, context=self._context)
+        self.node = rclpy.create_node('guard', namespace=namespace, context=self._context)
         self._control = self.node.create_client(Control, 'asset/control')
         self.ping = self.node.create_client(Ping, 'asset/ping')
         listen = self.node.create_subscription

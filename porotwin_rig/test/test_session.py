@@ -32,6 +32,18 @@ def test_asset_begins_with_safe_rates() -> None:
     assert ml_h(session().advance()) == {'injector': 500.0, 'producer': -500.0}
 
 
+def test_an_experiment_may_begin_with_a_plume_of_the_safe_rates() -> None:
+    asset = session()
+    asset.advance_with_safe_rates(90.0)
+    assert asset.time == 90.0
+    grid = asset.asset.rig.grid(30, 18)
+    pore_volume = asset.asset.rig.porosity * asset.asset.rig.depth_m * grid.cell_area
+    tracer = asset.asset.concentration(grid).sum() * pore_volume
+    assert tracer == pytest.approx(500e-6 / 3600 * 90.0, rel=0.02)
+    asset.advance_with_safe_rates(30.0)  # that time is over
+    assert asset.time == 90.0
+
+
 def test_command_is_pumped_and_measured_with_the_pumps_faults() -> None:
     asset = session(Pumps({'producer': 0.99}))
     asset.command(GOOD, valid_until=90.0)

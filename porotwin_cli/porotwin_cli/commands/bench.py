@@ -17,12 +17,26 @@ BENCHES = {
 }
 """Parts that can be measured, and the module whose `run()` returns a list of rows."""
 
+LONG = {'faults': 'porotwin_cli.bench_faults'}
+"""Parts that take hours: measured only by name."""
+
 
 def command(
     parts: Annotated[
         list[str] | None,
-        typer.Argument(help=f'Parts to measure: {", ".join(BENCHES)}. Default: all.'),
+        typer.Argument(
+            help=f'Parts to measure: {", ".join(BENCHES)}; {", ".join(LONG)} takes hours. '
+            'Default: all but the last.'
+        ),
     ] = None,
+    kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
+    hours: Annotated[
+        float, typer.Option(help='faults: simulated time with the memory written down [h].', min=0)
+    ] = 24.0,
+    tries: Annotated[
+        int, typer.Option(help='faults: damaged files for each reader.', min=0)
+    ] = 1000,
+    seed: Annotated[int, typer.Option(help='faults: seed of moments and damages.')] = 1,
     as_json: Json = False,
 ) -> None:
     """Measure speed and accuracy on this machine.
@@ -30,13 +44,19 @@ def command(
     Some figures are ratios to a baseline, which runs on the same data beside the measured part.
 
     Example: ./porotwin bench solver
+
+    Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
     """
+    modules = {**BENCHES, **LONG}
+    options: dict[str, dict[str, Any]] = {
+        'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed}
+    }
     results: dict[str, Any] = {}
     for part in parts or list(BENCHES):
-        if part not in BENCHES:
-            raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(BENCHES)}")
+        if part not in modules:
+            raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(modules)}")
         say(f'measuring {part} ...')
-        rows = importlib.import_module(BENCHES[part]).run()
+        rows = importlib.import_module(modules[part]).run(**options.get(part, {}))
         results[part] = rows
         if not as_json:
             print_table(part, list(rows[0]), [list(row.values()) for row in rows])

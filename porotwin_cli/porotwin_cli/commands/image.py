@@ -9,7 +9,13 @@ from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
+    from porotwin_core.rig import Rig
     from porotwin_recording.photos import Photo
+
+UNCALIBRATED = (
+    'uncalibrated: the plume is where it is shown, but the concentrations are on a default scale; '
+    './porotwin calibrate measures the scale from a known injection'
+)
 
 
 def command(
@@ -21,17 +27,20 @@ def command(
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
-    A photograph that cannot be used is named and left out; the others are imaged.
+    A photograph that cannot be used is named and left out; the others are imaged. A picture of the
+    maps lies beside the output, with the same name and the ending .png.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
+    from porotwin_cli.rig_drawing import picture_beside
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.photo_to_map import concentration_map
     from porotwin_recording.concentration import ConcentrationWriter
     from porotwin_recording.recording import open_recording
 
+    picture = picture_beside(output)
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig)
@@ -65,10 +74,35 @@ def command(
             bar.advance(task)
         if not imaged:
             raise WorkFailed('no photograph could be used')
+    _draw(picture, output, rig, calibrated=calibration is not None)
     if as_json:
-        print_json({'output': output, 'grid': str(map_grid), 'maps': imaged, 'refused': refused})
-    else:
-        print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
+        print_json(
+            {
+                'output': output,
+                'picture': picture,
+                'grid': str(map_grid),
+                'calibrated': calibration is not None,
+                'maps': imaged,
+                'refused': refused,
+            }
+        )
+        return
+    print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
+    print(f'picture: {picture}')
+    if calibration is None:
+        print(UNCALIBRATED)
+
+
+def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
+    """Draw some of the maps in the file `output` into `picture`."""
+    from porotwin_cli.rig_drawing import chosen_maps, sheet_of_maps
+    from porotwin_recording.concentration import open_maps
+
+    maps = open_maps(output, rig)
+    shown = chosen_maps(len(maps.times))
+    scale = 'calibrated' if calibrated else 'uncalibrated'
+    times = [float(maps.times[index]) for index in shown]
+    sheet_of_maps(picture, rig, times, [maps[index] for index in shown], f'{output.name}, {scale}')
 
 
 def _read(photo: 'Photo') -> bytes:

@@ -1,13 +1,24 @@
 """./porotwin simulate: the physics-based model alone, from rig.yaml and rates.csv."""
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from porotwin_cli.terminal import Json, print_json, progress
 from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
+
+if TYPE_CHECKING:
+    from porotwin_core.grid import FloatArray
+    from porotwin_recording.recording import Recording
+
+SHORTEST_STEP_S = 30.0
+"""Time between two maps where only the rates are known [s]: the paper's photo interval."""
+
+MOST_TIMES = 200
+"""Most maps where only the rates are known; a longer experiment gets longer steps."""
 
 
 def command(
@@ -25,7 +36,11 @@ def command(
         ),
     ] = None,
     times: Annotated[
-        str, typer.Option(help='START:END:STEP [s]. Default: the times of the recording.')
+        str,
+        typer.Option(
+            help='START:END:STEP [s]. Default: the times of the maps or photographs, or a map at '
+            'least every half minute until the last row of rates.csv.'
+        ),
     ] = '',
     preset: Annotated[str, typer.Option(help='Preset: accurate, fast or upwind.')] = 'accurate',
     as_json: Json = False,
@@ -33,24 +48,22 @@ def command(
     """Simulate an experiment from its rates.
 
     The simulation runs freely: it reads the rig and the rates of the recording, but no maps.
+    A picture of the maps lies beside the output, with the same name and the ending .png.
 
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """
     from porotwin_cli.grids import grid_of, tell_cost
+    from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
     from porotwin_recording.concentration import ConcentrationWriter
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import parse_effect
     from porotwin_solver.prediction_cost import prediction_cost
     from porotwin_solver.simulation import simulated_maps
 
+    picture = picture_beside(output)
     recording = open_recording(experiment)
     rig = recording.rig
-    if not times and recording.maps is None:
-        raise InputError(
-            f'{experiment}: has no maps whose times could be simulated; '
-            'give --times START:END:STEP [s], such as --times 0:1800:60'
-        )
-    moments = _parse_times(times) if times else recording.times
+    moments = _parse_times(times) if times else _recorded_times(recording)
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig) if grid else recorded
     effects = [parse_effect(text) for text in effect or []]
@@ -59,15 +72,57 @@ def command(
     maps = simulated_maps(
         rig, recording.schedule, moments, grid=cells, preset=preset, effects=effects
     )
+    shown = chosen_maps(len(moments))
+    pictured: list[FloatArray] = []
     with ConcentrationWriter(output, cells) as writer, progress() as bar:
         task = bar.add_task('simulating', total=len(moments))
-        for time, values in zip(moments, maps, strict=True):
+        for index, (time, values) in enumerate(zip(moments, maps, strict=True)):
             writer.append(time, values)
+            if index in shown:
+                pictured.append(values)
             bar.advance(task)
+    title = f'{recording.source.name}: model, preset {preset}'
+    sheet_of_maps(picture, rig, [moments[index] for index in shown], pictured, title)
     if as_json:
-        print_json({'output': output, 'grid': str(cells), 'frames': len(moments), 'preset': preset})
+        print_json(
+            {
+                'output': output,
+                'picture': picture,
+                'grid': str(cells),
+                'frames': len(moments),
+                'preset': preset,
+            }
+        )
     else:
-        print(f'{len(moments)} maps on {cells} in {output}')
+        print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
+
+
+def _recorded_times(recording: 'Recording') -> list[float]:
+    """Return the times [s] of the maps, else of the photographs, else of the schedule.
+
+    Raises:
+        InputError: the recording does not say how long the experiment lasts.
+    """
+    if recording.maps is not None:
+        return [float(time) for time in recording.times]
+    photographs = sorted({photo.time for photo in recording.photos if photo.role == 'state'})
+    if photographs:
+        return photographs
+    end = max((row.time for row in recording.schedule.rows), default=0.0)
+    if not end > 0.0:
+        raise InputError(
+            f'{recording.source}: its rates do not say when the experiment ends; add a row with '
+            'the last time to rates.csv, or give --times START:END:STEP [s], such as 0:1800:60'
+        )
+    step = SHORTEST_STEP_S
+    while end / step > MOST_TIMES:
+        step *= 2.0
+    return [*_steps(end, step), end]
+
+
+def _steps(end: float, step: float) -> list[float]:
+    """Return 0, step, ... before `end`."""
+    return [index * step for index in range(math.ceil(end / step - 1e-9))]
 
 
 def _parse_times(text: str) -> list[float]:

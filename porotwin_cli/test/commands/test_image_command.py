@@ -16,6 +16,8 @@ def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> 
     answer = json.loads(result.stdout)
     assert len(answer['maps']) == 6
     assert answer['refused'] == []
+    assert answer['calibrated'] is False
+    assert (tmp_path / 'maps.png').read_bytes().startswith(b'\x89PNG')
     with netCDF4.Dataset(output) as dataset:
         seen = np.ma.filled(dataset['concentration'][-1].astype(float), np.nan)
     assert np.nanmax(seen) > 0.5

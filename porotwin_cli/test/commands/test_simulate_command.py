@@ -24,6 +24,36 @@ def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
     assert error < 0.1
 
 
+RIG = """
+name: two wells
+width_m: 0.3
+height_m: 0.2
+depth_m: 0.01
+porosity: 0.4
+permeability_m2: 1.0e-10
+viscosity_pa_s: 1.0e-3
+density_kg_m3: 998.0
+boundaries: {top: open, bottom: closed, left: closed, right: closed}
+wells:
+  injector: {x_m: 0.1, z_m: 0.1}
+"""
+
+
+def test_simulate_takes_its_times_from_the_rates(tmp_path: Path) -> None:
+    (tmp_path / 'rig.yaml').write_text(RIG)
+    rates = 'time_s,well,rate_ml_h,concentration\n0,injector,100,1\n'
+    (tmp_path / 'rates.csv').write_text(rates + '100,injector,0,\n')
+    result = porotwin('simulate', tmp_path, '--output', tmp_path / 'model.nc', '--grid', '15x10')
+    assert result.returncode == 0, result.stderr
+    with netCDF4.Dataset(tmp_path / 'model.nc') as dataset:
+        assert dataset['time'][:].tolist() == [0.0, 30.0, 60.0, 90.0, 100.0]
+    assert (tmp_path / 'model.png').read_bytes().startswith(b'\x89PNG')
+    (tmp_path / 'rates.csv').write_text(rates)
+    result = porotwin('simulate', tmp_path, '--output', tmp_path / 'again.nc')
+    assert result.returncode == 2
+    assert 'do not say when the experiment ends' in result.stderr
+
+
 def test_simulate_with_an_effect_differs(experiment: Path, tmp_path: Path) -> None:
     effect = 'rate:well=injector,factor=0.5'
     for name, extra in (('plain', []), ('weak', ['--effect', effect])):
@@ -43,6 +73,7 @@ def test_an_unknown_effect_or_grid_is_refused(experiment: Path, tmp_path: Path) 
         (['--effect', 'magic:x=1'], "'magic'"),
         (['--grid', 'huge'], "'huge'"),
         (['--times', 'now'], "'now'"),
+        (['--output', tmp_path / 'model.png'], 'model.png'),
     ):
         result = porotwin('simulate', experiment, '--output', tmp_path / 'x.nc', *arguments)
         assert result.returncode == 2, result.stderr

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from porotwin_core.errors import InputError
+from porotwin_imaging.file_names import printable
 from porotwin_imaging.photo_file import decode
 from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, Polled
 
@@ -11,10 +12,14 @@ _REDUCTION = 8
 
 
 class BaselineChoice:
-    """Gives every photograph a role; remembers whether any photograph has been sent."""
+    """Gives every photograph a role; remembers whether any photograph has been sent.
 
-    def __init__(self) -> None:
-        self._any_sent = False
+    Args:
+        any_sent: True if photographs were sent before a restart.
+    """
+
+    def __init__(self, *, any_sent: bool = False) -> None:
+        self._any_sent = any_sent
 
     def with_roles(self, polled: Polled) -> Polled:
         """Return the photographs with their roles.
@@ -33,7 +38,7 @@ class BaselineChoice:
             else:
                 photos.append(replace(photo, role='baseline'))
         self._any_sent = self._any_sent or bool(photos)
-        return Polled(photos, problems)
+        return polled._replace(photos=photos, problems=problems)
 
 
 def _unusable(photo: CameraPhoto) -> PhotoProblem | None:
@@ -41,6 +46,7 @@ def _unusable(photo: CameraPhoto) -> PhotoProblem | None:
     try:
         decode(photo.data, _REDUCTION)
     except InputError as error:
-        reason = f"photograph '{photo.name}' cannot be the baseline, the next one is tried: {error}"
+        name = printable(photo.name)
+        reason = f"photograph '{name}' cannot be the baseline, the next one is tried: {error}"
         return PhotoProblem(photo.name, reason)
     return None

@@ -5,17 +5,25 @@ file is complete: its size has not changed between two polls, and it ends as its
 newer file waits for an older one that is still being written, but no longer than `patience`. A
 protocol `imaging.csv` in the folder or its parent gives roles and times. If many files wait, only a
 few are read per poll, in the order of exposure.
+
+A name that is used again with new content is a new photograph. A file that changes without new
+content is not.
 """
 
+import errno
 import os
+import stat
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.exposure_time import HEADER_BYTES, exposure_time
-from porotwin_imaging.photo_file import is_complete
+from porotwin_imaging.exposure_time import HEADER_BYTES, exif_time
+from porotwin_imaging.file_names import natural_order, printable
+from porotwin_imaging.photo_clock import TimeEvidence, own_time
+from porotwin_imaging.photo_file import MOST_BYTES, is_complete, is_photograph
+from porotwin_imaging.sent_photos import FileMark, SentPhoto, digest_of
 from porotwin_imaging.sources.camera_source import (
     CameraPhoto,
     PhotoProblem,
@@ -23,15 +31,21 @@ from porotwin_imaging.sources.camera_source import (
     SourceKind,
     SourceOption,
 )
-from porotwin_imaging.sources.photo_protocol import GrowingProtocol
+from porotwin_imaging.sources.photo_protocol import GrowingProtocol, ProtocolEntry
 
 SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.tif', '.tiff'})
+UNREAD_SUFFIXES = frozenset(
+    {'.arw', '.cr2', '.cr3', '.dng', '.heic', '.nef', '.orf', '.raf', '.raw', '.rw2'}
+)
+"""Suffixes of raw photographs and of formats that OpenCV does not read."""
 MOST_AT_ONCE = 4
 """Photographs per poll: limits the memory, and their topic has a queue of this length."""
 PATIENCE_S = 10.0
 """Default patience [s]; a camera writes a file in less time."""
 POLL_INTERVAL_S = 0.5
 """Time between two polls [s], short against the interval between photographs."""
+WATCHED_S = 10.0
+"""A file is seen to arrive if the last look was at most this long ago [s]."""
 
 
 @dataclass
@@ -39,32 +53,34 @@ class _WatchedFile:
     """A file that has not been sent yet.
 
     Attributes:
-        size: size at the last poll [bytes].
-        changed: time of its last change, from the file system [s].
-        since: time of the first poll with this size and time of change, clock of the source [s].
-        exposed: exposure time [s], None until it is needed.
+        mark: size and times of change at the last poll.
+        since: time of the first poll with this mark, clock of the source [s].
+        arrival: the same moment by this computer's clock [s since 1970].
+        watched: True if the file arrived while the source looked.
+        evidence: what is known about its time, None until it is needed.
         reported: True if a problem was reported; the file is ignored until it changes.
+        fault: why the file could not be read, empty if it is unfinished.
     """
 
-    size: int
-    changed: float
+    mark: FileMark
     since: float
-    exposed: float | None = None
+    arrival: float
+    watched: bool
+    evidence: TimeEvidence | None = None
     reported: bool = False
+    fault: str = ''
 
 
 class FolderSource:
     """Watches a folder for photographs.
 
     Args:
-        folder: the folder; it must exist.
+        folder: the folder; while it is missing, the camera is absent.
         patience: longest time [s] that a complete file waits for an unfinished older one. An
             unfinished file that has not grown for this time is reported.
         clock: returns the time of a steady clock [s].
+        now: returns the time of this computer's clock [s since 1970].
         read_bytes: reads a file.
-
-    Raises:
-        InputError: there is no such folder.
     """
 
     def __init__(
@@ -73,17 +89,25 @@ class FolderSource:
         *,
         patience: float = PATIENCE_S,
         clock: Callable[[], float] = time.monotonic,
-        read_bytes: Callable[[Path], bytes] = Path.read_bytes,
+        now: Callable[[], float] = time.time,
+        read_bytes: Callable[[Path], bytes] | None = None,
     ) -> None:
         self.folder = Path(folder)
         self._patience = patience
         self._clock = clock
-        self._read_bytes = read_bytes
+        self._now = now
+        self._read_bytes = read_bytes or read_regular_file
         self._watched: dict[str, _WatchedFile] = {}
-        self._sent: set[str] = set()
+        self._sent: dict[str, tuple[tuple[int, ...], str]] = {}
+        """Mark and digest of the photographs that were sent, by name."""
+        self._told: set[str] = set()
+        """Names and suffixes that are no photographs, each reported once."""
+        self._looked: float | None = None
         self._protocol = GrowingProtocol(self.folder)
-        if not self.folder.is_dir():
-            raise InputError(f'{folder}: no such folder; name the folder the camera writes to')
+
+    def resume(self, sent: Iterable[SentPhoto]) -> None:
+        """Take note of the photographs that were sent before a restart."""
+        self._sent.update({photo.name: (photo.mark, photo.digest) for photo in sent})
 
     def poll(self) -> Polled:
         """Return the photographs that are complete; see `CameraSource.poll`."""
@@ -91,68 +115,117 @@ class FolderSource:
         changed, problems = self._protocol.refresh()
         if changed:
             for watched in self._watched.values():
-                watched.exposed = None
-        names = self._candidates(now)
+                watched.evidence = None
+        try:
+            names, strange = self._candidates(now)
+        except OSError as error:  # a share that is away
+            reason = f'folder {printable(str(self.folder))} does not answer: {error.strerror}'
+            return Polled([], problems, absent=reason)
         growing = [name for name in names if self._watched[name].since == now]
         due, undated = self._by_exposure([n for n in names if self._watched[n].since < now])
         complete, unfinished = self._read(due)
         unfinished += growing
-        problems += [*undated, *self._stuck(unfinished, now)]
+        problems += [*strange, *undated, *self._stuck(unfinished, now)]
         released = self._released(complete, unfinished, now)
-        return Polled([self._photo(name, data) for name, data in released], problems)
+        waiting = len(due)
+        photos = [
+            self._photo(name, data, waiting - n) for n, (name, data) in enumerate(released, 1)
+        ]
+        return Polled([photo for photo in photos if photo is not None], problems)
 
-    def _candidates(self, now: float) -> list[str]:
-        """Return the names of files that may be sent, and note when each last changed."""
-        names = []
-        try:
-            with os.scandir(self.folder) as entries:
-                for entry in entries:
-                    if not self._is_new_photo(entry.name):
-                        continue
-                    try:
-                        status = entry.stat()
-                    except OSError:  # removed again, or a broken link
-                        continue
-                    known = self._watched.get(entry.name)
-                    now_is = (status.st_size, status.st_mtime)
-                    if known is None or (known.size, known.changed) != now_is:
-                        self._watched[entry.name] = _WatchedFile(*now_is, now)
-                    if not self._watched[entry.name].reported:
-                        names.append(entry.name)
-        except OSError:  # a share that is away for a moment
+    def _candidates(self, now: float) -> tuple[list[str], list[PhotoProblem]]:
+        """Return the names of files that may be sent, and problems; note when each last changed.
+
+        Raises:
+            OSError: the folder cannot be listed.
+        """
+        names: list[str] = []
+        listed: set[str] = set()
+        problems: list[PhotoProblem] = []
+        watched = self._looked is not None and now - self._looked <= WATCHED_S
+        arrival = self._now()
+        with os.scandir(self.folder) as entries:
+            for entry in entries:
+                suffix = Path(entry.name).suffix.lower()
+                if entry.name.startswith('.'):
+                    continue
+                if suffix in UNREAD_SUFFIXES:
+                    problems += self._tell(suffix, entry.name, _unread(entry.name))
+                if suffix not in SUFFIXES:
+                    continue
+                fault, mark = _mark_of(entry)
+                if mark is None:
+                    problems += self._tell(entry.name, entry.name, fault)
+                    continue
+                sent = self._sent.get(entry.name)
+                if sent is not None and sent[0] == mark:
+                    continue
+                known = self._watched.get(entry.name)
+                if known is None or known.mark != mark:
+                    self._watched[entry.name] = _WatchedFile(mark, now, arrival, watched)
+                listed.add(entry.name)
+                if not self._watched[entry.name].reported:
+                    names.append(entry.name)
+        self._looked = now
+        for gone in set(self._watched) - listed:
+            del self._watched[gone]
+        return names, problems
+
+    def _tell(self, key: str, name: str, fault: str) -> list[PhotoProblem]:
+        """Return the problem of a file that is no photograph, the first time."""
+        if not fault or key in self._told:
             return []
-        return names
-
-    def _is_new_photo(self, name: str) -> bool:
-        """Return whether a file is a photograph that was not sent yet."""
-        visible = name not in self._sent and not name.startswith('.')
-        return visible and Path(name).suffix.lower() in SUFFIXES
+        self._told.add(key)
+        return [PhotoProblem(name, fault)]
 
     def _by_exposure(self, names: list[str]) -> tuple[list[str], list[PhotoProblem]]:
-        """Return `names` in the order of exposure; names with impossible times are problems."""
-        dated, problems = [], []
-        for name in names:
-            try:
-                self._exposed(name)
-                dated.append(name)
-            except InputError as error:
-                self._watched[name].reported = True
-                problems.append(PhotoProblem(name, f"photograph '{name}' left out: {error}"))
-        return sorted(dated, key=self._exposed), problems
+        """Return `names` in the order of exposure, and problems.
 
-    def _exposed(self, name: str) -> float:
-        """Return the exposure time [s] of a file, from its header or the protocol."""
+        A file without a believable time follows the file whose name comes before its own.
+        """
+        problems: list[PhotoProblem] = []
+        order: dict[str, float] = {}
+        before = -float('inf')
+        for name in sorted(names, key=natural_order):
+            if self._watched[name].evidence is None:
+                self._watched[name].evidence, found = self._evidence(name)
+                problems += found
+            evidence = self._watched[name].evidence
+            assert evidence is not None
+            own = own_time(evidence)
+            before = before if own is None else own
+            order[name] = before
+        return sorted(order, key=lambda name: order[name]), problems
+
+    def _evidence(self, name: str) -> tuple[TimeEvidence, list[PhotoProblem]]:
+        """Return the times of a file, and problems."""
         watched = self._watched[name]
-        if watched.exposed is None:
-            path = self.folder / name
-            entry = self._protocol.entries.get(path.resolve())
-            try:
-                with path.open('rb') as file:
-                    header = file.read(HEADER_BYTES)
-            except OSError:  # reading the whole file will fail and be reported
-                header = b''
-            watched.exposed = exposure_time(header, entry.time if entry else None, watched.changed)
-        return watched.exposed
+        problems = []
+        exif = None
+        try:
+            exif = exif_time(read_regular_file(self.folder / name, HEADER_BYTES))
+        except OSError:  # reading the whole file will fail and be reported
+            pass
+        except InputError as error:
+            problems.append(PhotoProblem(name, f"photograph '{printable(name)}': {error}"))
+        entries = self._protocol.entries
+        entry = self._entry(name)
+        return TimeEvidence(
+            printable(name),
+            watched.arrival,
+            exif=exif,
+            protocol=entry.time if entry else None,
+            protocol_end=max((one.time for one in entries.values()), default=0.0),
+            file=watched.mark[1] / 1e9,
+            watched=watched.watched,
+        ), problems
+
+    def _entry(self, name: str) -> ProtocolEntry | None:
+        """Return the entry of a file in the protocol, None if there is none."""
+        try:
+            return self._protocol.entries.get((self.folder / name).resolve())
+        except (OSError, RuntimeError):  # a loop of links
+            return None
 
     def _read(self, names: list[str]) -> tuple[dict[str, bytes], list[str]]:
         """Return the first complete files of `names`, and the incomplete ones before them."""
@@ -169,12 +242,20 @@ class FolderSource:
         return complete, unfinished
 
     def _complete(self, name: str) -> bytes | None:
-        """Return the bytes of a file, None if it is not complete."""
+        """Return the bytes of a file, None if it is not complete or cannot be read."""
+        watched = self._watched[name]
+        if watched.mark[0] > MOST_BYTES:
+            watched.fault = f'has {watched.mark[0] / 1e6:.0f} MB: no photograph'
+            return None
         try:
             data = self._read_bytes(self.folder / name)
-        except OSError:
+        except OSError as error:
+            watched.fault = f'cannot be read: {error.strerror}'
             return None
-        return data if len(data) == self._watched[name].size and is_complete(data) else None
+        watched.fault = ''
+        if data and not is_photograph(data):
+            watched.fault = 'is no JPEG, PNG or TIFF, whatever its name says'
+        return data if len(data) == watched.mark[0] and is_complete(data) else None
 
     def _stuck(self, unfinished: list[str], now: float) -> list[PhotoProblem]:
         """Return problems for incomplete files that no longer grow."""
@@ -183,10 +264,11 @@ class FolderSource:
             watched = self._watched[name]
             if not watched.reported and now - watched.since >= self._patience:
                 watched.reported = True
-                reason = (
-                    f"photograph '{name}' is truncated or broken: {watched.size} bytes, "
-                    f'unchanged for {self._patience:g} s; copy it again'
+                fault = watched.fault or (
+                    f'is truncated or broken: {watched.mark[0]} bytes, unchanged for '
+                    f'{self._patience:g} s'
                 )
+                reason = f"photograph '{printable(name)}' {fault}; copy it again"
                 problems.append(PhotoProblem(name, reason))
         return problems
 
@@ -195,31 +277,86 @@ class FolderSource:
     ) -> list[tuple[str, bytes]]:
         """Return the files that may be sent: none before older files that are still written."""
         growing = [self._watched[name] for name in unfinished if not self._watched[name].reported]
-        oldest = min((watched.changed for watched in growing), default=float('inf'))
+        oldest = min((watched.mark[1] for watched in growing), default=float('inf'))
         released = []
         for name, data in complete.items():
             watched = self._watched[name]
-            if watched.changed <= oldest or now - watched.since >= self._patience:
+            if watched.mark[1] <= oldest or now - watched.since >= self._patience:
                 released.append((name, data))
         return released
 
-    def _photo(self, name: str, data: bytes) -> CameraPhoto:
-        """Return the photograph and forget its file.
+    def _photo(self, name: str, data: bytes, waiting: int) -> CameraPhoto | None:
+        """Return the photograph and forget its file; None if its content was sent already.
 
         With a protocol, files that it does not name are states.
         """
-        entry = self._protocol.entries.get((self.folder / name).resolve())
+        watched = self._watched.pop(name)
+        digest = digest_of(data)
+        before = self._sent.get(name)
+        self._sent[name] = (watched.mark, digest)
+        if before is not None and before[1] == digest:
+            return None
+        entry = self._entry(name)
         role = entry.role if entry else ('state' if self._protocol.entries else None)
-        photo = CameraPhoto(data, self._exposed(name), name, role)
-        self._sent.add(name)
-        del self._watched[name]
-        return photo
+        assert watched.evidence is not None
+        evidence = replace(watched.evidence, waiting=waiting)
+        return CameraPhoto(data, watched.arrival, name, role, evidence, watched.mark)
+
+
+def read_regular_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """Return the first bytes of a file, without waiting for a FIFO or a device.
+
+    Raises:
+        OSError: there is no such file, or it is no regular file.
+    """
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(0, 'is no regular file')
+        return file.read(most_bytes)
+
+
+def _mark_of(entry: os.DirEntry[str]) -> tuple[str, FileMark | None]:
+    """Return the mark of a regular file, otherwise None with the fault, empty if it is gone."""
+    try:
+        status = entry.stat()
+    except OSError as error:
+        fault = f"'{printable(entry.name)}' cannot be looked at: {error.strerror}"
+        return fault if entry.is_symlink() or error.errno != errno.ENOENT else '', None
+    if not stat.S_ISREG(status.st_mode):
+        kind = 'folder' if stat.S_ISDIR(status.st_mode) else 'FIFO, socket or device'
+        return f"'{printable(entry.name)}' is a {kind}, no photograph: left out", None
+    return '', (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+def _unread(name: str) -> str:
+    return (
+        f"'{printable(name)}' and others like it are not read: set the camera to JPEG, or to JPEG "
+        'beside its own format'
+    )
+
+
+def check_folder(address: str) -> None:
+    """Check the folder of photographs.
+
+    Raises:
+        InputError: there is no such folder, or it may not be listed.
+    """
+    named = printable(address)
+    if not Path(address).is_dir():
+        raise InputError(f'{named}: no such folder; name the folder the camera writes to')
+    if not os.access(address, os.R_OK | os.X_OK):
+        raise InputError(f'{named}: may not be read; allow this user to read the folder')
 
 
 SOURCE = SourceKind(
     name='folder',
     address='folder that the camera writes to',
     open=FolderSource,
-    options=(SourceOption('patience', PATIENCE_S, 'wait for a file still being written [s]'),),
+    check=check_folder,
+    options=(
+        SourceOption(
+            'patience', PATIENCE_S, 'wait for a file still being written [s]', 0.0, 3600.0
+        ),
+    ),
     poll_interval_s=POLL_INTERVAL_S,
 )

@@ -40,6 +40,19 @@ def source_at(text: str) -> tuple[SourceKind, str]:
     return SOURCES[named['name']], named['address']
 
 
+def check_source(text: str) -> None:
+    """Check a camera source before nodes start.
+
+    Args:
+        text: NAME:ADDRESS, or an address alone.
+
+    Raises:
+        InputError: there is no such source, its address is wrong, or no camera is there.
+    """
+    kind, address = source_at(text)
+    kind.check(address)
+
+
 def described_sources() -> str:
     """Return all sources with the meaning of their addresses, for messages."""
     return ', '.join(f'{kind.name}:({kind.address})' for kind in SOURCES.values())

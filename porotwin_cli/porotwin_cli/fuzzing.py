@@ -1,0 +1,306 @@
+"""Damaged files for every reader: each must be read or refused with one line.
+
+A reader may return a result or raise InputError with one line. Any other exception, a crash or a
+long time is a fault. Files are damaged as disks, cables and editors do it, from a seed. Every
+reader works in a process of its own, because a library may crash.
+"""
+
+import multiprocessing
+import os
+import random
+import re
+import shutil
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from porotwin_cli.workspace import ROOT, small_rig
+from porotwin_core.errors import InputError
+
+LONGEST_S = 20.0
+"""Longest time [s] of a reader with a small file."""
+
+BATCH = 25
+"""Damaged files per process: a crash costs at most so many."""
+
+MOST_BYTES = 64
+"""Most bytes that one damage changes or inserts."""
+
+WORDS = (
+    b'nan', b'inf', b'-1', b'0', b'1e300', b'1e-300', b'""', b'[]', b'{}', b'null', b'~', b'\x00',
+    b'\xff\xfe', b'\n', b',', b':', b'- ', b'&a *a', b'9' * 30, b'true', '\u00b5'.encode(),
+)  # fmt: skip
+"""Words that readers of text like least."""
+
+ReadFn = Callable[[Path], Any]
+"""Reads a file completely."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader: `read` of the file `name` in a copy of the folder that `make` fills."""
+
+    name: str
+    make: Callable[[Path], None]
+    read: ReadFn
+
+
+@dataclass
+class FuzzResult:
+    """The outcome of one reader: counts, and the first faults with the seeds that repeat them."""
+
+    read: int = 0
+    refused: int = 0
+    faults: list[str] = field(default_factory=list)
+
+    def add(self, other: 'FuzzResult') -> None:
+        """Add the outcome of a batch."""
+        self.read += other.read
+        self.refused += other.refused
+        self.faults += other.faults
+
+
+def damaged(data: bytes, seed: int) -> bytes:
+    """Return `data` damaged in one or two places, from a seed."""
+    draw = random.Random(seed)
+    result = bytearray(data)
+    for _ in range(draw.randint(1, 2)):
+        change = draw.choice(TEXT_CHANGES if b'\0' not in data[:MOST_BYTES] else BYTE_CHANGES)
+        result = change(draw, result)
+    return bytes(result)
+
+
+def _other_byte(draw: random.Random, data: bytearray) -> bytearray:
+    place = draw.randrange(len(data) + 1)
+    return data[:place] + bytes([draw.randrange(256)]) + data[place + 1 :]
+
+
+def _cut_out(draw: random.Random, data: bytearray) -> bytearray:
+    place = draw.randrange(len(data) + 1)
+    return data[:place] + data[place + draw.randint(1, MOST_BYTES) :]
+
+
+def _noise(draw: random.Random, data: bytearray) -> bytearray:
+    place = draw.randrange(len(data) + 1)
+    return data[:place] + draw.randbytes(draw.randint(1, MOST_BYTES)) + data[place:]
+
+
+def _repeat(draw: random.Random, data: bytearray) -> bytearray:
+    place, other = draw.randrange(len(data) + 1), draw.randrange(len(data) + 1)
+    return data[:place] + data[other : other + draw.randint(1, MOST_BYTES)] + data[place:]
+
+
+def _end_early(draw: random.Random, data: bytearray) -> bytearray:
+    return data[: draw.randrange(len(data) + 1)]
+
+
+def _other_number(draw: random.Random, data: bytearray) -> bytearray:
+    """Replace a number or a word, the damage that goes deepest."""
+    found = list(re.finditer(rb'[-+.\w]+', data))
+    if not found:
+        return data
+    word = draw.choice(found)
+    return data[: word.start()] + draw.choice(WORDS) + data[word.end() :]
+
+
+def _other_line(draw: random.Random, data: bytearray) -> bytearray:
+    lines = bytes(data).split(b'\n')
+    line = draw.randrange(len(lines))
+    lines[line] = draw.choice([b'', lines[line] + b'\n' + lines[line], draw.choice(WORDS)])
+    return bytearray(b'\n'.join(lines))
+
+
+ChangeFn = Callable[[random.Random, bytearray], bytearray]
+BYTE_CHANGES: tuple[ChangeFn, ...] = (_other_byte, _cut_out, _noise, _repeat, _end_early)
+TEXT_CHANGES: tuple[ChangeFn, ...] = (
+    *([_other_number] * 6), *([_other_line] * 2), _other_byte, _cut_out, _noise, _end_early,
+)  # fmt: skip
+"""Damages of disks and cables, and of editors; a text suffers more of the latter."""
+
+
+def fuzz(name: str, *, tries: int, seed: int) -> FuzzResult:
+    """Return the outcome of `tries` damaged files for the reader `name`."""
+    total = FuzzResult()
+    for first in range(0, tries, BATCH):
+        seeds = range(seed + first, seed + min(first + BATCH, tries))
+        context = multiprocessing.get_context('spawn')
+        with ProcessPoolExecutor(1, mp_context=context, initializer=_be_silent) as pool:
+            try:
+                total.add(pool.submit(read_damaged, name, seeds).result())
+            except BrokenProcessPool:
+                total.faults.append(f'seeds {seeds.start} to {seeds.stop - 1}: the process crashed')
+    return total
+
+
+def _be_silent() -> None:
+    """Drop the complaints of libraries about every damaged file."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def read_damaged(name: str, seeds: range) -> FuzzResult:
+    """Return the outcome of the reader `name` for the damages of `seeds`."""
+    reader = READERS[name]
+    outcome = FuzzResult()
+    with tempfile.TemporaryDirectory() as temporary:
+        whole = Path(temporary) / 'whole'
+        whole.mkdir()
+        reader.make(whole)
+        for seed in seeds:
+            folder = Path(temporary) / str(seed)
+            shutil.copytree(whole, folder)
+            path = folder / reader.name
+            path.write_bytes(damaged(path.read_bytes(), seed))
+            _judge(reader, path, seed, outcome)
+            shutil.rmtree(folder)
+    return outcome
+
+
+def _judge(reader: Reader, path: Path, seed: int, outcome: FuzzResult) -> None:
+    """Read one damaged file, and count it."""
+    begun = time.monotonic()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            reader.read(path)
+        outcome.read += 1
+    except InputError as error:
+        outcome.refused += 1
+        if '\n' in str(error):
+            outcome.faults.append(f'seed {seed}: a refusal of several lines: {str(error)[:80]!r}')
+    except Exception as error:
+        outcome.faults.append(f'seed {seed}: {type(error).__name__}: {str(error)[:80]}')
+    if time.monotonic() - begun > LONGEST_S:
+        outcome.faults.append(f'seed {seed}: took {time.monotonic() - begun:.0f} s')
+
+
+# --- readers ----------------------------------------------------------------------------------
+
+
+def _rig(folder: Path) -> None:
+    shutil.copy(small_rig(), folder / 'rig.yaml')
+
+
+def _experiment(folder: Path) -> None:
+    """Write an experiment of two minutes with photographs."""
+    from porotwin_core.rig import load_rig
+    from porotwin_core.units import from_ml_h
+    from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+    from porotwin_rig.made_experiment import make_experiment
+
+    rig = load_rig(small_rig())
+    rows = [
+        ScheduleRow(0.0, well, WellRate(from_ml_h(rate), 1.0))
+        for well, rate in (('injector', 500.0), ('producer', -500.0))
+    ]
+    made = folder / 'made'
+    make_experiment(
+        made,
+        rig,
+        commanded=Schedule(tuple(rows)),
+        duration=90.0,
+        photo_interval=30.0,
+        seed=1,
+        grid=rig.grid(47, 28),
+        photo_width_px=400,
+        cell=0.01,
+    )
+    for path in made.iterdir():
+        path.replace(folder / path.name)
+    made.rmdir()
+
+
+def _photograph(folder: Path) -> None:
+    _experiment(folder)
+    photo = next((folder / 'photos').glob('state*.jpg'))
+    photo.replace(folder / 'photo.jpg')
+
+
+def _calibration(folder: Path) -> None:
+    shutil.copy(ROOT / 'bags' / 'sample_calibration.yaml', folder / 'calibration.yaml')
+
+
+def _bag(folder: Path) -> None:
+    shutil.copytree(ROOT / 'bags' / 'sample', folder, dirs_exist_ok=True)
+
+
+def _read_rig(path: Path) -> None:
+    from porotwin_core.rig import load_rig
+
+    load_rig(path)
+
+
+def _read_rates(path: Path) -> None:
+    from porotwin_core.rig import load_rig
+    from porotwin_recording.rates import read_rates
+
+    read_rates(path, load_rig(small_rig()).wells)
+
+
+def _read_photos(path: Path) -> None:
+    from porotwin_recording.photos import read_photos
+
+    for photo in read_photos(path.parent):
+        photo.read()
+
+
+def _read_protocol(path: Path) -> None:
+    from porotwin_imaging.sources.photo_protocol import read_protocol
+
+    read_protocol(path)
+
+
+def _read_maps(path: Path) -> None:
+    from porotwin_core.rig import load_rig
+    from porotwin_recording.concentration import open_maps
+
+    for frame in open_maps(path, load_rig(small_rig())):
+        frame.sum()
+
+
+def _read_photograph(path: Path) -> None:
+    from porotwin_imaging.exposure_time import exif_time
+    from porotwin_imaging.photo_file import decode
+
+    data = path.read_bytes()
+    exif_time(data)
+    decode(data)
+
+
+def _read_calibration(path: Path) -> None:
+    from porotwin_imaging.calibration import load_calibration
+
+    load_calibration(path)
+
+
+def _read_bag(path: Path) -> None:
+    from porotwin_recording.recording import open_recording
+
+    recording = open_recording(path.parent)
+    for photo in recording.photos:
+        photo.read()
+    if recording.maps is not None:
+        for frame in recording.maps:
+            frame.sum()
+
+
+READERS: Mapping[str, Reader] = MappingProxyType(
+    {
+        'rig.yaml': Reader('rig.yaml', _rig, _read_rig),
+        'rates.csv': Reader('rates.csv', _experiment, _read_rates),
+        'imaging.csv': Reader('imaging.csv', _experiment, _read_photos),
+        'imaging.csv beside a camera': Reader('imaging.csv', _experiment, _read_protocol),
+        'concentration.nc': Reader('concentration.nc', _experiment, _read_maps),
+        'photograph': Reader('photo.jpg', _photograph, _read_photograph),
+        'calibration.yaml': Reader('calibration.yaml', _calibration, _read_calibration),
+        'bag': Reader('bag_0.mcap', _bag, _read_bag),
+        'metadata.yaml of a bag': Reader('metadata.yaml', _bag, _read_bag),
+    }
+)
+"""All readers of files by name."""

@@ -1,0 +1,93 @@
+"""Drawings of a rig: its map of tracer, its wells and its disallowed zone."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use('Agg')
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Rig
+
+SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
+"""Colours of the concentrations from 0 to 1."""
+
+UNSEEN = '#b8b8b8'
+"""Colour of cells without a value."""
+
+DPI = 110
+"""Resolution of the pictures [dots per inch]."""
+
+PANEL_WIDTH = 4.2
+"""Width of one map [inches]."""
+
+MOST_MAPS = 6
+"""Most maps on one sheet: more would be too small to read."""
+
+
+def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
+    """Draw a map (nz, nx) [-] on `axis`, with the wells and the disallowed zone of `rig`."""
+    extent = (0.0, rig.width_m, 0.0, rig.height_m)
+    axis.set_facecolor(UNSEEN)
+    axis.imshow(
+        concentration, origin='lower', extent=extent, cmap=SAND_TO_TRACER, vmin=0.0, vmax=1.0
+    )
+    if rig.control is not None and rig.control.disallowed_zone_m:
+        zone = np.array([*rig.control.disallowed_zone_m, rig.control.disallowed_zone_m[0]])
+        axis.fill(zone[:, 0], zone[:, 1], facecolor='none', edgecolor='#b03a2e', hatch='//', lw=0)
+        axis.plot(zone[:, 0], zone[:, 1], color='#b03a2e', lw=1.2)
+    for name, well in rig.wells.items():
+        axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=5)
+        axis.annotate(name, (well.x_m, well.z_m), (3, 4), textcoords='offset points', fontsize=7)
+    axis.set_xlim(0.0, rig.width_m)
+    axis.set_ylim(0.0, rig.height_m)
+    axis.set_xlabel('x [m]')
+    axis.set_ylabel('z [m]')
+
+
+def picture_beside(output: Path) -> Path:
+    """Return the path of the picture that belongs to the file `output`.
+
+    Raises:
+        InputError: `output` itself is called like a picture.
+    """
+    if output.suffix == '.png':
+        raise InputError(f'{output}: the maps need a NetCDF file; name one, such as maps.nc')
+    return output.with_suffix('.png')
+
+
+def chosen_maps(count: int) -> list[int]:
+    """Return the indices of at most `MOST_MAPS` maps, evenly spread, with the first and last."""
+    return sorted({round(index) for index in np.linspace(0, count - 1, min(count, MOST_MAPS))})
+
+
+def sheet_of_maps(
+    path: Path, rig: Rig, times: Sequence[float], maps: Sequence[FloatArray], title: str
+) -> None:
+    """Draw maps (nz, nx) [-] of the given times [s] side by side, under a title."""
+    columns = min(3, len(maps))
+    rows = -(-len(maps) // columns)
+    height = PANEL_WIDTH * rig.height_m / rig.width_m + 0.7
+    figure, axes = plt.subplots(
+        rows,
+        columns,
+        figsize=(PANEL_WIDTH * columns, height * rows + 0.5),
+        squeeze=False,
+        layout='constrained',
+    )
+    for axis in axes.flat:
+        axis.set_axis_off()
+    for time, values, axis in zip(times, maps, axes.flat, strict=False):
+        axis.set_axis_on()
+        draw_map(axis, rig, values)
+        axis.set_title(f'{time / 60.0:.4g} min')
+    figure.suptitle(title)
+    figure.savefig(path, dpi=DPI)
+    plt.close(figure)

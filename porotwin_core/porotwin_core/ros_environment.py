@@ -1,0 +1,138 @@
+"""The environment variables of ROS 2, checked before a node starts, and one graph per domain.
+
+ROS answers wrong values with an abort deep in a library, or ignores them.
+"""
+
+import fcntl
+import os
+import socket
+import sys
+import tempfile
+from collections.abc import MutableMapping
+from pathlib import Path
+from typing import TextIO
+
+from porotwin_core.errors import InputError
+
+DOMAIN = 'ROS_DOMAIN_ID'
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+MIDDLEWARE = 'RMW_IMPLEMENTATION'
+PEERS = 'ROS_STATIC_PEERS'
+
+LARGEST_DOMAIN = 232
+"""Largest domain: its ports end below 65536 (design.ros2.org, about domain IDs)."""
+
+FREE_DOMAINS = range(1, 102)
+"""Domains whose ports lie below those that Linux gives to programs (docs.ros.org)."""
+
+RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
+"""Discovery ranges in which the nodes of a graph find each other."""
+
+
+def prepare_environment(environ: MutableMapping[str, str] | None = None) -> None:
+    """Check the variables of ROS 2; without a discovery range, set the one of this machine.
+
+    Args:
+        environ: the variables; None: those of this process.
+
+    Raises:
+        InputError: one line with the variable and the values that are right.
+    """
+    if environ is None:
+        environ = os.environ
+    domain_of(environ)
+    found = environ.get(RANGE) or 'LOCALHOST'
+    if found not in RANGES:
+        why = 'the nodes cannot find each other' if found == 'OFF' else 'no such range'
+        raise InputError(f'{RANGE} is {found}: {why}; set it to one of {", ".join(RANGES)}')
+    _check_middleware(environ)
+    _check_peers(environ.get(PEERS, ''))
+    environ[RANGE] = found
+
+
+def domain_of(environ: MutableMapping[str, str]) -> int:
+    """Return the domain that the variables name; 0 if they name none.
+
+    Raises:
+        InputError: it is no number from 0 to 232.
+    """
+    text = environ.get(DOMAIN, '').strip() or '0'
+    if not (text.isascii() and text.isdigit() and int(text) <= LARGEST_DOMAIN):
+        raise InputError(f'{DOMAIN} is {text}; set it to a number from 0 to {LARGEST_DOMAIN}')
+    return int(text)
+
+
+def _check_middleware(environ: MutableMapping[str, str]) -> None:
+    name = environ.get(MIDDLEWARE, '')
+    prefixes = [sys.prefix, *environ.get('AMENT_PREFIX_PATH', '').split(':')]
+    folders = [Path(prefix, 'lib') for prefix in filter(None, prefixes)]
+    folders += [Path(path) for path in environ.get('LD_LIBRARY_PATH', '').split(':') if path]
+    libraries = {path.stem for folder in folders for path in folder.glob('librmw_*_cpp.so')}
+    installed = sorted(library.removeprefix('lib') for library in libraries)
+    known = [each for each in installed if not each.endswith('_shared_cpp') and '__' not in each]
+    if name and known and name not in known:
+        raise InputError(
+            f'{MIDDLEWARE} is {name}, which is not installed; unset it or set it to one of '
+            f'{", ".join(known)}'
+        )
+
+
+def _check_peers(text: str) -> None:
+    for peer in filter(None, text.split(';')):
+        try:
+            socket.getaddrinfo(peer, None)
+        except (OSError, UnicodeError):
+            raise InputError(
+                f"{PEERS} names '{peer}', a host that is not known; give names or addresses, "
+                'separated by ;'
+            ) from None
+
+
+class DomainClaim:
+    """Keeps a domain for one graph on this machine, until `release` or the end of the process.
+
+    Graphs on other machines are not seen here; the hub refuses to be the second one.
+    """
+
+    def __init__(self, domain: int) -> None:
+        """Claim `domain`.
+
+        Raises:
+            InputError: a graph on this machine has claimed it.
+        """
+        self.domain = domain
+        self._file = _lock(domain)
+
+    def release(self) -> None:
+        """Give the domain back."""
+        self._file.close()
+
+
+def _lock(domain: int) -> TextIO:
+    path = Path(tempfile.gettempdir(), f'porotwin_domain_{domain}')
+    try:
+        file = path.open() if path.exists() else path.open('w')  # it may belong to somebody else
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise InputError(
+            f'another graph runs in domain {domain} on this machine, and both would act on the '
+            f'same pumps; end it, or set {DOMAIN} to another number for this one'
+        ) from None
+    except OSError as error:
+        raise InputError(f'{path}: {error.strerror}; remove the file') from None
+    return file
+
+
+def claim_free_domain() -> DomainClaim:
+    """Claim a domain that no other graph on this machine has claimed.
+
+    Raises:
+        InputError: there is none.
+    """
+    for domain in FREE_DOMAINS:
+        try:
+            return DomainClaim(domain)
+        except InputError:
+            continue
+    raise InputError(f'all domains up to {FREE_DOMAINS[-1]} are in use; end some graphs')

@@ -1,0 +1,123 @@
+"""Who sends: the nodes that publish a topic or call a service, as the middleware knows them.
+
+ROS 2 Jazzy does not tell which node sent a message. It tells which nodes could have: a receiver
+that wants one sender refuses all messages while there is another.
+"""
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from porotwin_core.errors import InputError
+
+GUARD = 'guard'
+"""Name of the node that alone may set the pumps."""
+
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+"""Name of a node that was discovered a moment ago, or of a program that is no ROS node."""
+
+NAME_PATIENCE_S = 2.0
+"""Longest wait for the name of a node that was just discovered [s]; it takes less than 0.1 s."""
+
+LEASE_S = 20.0
+"""Time after which Fast DDS forgets a process that was killed [s], its default."""
+
+NAME_PERIOD_S = 0.05
+"""Time between two looks for that name [s]."""
+
+
+@dataclass(frozen=True, order=True)
+class Sender:
+    """A writer in the graph: its node's full name, and an identity that no other writer has."""
+
+    node: str
+    identity: str
+
+
+def full_name(node: Any, name: str) -> str:
+    """Return the full name of the node `name` in the namespace of `node`."""
+    return f'{node.get_namespace().rstrip("/")}/{name}'
+
+
+def check_only_guard_publishes(node: Any) -> None:
+    """Return if the guard alone publishes setpoints; every receiver of them calls this.
+
+    Raises:
+        InputError: another node does it too; one line with its name.
+    """
+    found = publishers(node, 'wells/setpoint')
+    refuse_others(found, full_name(node, GUARD), 'publishes wells/setpoint')
+
+
+def check_only_guard_calls(node: Any) -> None:
+    """Return if the guard alone commands the pumps; every asset calls this.
+
+    Raises:
+        InputError: another node does it too; one line with its name.
+    """
+    refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
+
+
+def publishers(node: Any, topic: str) -> list[Sender]:
+    """Return who publishes `topic`, a name relative to `node` (rclpy.node.Node)."""
+    return _named_senders(node, node.resolve_topic_name(topic), mangled=False)
+
+
+def callers(node: Any, service: str) -> list[Sender]:
+    """Return who has a client of `service`, a name relative to `node` (rclpy.node.Node)."""
+    # the DDS topic of the requests; the graph of ROS 2 Jazzy lists no clients of a service
+    return _named_senders(node, f'rq{node.resolve_service_name(service)}Request', mangled=True)
+
+
+def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
+    """Return if every sender of `found` is the node `expected`.
+
+    Args:
+        found: from `publishers` or `callers`.
+        expected: full name of the one node.
+        doing: what senders do, such as 'publishes wells/setpoint'.
+
+    Raises:
+        InputError: another node does it too; one line with its name.
+    """
+    others = sorted({sender.node for sender in found} - {expected})
+    if others:
+        name = others[0].replace(UNKNOWN_NODE, 'a program without a name')
+        raise InputError(f'{name} {doing} too, and only {expected} may; end it')
+
+
+def only(found: Collection[Sender], expected: str, doing: str) -> Sender | None:
+    """Return the only sender of `found`, the node `expected`, or None if there is none.
+
+    Args:
+        found: from `publishers` or `callers`.
+        expected: full name of the one node.
+        doing: what senders do, such as 'publishes wells/setpoint'.
+
+    Raises:
+        InputError: another node does it too, or there are several nodes `expected`.
+    """
+    refuse_others(found, expected, doing)
+    if len(found) > 1:
+        raise InputError(
+            f'{len(found)} nodes {expected}: each {doing}; if one has just died, wait '
+            f'{LEASE_S:g} s; to run two rigs, give each a ROS_DOMAIN_ID of its own'
+        )
+    return next(iter(found), None)
+
+
+def _named_senders(node: Any, topic: str, *, mangled: bool) -> list[Sender]:
+    deadline = time.monotonic() + NAME_PATIENCE_S
+    while True:
+        found = [
+            Sender(
+                f'{info.node_namespace.rstrip("/")}/{info.node_name}',
+                bytes(info.endpoint_gid).hex(),
+            )
+            for info in node.get_publishers_info_by_topic(topic, no_mangle=mangled)
+        ]
+        named = not any(UNKNOWN_NODE in sender.node for sender in found)
+        if named or time.monotonic() > deadline:
+            return sorted(found)
+        time.sleep(NAME_PERIOD_S)

@@ -1,0 +1,174 @@
+"""One node of a name per domain and namespace: a second one is refused with one line.
+
+Two graphs in one domain mix their photographs and setpoints without a word. On one machine a lock
+tells whether the other node lives; the kernel frees it when a process ends, however it ends. On
+other machines only discovery tells, and discovery still shows a killed process for some seconds: a
+ghost. The lock file holds the identity of its last owner, so that a restarted node knows its ghost
+and need not wait for it.
+"""
+
+import fcntl
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node
+
+from porotwin_core.errors import InputError
+
+RELEASE_S = 5.0
+"""Longest wait for the end of a process on this machine that is just being stopped [s]."""
+
+DISCOVERY_S = 1.0
+"""Time in which nodes on other machines are discovered [s]."""
+
+LEASE_S = 25.0
+"""Time after which discovery forgets a killed process [s]: Fast DDS takes 20 s."""
+
+PERIOD_S = 0.1
+"""Time between two looks [s]."""
+
+PARTICIPANT_BYTES = 12
+"""Bytes of a DDS identity that name the participant: one process has one."""
+
+_claims: dict[str, 'Claim'] = {}
+
+
+class Claim:
+    """The right to a node's full name in a domain, held until the process ends.
+
+    `own` is the identity of this process in DDS, `ghosts` are those of its dead predecessors.
+    """
+
+    def __init__(self, lock: int, own: str, ghosts: frozenset[str]) -> None:
+        """Keep the open file `lock`, which holds the lock."""
+        self.lock = lock
+        self.own = own
+        self.ghosts = ghosts
+
+
+def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
+    """Return `make_node` behind a check that no other node `name` lives in the domain.
+
+    Use it in `main`: `run(only_one(SolverNode, 'solver'))`. What it returns raises InputError if
+    there is one, and waits for one that has just died.
+    """
+
+    def make() -> Node:
+        claim_name(name)
+        return make_node()
+
+    return make
+
+
+def claim_name(name: str) -> Claim:
+    """Return the claim of this process to the node name `name`, with remappings.
+
+    Raises:
+        InputError: another node has that name, in the same namespace and domain.
+    """
+    probe = Node(name, enable_rosout=False, start_parameter_services=False)
+    try:
+        full_name = probe.get_fully_qualified_name()
+        lock = _locked(full_name, probe.context.get_domain_id())
+        ghosts = frozenset(os.pread(lock, 4096, 0).decode('ascii', 'ignore').split())
+        own = _own_identity(probe)
+        _wait_for_others(probe, full_name, ghosts | {own})
+    finally:
+        probe.destroy_node()
+    os.ftruncate(lock, 0)
+    os.pwrite(lock, own.encode('ascii'), 0)
+    _claims[full_name] = Claim(lock, own, ghosts)
+    return _claims[full_name]
+
+
+def another_lives(node: Node) -> str:
+    """Return in words that another node has the name of `node`, or an empty string.
+
+    Only a node that was made behind `only_one` knows; nodes that start at the same moment on two
+    machines see each other here.
+    """
+    full_name = node.get_fully_qualified_name()
+    claim = _claims.get(full_name)
+    if claim is None or not _identities(node, full_name) - claim.ghosts - {claim.own}:
+        return ''
+    return _refusal(full_name)
+
+
+def _refusal(full_name: str) -> str:
+    return (
+        f'another node {full_name} runs in this ROS domain; stop it, or set ROS_DOMAIN_ID to '
+        'another number to run two twins'
+    )
+
+
+def _locked(full_name: str, domain: int) -> int:
+    """Return the open and locked file of a node's name on this machine.
+
+    Raises:
+        InputError: another process holds the lock.
+    """
+    # nodes of another user of this machine are found by discovery
+    file = f'porotwin_{os.getuid()}_domain_{domain}{full_name.replace("/", "_")}.lock'
+    path = Path(tempfile.gettempdir()) / file
+    try:
+        lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        raise InputError(f'{path}: {error.strerror}; remove it') from None
+    deadline = time.monotonic() + RELEASE_S
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > deadline:
+                os.close(lock)
+                raise InputError(_refusal(full_name)) from None
+            time.sleep(PERIOD_S)
+        else:
+            return lock
+
+
+def _own_identity(probe: Node) -> str:
+    """Return the identity of this process: that of a topic which nobody else can have."""
+    topic = f'{probe.get_name()}_{os.getpid()}_{time.monotonic_ns()}'
+    publisher = probe.create_publisher(ParameterEvent, topic, 1)
+    (own,) = _participants(probe, publisher.topic_name)
+    probe.destroy_publisher(publisher)
+    return own[1]
+
+
+def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None:
+    """Return when no other node of that name is discovered; a ghost disappears with time.
+
+    Raises:
+        InputError: one remains.
+    """
+    begin = time.monotonic()
+    while True:
+        waited = time.monotonic() - begin
+        if not _identities(probe, full_name) - known:
+            if waited >= DISCOVERY_S:
+                return
+        elif waited >= LEASE_S:
+            raise InputError(_refusal(full_name))
+        time.sleep(PERIOD_S)
+
+
+def _identities(node: Node, full_name: str) -> set[str]:
+    """Return the identities of all processes that have a node `full_name`, also of ghosts."""
+    # every node publishes this topic
+    return {own for name, own in _participants(node, '/parameter_events') if name == full_name}
+
+
+def _participants(node: Node, topic: str) -> list[tuple[str, str]]:
+    """Return the full name and the identity of every node that publishes `topic`."""
+    return [
+        (
+            f'{info.node_namespace.rstrip("/")}/{info.node_name}',
+            bytes(info.endpoint_gid)[:PARTICIPANT_BYTES].hex(),
+        )
+        for info in node.get_publishers_info_by_topic(topic)
+    ]

@@ -1,0 +1,147 @@
+"""The last check of a setpoint before it reaches the pumps, independent of the hub.
+
+It reads rig.yaml by itself and shares no code with the hub's limits: no fault there hides here.
+"""
+
+import math
+from dataclasses import dataclass
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_core.units import to_ml_h
+from porotwin_core.wells import WellRates
+
+VALIDITY_INTERVALS = 3
+"""Photo intervals that a setpoint may be valid (docs/formats.md)."""
+
+SINCE_1970 = 1e9
+"""Times below this [s] count from the start of an experiment, not from 1970."""
+
+ROUND_OFF_ML_H = 1e-3
+"""Rates that differ by less are equal [ml/h]: no pump is that exact."""
+
+ROUND_OFF_CONCENTRATION = 1e-6
+"""Concentrations that differ by less are equal [-]."""
+
+ROUND_OFF_S = 1e-6
+"""Times that differ by less are equal [s]: stamps are rounded to nanoseconds."""
+
+
+@dataclass(frozen=True)
+class SetpointRequest:
+    """A setpoint of a hub: times in [s], rates of all wells [m^3/s].
+
+    `hub` identifies the one process that sent it; a hub that was started again is another one.
+    """
+
+    sequence: int
+    stamp: float
+    valid_until: float
+    rates: WellRates
+    hub: str
+
+
+class Guard:
+    """Lets setpoints pass that keep all rules; it remembers the last one."""
+
+    def __init__(self, rig: Rig, *, photo_interval: float) -> None:
+        """Read the limits of `rig`; photographs come every `photo_interval` [s]."""
+        self._interval = photo_interval
+        self._wells = frozenset(rig.wells)
+        self._balanced = rig.control is not None and rig.control.producer is not None
+        self._total_ml_h = rig.control.max_total_rate_ml_h if rig.control else 0.0
+        self._control_wells = rig.control.wells if rig.control else ()
+        self._ranges_ml_h = _ranges_ml_h(rig)
+        self._fluids = {
+            name: well.concentration
+            for name, well in (rig.control.fixed if rig.control else {}).items()
+        }
+        self._last: SetpointRequest | None = None
+        self._passed = -math.inf
+
+    def check(self, request: SetpointRequest, *, now: float) -> None:
+        """Return if `request` may be pumped from `now` [s] on, by the clock of its stamps.
+
+        Raises:
+            InputError: a rule is broken; one line with the well or the time.
+        """
+        self._check_rates(request.rates)
+        self._check_times(request, now)
+        self._check_order(request, now)
+        self._last, self._passed = request, now
+
+    def expired(self, now: float) -> int | None:
+        """Return the number of the last setpoint if it is over at `now` [s], else None."""
+        return self._last.sequence if self._last and not self._in_force(now) else None
+
+    def _check_rates(self, rates: WellRates) -> None:
+        if set(rates) != self._wells:
+            odd = ', '.join(sorted(self._wells ^ set(rates)))
+            raise InputError(f'it must name every well of rig.yaml and no other; see {odd}')
+        for name, (low, high) in self._ranges_ml_h.items():
+            well, rate_ml_h = rates[name], to_ml_h(rates[name].rate)
+            if not low - ROUND_OFF_ML_H <= rate_ml_h <= high + ROUND_OFF_ML_H:
+                raise InputError(
+                    f"well '{name}': {rate_ml_h:g} ml/h; rig.yaml allows {low:g} to {high:g} ml/h"
+                )
+            fluid = self._fluids.get(name, 0.0)
+            if well.rate > 0.0 and not abs(well.concentration - fluid) <= ROUND_OFF_CONCENTRATION:
+                raise InputError(
+                    f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
+                )
+        total = math.fsum(to_ml_h(rates[name].rate) for name in self._control_wells)
+        if not total <= self._total_ml_h + ROUND_OFF_ML_H:
+            raise InputError(
+                f'control wells inject {total:g} ml/h; rig.yaml allows {self._total_ml_h:g} ml/h'
+            )
+        net = math.fsum(to_ml_h(well.rate) for well in rates.values())
+        if self._balanced and not abs(net) <= ROUND_OFF_ML_H:
+            raise InputError(f'{net:g} ml/h more is injected than produced; the sum must be zero')
+
+    def _check_times(self, request: SetpointRequest, now: float) -> None:
+        validity = request.valid_until - request.stamp
+        longest = VALIDITY_INTERVALS * self._interval
+        if not 0.0 < validity <= longest + ROUND_OFF_S:
+            raise InputError(
+                f'it is valid for {validity:g} s; the guard allows up to {longest:g} s'
+            )
+        if request.stamp < SINCE_1970 <= now:
+            # such stamps tell no age, so the hub alone judges it
+            if self._last is not None and self._last.stamp >= SINCE_1970:
+                raise InputError(f'its photograph is stamped {request.stamp:.3f} s, not since 1970')
+            return
+        if now > request.valid_until:
+            raise InputError(f'it expired {now - request.valid_until:.1f} s ago')
+        if request.stamp > now + self._interval:  # clocks may differ by less
+            raise InputError(f'its photograph lies {request.stamp - now:.1f} s in the future')
+
+    def _check_order(self, request: SetpointRequest, now: float) -> None:
+        last = self._last
+        if last is None:
+            return
+        if request.hub == last.hub and request.sequence <= last.sequence:
+            raise InputError(f'its number does not follow {last.sequence}')
+        if request.stamp <= last.stamp and self._in_force(now):
+            raise InputError(
+                f'its photograph is no newer than that of setpoint {last.sequence}, still in force'
+            )
+
+    def _in_force(self, now: float) -> bool:
+        """Return whether the last setpoint holds at `now` [s]; a clock set back ends it."""
+        if self._last is None:
+            return False
+        validity = self._last.valid_until - self._last.stamp
+        return self._passed <= now <= self._passed + validity
+
+
+def _ranges_ml_h(rig: Rig) -> dict[str, tuple[float, float]]:
+    """Return the least and the greatest rate of every well [ml/h]; wells without a role are off."""
+    control = rig.control
+    if control is None:
+        return dict.fromkeys(rig.wells, (0.0, 0.0))
+    ranges = dict.fromkeys(control.wells, (0.0, control.max_rate_ml_h))
+    ranges |= {name: (well.rate_ml_h, well.rate_ml_h) for name, well in control.fixed.items()}
+    if control.producer is not None:
+        fixed_ml_h = math.fsum(well.rate_ml_h for well in control.fixed.values())
+        ranges[control.producer] = (-max(control.max_total_rate_ml_h + fixed_ml_h, 0.0), 0.0)
+    return ranges | dict.fromkeys(rig.wells.keys() - ranges.keys(), (0.0, 0.0))

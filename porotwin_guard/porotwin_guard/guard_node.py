@@ -1,0 +1,152 @@
+"""The guard as a node: it takes the hub's setpoints, checks them, and hands them to the pumps."""
+
+import threading
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from porotwin_core import conversions, qos, senders
+from porotwin_core.errors import InputError
+from porotwin_core.node import Diagnostics, declare, declare_rig, run
+from porotwin_guard.guard import Guard, SetpointRequest
+from porotwin_msgs.msg import Outcome, Setpoint
+from porotwin_msgs.srv import Control
+
+HUB = 'hub'
+"""Name of the one node that may send setpoints, in the namespace of the guard."""
+
+BLOCKED = 'no setpoint can pass: '
+"""Begin of the line about a foreign sender."""
+
+WATCH_PERIOD_S = 1.0
+"""Time between two looks at the graph and at the expiry [s]."""
+
+LONGEST_SEARCH_S = 2.0
+"""Longest wait for the pumps to appear [s]: discovery takes less."""
+
+
+class GuardNode(Node):
+    """Checks every setpoint of the hub; publishes it and hands it to the pumps if it is valid."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read the parameters; `kwargs` are for the node, such as `context`.
+
+        Raises:
+            InputError: a parameter or the rig description is wrong.
+        """
+        super().__init__('guard', **kwargs)
+        interval = declare(
+            self, 'photo_interval_s', 30.0, 'time between photographs [s]', at_least=0.1,
+            at_most=86400.0,
+        )  # fmt: skip
+        self._guard = Guard(declare_rig(self), photo_interval=interval)
+        self._patience = declare(
+            self, 'asset_timeout_s', 10.0, 'longest wait for the pumps [s]', at_least=0.1,
+            at_most=120.0,
+        )  # fmt: skip
+        self._diagnostics = Diagnostics(self)
+        self._health = (DiagnosticStatus.OK, 'no setpoint yet')
+        self._setpoints = self.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        # the answer of the pumps arrives while the request of the hub waits for it
+        self._pumps = self.create_client(
+            Control, 'asset/control', callback_group=MutuallyExclusiveCallbackGroup()
+        )
+        self.create_service(
+            Control, 'guard/control', self._on_control,
+            callback_group=MutuallyExclusiveCallbackGroup(),
+        )  # fmt: skip
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
+        setpoint = request.setpoint
+        try:
+            self._check_alone()
+            self._guard.check(self._request(setpoint), now=self._now())
+        except InputError as error:
+            response.outcome = conversions.refusal(error)
+            self._say(DiagnosticStatus.ERROR, f'setpoint {setpoint.sequence} refused: {error}')
+            return response
+        self._setpoints.publish(setpoint)
+        response.outcome = self._command(request)
+        if response.outcome.code == Outcome.OK:
+            self._say(DiagnosticStatus.OK, f'setpoint {setpoint.sequence} passed')
+        else:
+            text = f'setpoint {setpoint.sequence} not pumped: {response.outcome.message}'
+            self._say(DiagnosticStatus.ERROR, text)
+        return response
+
+    def _request(self, message: Setpoint) -> SetpointRequest:
+        hub = senders.only(self._hubs(), senders.full_name(self, HUB), 'calls guard/control')
+        return SetpointRequest(
+            sequence=message.sequence,
+            stamp=conversions.time_from_msg(message.header.stamp),
+            valid_until=conversions.time_from_msg(message.valid_until),
+            rates=conversions.rates_from_msg(message.wells),
+            hub=hub.identity if hub else '',
+        )
+
+    def _hubs(self) -> list[senders.Sender]:
+        return senders.callers(self, 'guard/control')
+
+    def _check_alone(self) -> None:
+        """Return if no other node publishes setpoints.
+
+        Raises:
+            InputError: another node does; one line with its name.
+        """
+        found = senders.publishers(self, 'wells/setpoint')
+        senders.only(found, senders.full_name(self, self.get_name()), 'publishes wells/setpoint')
+
+    def _command(self, request: Control.Request) -> Outcome:
+        """Return the answer of the pumps to a setpoint that has passed."""
+        if not self._pumps.wait_for_service(timeout_sec=min(self._patience, LONGEST_SEARCH_S)):
+            return Outcome(code=Outcome.NOT_READY, message='nobody answers asset/control')
+        answered = threading.Event()
+        future = self._pumps.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(self._patience):
+            self._pumps.remove_pending_request(future)
+            text = f'asset/control did not answer within {self._patience:g} s'
+            return Outcome(code=Outcome.FAILED, message=text)
+        return future.result().outcome
+
+    def _watch(self) -> None:
+        """Report a foreign sender, or the end of the last setpoint, once."""
+        try:
+            self._check_alone()
+            senders.only(self._hubs(), senders.full_name(self, HUB), 'calls guard/control')
+        except InputError as error:
+            self._say(DiagnosticStatus.ERROR, f'{BLOCKED}{error}')
+            return
+        expired = self._guard.expired(self._now())
+        if expired is not None:
+            text = f'setpoint {expired} has expired and none followed; the safe rates hold'
+            self._say(DiagnosticStatus.WARN, text)
+        elif self._health[1].startswith(BLOCKED):
+            self._say(DiagnosticStatus.OK, 'setpoints can pass again')
+
+    def _say(self, level: bytes, text: str) -> None:
+        """Report the health of the node, and log it, if it has changed."""
+        if (level, text) == self._health:
+            return
+        self._health = (level, text)
+        self._diagnostics.report(level, text)
+        if level != DiagnosticStatus.OK:
+            self.get_logger().error(text)
+
+
+def main() -> None:
+    """Run the node."""
+    run(GuardNode, threads=3)
+
+
+if __name__ == '__main__':
+    main()

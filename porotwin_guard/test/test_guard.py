@@ -1,0 +1,175 @@
+"""Tests of the guard: every broken rule is refused, and every valid setpoint passes."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_guard.guard import Guard, SetpointRequest
+
+RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+NOW = 1.7e9
+"""A time since 1970 [s]."""
+
+Rates = dict[str, WellRate]
+
+
+def guard() -> Guard:
+    return Guard(RIG, photo_interval=30.0)
+
+
+def rates(control1: float = 100.0, **changed: float) -> Rates:
+    """Return balanced rates with `control1` [ml/h], except for the `changed` ones [ml/h]."""
+    ml_h = {
+        'injector': 500.0,
+        'producer': -500.0 - control1,
+        'control1': control1,
+        'control2': 0.0,
+        'control3': 0.0,
+        **changed,
+    }
+    return {
+        name: WellRate(from_ml_h(rate), 1.0 if name == 'injector' else 0.0)
+        for name, rate in ml_h.items()
+    }
+
+
+def request(sequence: int = 1, stamp: float = NOW - 2.0, **changed: Any) -> SetpointRequest:
+    known = {'valid_until': stamp + 90.0, 'rates': rates(), 'hub': 'first'}
+    return SetpointRequest(sequence, stamp, **{**known, **changed})
+
+
+def refusal(subject: Guard, asked: SetpointRequest, now: float = NOW) -> str:
+    with pytest.raises(InputError) as caught:
+        subject.check(asked, now=now)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'line'),
+    [
+        (rates(control1=501.0), "'control1': 501 ml/h; rig.yaml allows 0 to 500"),
+        (rates(control1=-1.0), "'control1': -1 ml/h; rig.yaml allows 0 to 500"),
+        (rates(control1=1e300), "'control1': 1e+300 ml/h"),
+        (rates(injector=499.0), "'injector': 499 ml/h; rig.yaml allows 500 to 500"),
+        (rates(producer=600.0), "'producer': 600 ml/h; rig.yaml allows -1000 to 0"),
+        (rates(producer=-1000.0), '-400 ml/h more is injected than produced'),
+        (rates(control1=300.0, control2=300.0, producer=-1000.0), 'control wells inject 600'),
+        ({**rates(), 'injector': WellRate(from_ml_h(500.0), 0.5)}, 'injects concentration 0.5'),
+        ({**rates(), 'control1': WellRate(from_ml_h(100.0), 1.0)}, 'injects concentration 1'),
+        ({**rates(), 'nowhere': WellRate()}, 'see nowhere'),
+        ({k: v for k, v in rates().items() if k != 'control3'}, 'see control3'),
+        ({}, 'it must name every well'),
+    ],
+)
+def test_rates_that_break_a_limit_are_refused(wrong: Rates, line: str) -> None:
+    assert line in refusal(guard(), request(rates=wrong))
+
+
+@pytest.mark.parametrize(
+    ('stamp', 'validity', 'line'),
+    [
+        (NOW - 91.0, 90.0, 'it expired 1.0 s ago'),
+        (NOW - 3600.0, 90.0, 'it expired 3510.0 s ago'),
+        (NOW + 31.0, 90.0, 'lies 31.0 s in the future'),
+        (4e9, 90.0, 'in the future'),
+        (NOW, 91.0, 'valid for 91 s; the guard allows up to 90 s'),
+        (NOW, 1e12, 'valid for 1e+12 s'),
+        (NOW, 0.0, 'valid for 0 s'),
+        (NOW, -90.0, 'valid for -90 s'),
+        (math.nan, 90.0, 'valid for nan s'),
+    ],
+)
+def test_setpoints_at_impossible_times_are_refused(
+    stamp: float, validity: float, line: str
+) -> None:
+    assert line in refusal(guard(), request(stamp=stamp, valid_until=stamp + validity))
+
+
+def test_numbers_count_up_until_another_hub_begins() -> None:
+    subject = guard()
+    subject.check(request(7), now=NOW)
+    for sequence in (7, 6, 0):
+        asked = request(sequence, stamp=NOW + 28.0)
+        assert 'does not follow 7' in refusal(subject, asked, NOW + 30.0)
+    subject.check(request(9, stamp=NOW + 28.0), now=NOW + 30.0)
+    subject.check(request(1, stamp=NOW + 58.0, hub='second'), now=NOW + 60.0)
+    assert 'does not follow 1' in refusal(subject, request(1, NOW + 88.0, hub='second'), NOW + 90)
+
+
+def test_an_older_photograph_cannot_end_a_setpoint_in_force() -> None:
+    subject = guard()
+    subject.check(request(1, stamp=NOW), now=NOW)
+    for hub in ('first', 'second'):
+        asked = request(2, stamp=NOW - 10.0, hub=hub)
+        assert 'no newer than that of setpoint 1' in refusal(subject, asked, NOW + 5.0)
+    # an hour later the clock of this machine was set back
+    subject.check(request(2, stamp=NOW - 3600.0), now=NOW - 3599.0)
+
+
+def test_a_refused_setpoint_leaves_the_last_one_in_force() -> None:
+    subject = guard()
+    subject.check(request(1), now=NOW)
+    refusal(subject, request(2, stamp=NOW + 28.0, rates=rates(control1=900.0)), NOW + 30.0)
+    assert subject.expired(NOW + 90.0) is None
+    assert subject.expired(NOW + 91.0) == 1
+    subject.check(request(2, stamp=NOW + 98.0), now=NOW + 100.0)
+    assert subject.expired(NOW + 101.0) is None
+
+
+def test_times_of_an_experiment_tell_no_age_beside_a_clock_since_1970() -> None:
+    subject = guard()
+    subject.check(request(1, stamp=30.0), now=NOW)
+    assert 'no newer' in refusal(subject, request(2, stamp=30.0), NOW + 1.0)
+    subject.check(request(2, stamp=60.0), now=NOW + 1.0)
+    subject.check(request(3, stamp=NOW), now=NOW + 2.0)
+    assert 'stamped 90.000 s, not since 1970' in refusal(subject, request(4, stamp=90.0), NOW + 300)
+
+
+def test_simulated_time_counts_from_the_start_of_the_experiment() -> None:
+    subject = guard()
+    subject.check(request(1, stamp=0.0), now=0.0)
+    subject.check(request(2, stamp=30.0), now=0.0)  # the clock arrives a moment later
+    subject.check(request(3, stamp=60.0), now=61.0)
+    assert 'it expired 10.0 s ago' in refusal(subject, request(4, stamp=61.0), 161.0)
+    assert 'in the future' in refusal(subject, request(4, stamp=NOW), 161.0)
+    subject.check(request(4, stamp=0.0), now=1.0)  # a replay begins again
+
+
+def test_nothing_may_be_set_without_a_control_section() -> None:
+    subject = Guard(RIG.model_copy(update={'control': None}), photo_interval=30.0)
+    assert 'rig.yaml allows 0 to 0' in refusal(subject, request())
+    still = {name: WellRate() for name in RIG.wells}
+    subject.check(request(rates=still), now=NOW)
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=5, max_size=5))
+def test_no_rates_beyond_the_limits_pass(ml_h: list[float]) -> None:
+    asked = request(rates=rates(**dict(zip(RIG.wells, ml_h, strict=True))))
+    try:
+        guard().check(asked, now=NOW)
+    except InputError:
+        return
+    values = {name: to_ml_h(well.rate) for name, well in asked.rates.items()}
+    assert math.isclose(math.fsum(values.values()), 0.0, abs_tol=2e-3)
+    assert all(-2e-3 <= values[name] <= 500.002 for name in ('control1', 'control2', 'control3'))
+
+
+@given(st.floats(), st.floats())
+def test_any_times_pass_or_are_refused_in_one_line(stamp: float, valid_until: float) -> None:
+    asked = dataclasses.replace(request(), stamp=stamp, valid_until=valid_until)
+    try:
+        guard().check(asked, now=NOW)
+    except InputError as error:
+        assert '\n' not in str(error)
+    else:
+        assert valid_until >= NOW or stamp < 1e9
+        assert valid_until - stamp <= 90.0 + 1e-5

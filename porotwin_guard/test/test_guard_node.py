@@ -1,0 +1,128 @@
+"""Tests of the guard's node: one hub, one guard, and setpoints that reach the pumps."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from porotwin_core import conversions, qos
+from porotwin_core.node import until_shutdown
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_guard.guard_node import GuardNode
+from porotwin_msgs.msg import Outcome, Setpoint
+from porotwin_msgs.srv import Control
+
+pytestmark = pytest.mark.graph
+
+SMALL_RIG = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+
+
+class Loop:
+    """A guard between a hub and pumps that this test plays."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        self._context = context
+        self._executor = MultiThreadedExecutor(num_threads=4, context=context)
+        overrides = [
+            Parameter('rig', value=str(SMALL_RIG)),
+            Parameter('asset_timeout_s', value=0.3),
+        ]
+        self.guard = self.add(GuardNode(context=context, parameter_overrides=overrides))
+        self.pumps = self.node('operator')
+        self.hub = self.node('hub')
+        self.control = self.hub.create_client(Control, 'guard/control')
+        self.published: list[int] = []
+        self.pumped: list[int] = []
+        self.pumps.create_subscription(
+            Setpoint, 'wells/setpoint', lambda m: self.published.append(m.sequence), qos.SETPOINT
+        )
+        threading.Thread(target=self._spin, daemon=True).start()
+        self.wait_until(self.control.service_is_ready)
+        self.wait_until(lambda: self.guard.count_subscribers('wells/setpoint') > 0)
+
+    def _spin(self) -> None:
+        with until_shutdown(self._context):
+            self._executor.spin()
+
+    def add(self, node: Node) -> Node:
+        self._executor.add_node(node)
+        return node
+
+    def node(self, name: str) -> Node:
+        return self.add(rclpy.create_node(name, context=self._context))
+
+    def attach_pumps(self) -> None:
+        self.pumps.create_service(Control, 'asset/control', self._on_control)
+        self.wait_until(lambda: 'asset/control' in str(self.guard.get_service_names_and_types()))
+
+    def _on_control(self, request: Control.Request, response: Control.Response) -> Control.Response:
+        self.pumped.append(request.setpoint.sequence)
+        response.outcome = conversions.ok()
+        return response
+
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 60.0
+        while not condition():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+
+    def send(self, sequence: int, control1_ml_h: float = 100.0) -> Outcome:
+        now = time.time()
+        rates = {
+            'injector': WellRate(from_ml_h(500.0), 1.0),
+            'producer': WellRate(-from_ml_h(500.0 + control1_ml_h)),
+            'control1': WellRate(from_ml_h(control1_ml_h)),
+            'control2': WellRate(),
+            'control3': WellRate(),
+        }
+        setpoint = Setpoint(
+            header=conversions.header_at(now - 1.0),
+            sequence=sequence,
+            valid_until=conversions.time_to_msg(now + 89.0),
+            wells=conversions.rates_to_msg(rates),
+        )
+        future = self.control.call_async(Control.Request(setpoint=setpoint))
+        self.wait_until(future.done)
+        return future.result().outcome
+
+
+@pytest.fixture
+def loop(domain: int) -> Iterator[Loop]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    yield Loop(context)
+    rclpy.shutdown(context=context)
+
+
+def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> None:
+    assert 'nobody answers asset/control' in loop.send(1).message
+    loop.attach_pumps()
+    assert loop.send(2).code == Outcome.OK
+    refused = loop.send(3, control1_ml_h=900.0)
+    assert refused.code == Outcome.INVALID_INPUT
+    assert "well 'control1': 900 ml/h" in refused.message
+    stranger = loop.node('stranger')
+    client = stranger.create_client(Control, 'guard/control')
+    loop.wait_until(client.service_is_ready)
+    assert '/stranger calls guard/control too' in loop.send(4).message
+    stranger.destroy_client(client)
+    loop.wait_until(lambda: loop.send(5 + time.monotonic_ns()).code == Outcome.OK)
+    publisher = stranger.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+    loop.wait_until(lambda: loop.guard.count_publishers('wells/setpoint') == 2)
+    refused = loop.send(6 + time.monotonic_ns())
+    assert '/stranger publishes wells/setpoint too' in refused.message
+    stranger.destroy_publisher(publisher)
+    loop.wait_until(lambda: loop.guard.count_publishers('wells/setpoint') == 1)
+    loop.add(rclpy.create_node('hub', context=loop.guard.context)).create_client(
+        Control, 'guard/control'
+    )
+    loop.wait_until(lambda: '2 nodes /hub' in loop.send(7 + time.monotonic_ns()).message)
+    assert loop.pumped == loop.published[1:]
+    assert loop.published[0] == 1

@@ -1,0 +1,32 @@
+"""One node of the graph as its launchers see it.
+
+A node is a package, an executable (also a module of that package) and its parameters. Names of
+topics and services are relative to the namespace, except `/clock` and `/diagnostics`.
+"""
+
+from dataclasses import dataclass, field
+
+NAMESPACE = '/porotwin'
+"""Namespace of all nodes."""
+
+Parameter = bool | int | float | str
+"""A value of a node's parameter."""
+
+Parameters = dict[str, Parameter]
+"""The parameters of a node by name."""
+
+
+@dataclass(frozen=True)
+class NodeDescription:
+    """One process of the graph: `executable` of `package`, started under `name`."""
+
+    name: str
+    package: str
+    executable: str
+    parameters: Parameters = field(default_factory=dict)
+    remappings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def module(self) -> str:
+        """The module to run where executables are not installed."""
+        return f'{self.package}.{self.executable}'

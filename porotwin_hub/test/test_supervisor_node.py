@@ -1,0 +1,122 @@
+"""The supervisor beside real processes: a stopped node is shown, killed, and never an orphan."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+
+from porotwin_core.node import DIAGNOSTICS, until_shutdown
+from porotwin_hub.graph import NodeDescription
+from porotwin_hub.node_processes import process_of
+from porotwin_hub.processes import GraphProcesses
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+SMALL_RIG = Path(__file__).resolve().parents[1] / 'config' / 'small_rig.yaml'
+
+LAUNCHER = """
+import sys, time
+from pathlib import Path
+from porotwin_hub.graph import NodeDescription
+from porotwin_hub.processes import GraphProcesses
+nodes = [
+    NodeDescription('operator', 'porotwin_hub', 'operator_node', {'rig': sys.argv[2]}),
+    NodeDescription('supervisor', 'porotwin_hub', 'supervisor_node', {'nodes': 'operator'}),
+]
+with GraphProcesses(nodes, Path(sys.argv[1])) as graph:
+    print(graph.process('operator').pid, graph.process('supervisor').pid, flush=True)
+    time.sleep(600)
+"""
+
+
+class Ear:
+    """Keeps the newest state of every node on /diagnostics."""
+
+    def __init__(self, domain: int) -> None:
+        self.heard: list[tuple[str, bytes, str]] = []
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node('ear', context=self.context)
+        self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, 100)
+        threading.Thread(target=self._spin, daemon=True).start()
+
+    def _hear(self, message: DiagnosticArray) -> None:
+        self.heard += [(one.name, one.level, one.message) for one in message.status]
+
+    def _spin(self) -> None:
+        executor = SingleThreadedExecutor(context=self.context)
+        executor.add_node(self.node)
+        with until_shutdown(self.context):
+            executor.spin()
+
+    def wait_for(self, name: str, level: bytes, text: str = '') -> None:
+        until(lambda: any(h[:2] == (name, level) and text in h[2] for h in self.heard), self.heard)
+
+
+def until(condition: Callable[[], bool], shown: object = '') -> None:
+    deadline = time.monotonic() + 90.0
+    while not condition():
+        assert time.monotonic() < deadline, shown
+        time.sleep(0.1)
+
+
+@pytest.fixture
+def ear(domain: int) -> Iterator[Ear]:
+    made = Ear(domain)
+    yield made
+    rclpy.try_shutdown(context=made.context)
+
+
+def test_a_stopped_node_is_stale_then_killed_and_started_again(
+    ear: Ear, domain: int, tmp_path: Path
+) -> None:
+    nodes = [
+        NodeDescription('operator', 'porotwin_hub', 'operator_node', {'rig': str(SMALL_RIG)}),
+        NodeDescription(
+            'supervisor',
+            'porotwin_hub',
+            'supervisor_node',
+            {'nodes': 'operator', 'stale_after_s': 3.0, 'restart_after_s': 6.0},
+        ),
+    ]
+    lines: list[str] = []
+    environment = {'ROS_DOMAIN_ID': str(domain)}
+    with GraphProcesses(nodes, tmp_path, say=lines.append, environment=environment) as graph:
+        ear.wait_for('operator', DiagnosticStatus.OK, 'running')
+        ear.wait_for('supervisor', DiagnosticStatus.OK)
+        stopped = graph.process('operator')
+        stopped.send_signal(signal.SIGSTOP)
+        ear.wait_for('operator', DiagnosticStatus.STALE, 'its process is stopped')
+        ear.wait_for('supervisor', DiagnosticStatus.ERROR, 'killed, to be started again')
+        until(lambda: graph.process('operator') is not stopped, lines)
+        ear.heard.clear()
+        ear.wait_for('operator', DiagnosticStatus.OK, 'running')
+    assert any('operator ended (-9); starting it again' in line for line in lines)
+
+
+def test_a_stopped_node_does_not_outlive_a_launcher_that_is_killed(
+    ear: Ear, domain: int, tmp_path: Path
+) -> None:
+    launcher = subprocess.Popen(
+        [sys.executable, '-c', LAUNCHER, str(tmp_path), str(SMALL_RIG)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},
+    )
+    assert launcher.stdout is not None
+    operator, supervisor = map(int, launcher.stdout.readline().split())
+    ear.wait_for('operator', DiagnosticStatus.OK)
+    ear.wait_for('supervisor', DiagnosticStatus.OK)
+    os.kill(operator, signal.SIGSTOP)
+    launcher.kill()
+    launcher.communicate()
+    until(lambda: process_of(operator) is None and process_of(supervisor) is None)

@@ -1,0 +1,42 @@
+"""Names of files for messages and for sorting, whatever bytes they consist of."""
+
+import re
+
+LONGEST_NAME = 80
+"""Characters of a name in a message; the middle of a longer name is left out."""
+_FIRST_BYTE, _LAST_BYTE = 0xDC80, 0xDCFF
+"""Python keeps the bytes 0x80 to 0xFF of a name that is no UTF-8 as these characters."""
+
+
+def printable(name: str) -> str:
+    """Return `name` as one short line of valid text; other characters become escapes."""
+    escaped = one_line(name)
+    if len(escaped) <= LONGEST_NAME:
+        return escaped
+    half = LONGEST_NAME // 2 - 1
+    return f'{escaped[:half]}..{escaped[-half:]}'
+
+
+def one_line(text: str) -> str:
+    """Return `text` as one line that logs and ROS accept.
+
+    Names on Linux are bytes. Bytes that are no UTF-8 and control characters become escapes such as
+    `\\xff`.
+    """
+    return ''.join(map(_escaped, text))
+
+
+def _escaped(letter: str) -> str:
+    if letter.isprintable():
+        return letter
+    if _FIRST_BYTE <= ord(letter) <= _LAST_BYTE:
+        return f'\\x{ord(letter) & 0xFF:02x}'
+    return letter.encode('unicode_escape').decode('ascii')
+
+
+def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Return a sort key that counts: `IMG_9` comes before `IMG_10`."""
+    parts = re.findall(r'[0-9]+|[^0-9]+', name)
+    return tuple(
+        (0, int(part), part) if part[0] in '0123456789' else (1, 0, part) for part in parts
+    )

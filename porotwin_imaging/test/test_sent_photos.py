@@ -1,0 +1,88 @@
+"""The memory of a camera across restarts."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from porotwin_core.parent import PARENT
+from porotwin_imaging.sent_photos import (
+    LINES_FILE,
+    MOST_BASELINES,
+    SentPhoto,
+    SentPhotos,
+    digest_of,
+    folder_of_launch,
+)
+
+PHOTOS = [
+    SentPhoto(os.fsdecode(name), digest_of(name), (3, 4, 5), 1.8e9 + 30.0 * n, 0.0, 'state')
+    for n, name in enumerate((b'1.jpg', b'\xff.jpg', b'3.jpg'))
+]
+
+
+def remember(folder: Path) -> SentPhotos:
+    sent = SentPhotos(folder)
+    for photo in PHOTOS:
+        sent.add(photo)
+    sent.keep()
+    return sent
+
+
+def test_a_restart_knows_the_photographs(tmp_path) -> None:
+    first = remember(tmp_path / 'new')
+    assert not first.began_before
+    again = SentPhotos(tmp_path / 'new')
+    assert again.began_before
+    assert list(again) == PHOTOS
+    assert again.last == PHOTOS[-1]
+    assert again.same_as(digest_of(b'1.jpg')) == '1.jpg'
+    assert again.same_as(digest_of(b'4.jpg')) is None
+    assert again.problem == ''
+
+
+def test_photographs_that_were_not_kept_are_forgotten(tmp_path) -> None:
+    SentPhotos(tmp_path).add(PHOTOS[0])
+    again = SentPhotos(tmp_path)
+    assert again.began_before
+    assert not again.any_sent
+
+
+@pytest.mark.parametrize('damage', [b'{"name": "x"', b'\xff\x00\xfe', b'[]', b'null', b'{}' * 9])
+def test_a_damaged_line_costs_that_line(tmp_path, damage: bytes) -> None:
+    remember(tmp_path)
+    path = tmp_path / LINES_FILE
+    lines = path.read_bytes().splitlines()
+    path.write_bytes(b'\n'.join([damage, *lines[:-1], damage]))
+    again = SentPhotos(tmp_path)
+    assert list(again) == PHOTOS[:2]
+    assert 'a line cannot be read' in again.problem
+    again.add(PHOTOS[2])
+    again.keep()
+    assert list(SentPhotos(tmp_path)) == PHOTOS
+
+
+def test_without_a_folder_the_camera_works_on(tmp_path) -> None:
+    (tmp_path / 'file').write_text('in the way')
+    sent = remember(tmp_path / 'file' / 'progress')
+    assert 'cannot remember what it sent' in sent.problem
+    assert list(sent) == PHOTOS
+    sent.keep_baseline(1.0, b'x')
+    assert sent.baselines() == []
+    assert list(remember(None)) == PHOTOS
+
+
+def test_the_last_baselines_are_kept(tmp_path) -> None:
+    sent = SentPhotos(tmp_path)
+    for number in range(10):
+        sent.keep_baseline(1.8e9 + number, b'%d' % number)
+    found = SentPhotos(tmp_path).baselines()
+    assert found == [(1.8e9 + n, b'%d' % n) for n in range(10 - MOST_BASELINES, 10)]
+
+
+def test_one_launch_has_one_folder_for_each_source(monkeypatch) -> None:
+    one = folder_of_launch('folder:/a')
+    assert folder_of_launch('folder:/a') == one
+    assert folder_of_launch('folder:/b') != one
+    monkeypatch.setenv(PARENT, '1')
+    assert folder_of_launch('folder:/a') != one

@@ -1,0 +1,47 @@
+"""Tests of the decision whether a replay may begin, on descriptions of a graph."""
+
+from porotwin_recording.replay_readiness import GraphSeen, PlayedTopic, missing
+
+IMAGE = '/porotwin/camera/image/compressed'
+MEASURED = '/porotwin/wells/measured'
+TWIN = frozenset({'imaging', 'solver', 'costa', 'hub'})
+
+
+def image(*subscribers: str, connected: int | None = None) -> PlayedTopic:
+    count = len(subscribers) if connected is None else connected
+    return PlayedTopic(IMAGE, count, subscribers)
+
+
+def test_a_complete_twin_is_ready() -> None:
+    assert missing(GraphSeen(TWIN, (image('imaging'),))) == []
+
+
+def test_nobody_listens() -> None:
+    assert missing(GraphSeen(frozenset(), (image(),))) == ['a subscriber of any played topic']
+
+
+def test_a_stranger_alone_is_enough() -> None:
+    topics = (image('foxglove'), PlayedTopic(MEASURED, 0, ()))
+    assert missing(GraphSeen(frozenset(), topics)) == []
+
+
+def test_a_twin_that_starts_is_waited_for_although_another_node_listens() -> None:
+    seen = GraphSeen(TWIN - {'hub'}, (image('page'),))
+    assert missing(seen) == ['node hub', f'imaging to subscribe to {IMAGE}']
+
+
+def test_every_known_subscriber_must_be_connected() -> None:
+    seen = GraphSeen(TWIN, (image('imaging', 'page', connected=1),))
+    assert missing(seen) == [f'{IMAGE} to connect 1 of 2 nodes']
+
+
+def test_the_recorder_is_waited_for_unless_it_takes_other_topics() -> None:
+    nodes = frozenset({'recorder'})
+    topics = (image('page'),)
+    assert missing(GraphSeen(nodes, topics)) == [f'recorder to subscribe to {IMAGE}']
+    assert missing(GraphSeen(nodes, topics, recorded=frozenset({MEASURED}))) == []
+
+
+def test_lock_step_needs_the_answering_node() -> None:
+    seen = GraphSeen(TWIN, (image('imaging'),), answering=False)
+    assert missing(seen) == ['the node that answers in lock-step']

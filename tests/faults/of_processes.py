@@ -1,0 +1,136 @@
+"""Processes. Nodes that die, hang or do not answer."""
+
+import signal
+
+from faults.fault import Remark, SupervisorLine, fault
+from faults.stage import Stage
+
+RESTARTED = 'Starts the node again.'
+BY_ITSELF = 'the restarted node'
+
+
+def kill(stage: Stage, node: str) -> None:
+    """Kill a node, and wait until another process runs in its place."""
+    before = stage.pid(node)
+    stage.signal(node, signal.SIGKILL)
+    stage.wait_for(f'another process of {node}', lambda: stage.pid(node) != before)
+
+
+@fault(
+    'The imaging is killed.',
+    SupervisorLine('imaging ended (-9); starting it again'),
+    does=RESTARTED + ' The baseline is published for it again.',
+    mends=BY_ITSELF,
+)
+def imaging_killed(stage: Stage) -> None:
+    kill(stage, 'imaging')
+
+
+@fault(
+    'The solver is killed.',
+    SupervisorLine('solver ended (-9); starting it again'),
+    does=RESTARTED + ' Until then the last setpoint holds while it is valid.',
+    mends=BY_ITSELF,
+)
+def solver_killed(stage: Stage) -> None:
+    kill(stage, 'solver')
+
+
+@fault(
+    'COSTA is killed.',
+    SupervisorLine('costa ended (-9); starting it again'),
+    does=RESTARTED + ' Until then forecasts are not corrected.',
+    mends=BY_ITSELF,
+)
+def costa_killed(stage: Stage) -> None:
+    kill(stage, 'costa')
+
+
+@fault(
+    'The hub is killed.',
+    SupervisorLine('hub ended (-9); starting it again'),
+    does=RESTARTED + ' The setpoint in force expires by itself.',
+    mends=BY_ITSELF,
+)
+def hub_killed(stage: Stage) -> None:
+    kill(stage, 'hub')
+
+
+@fault(
+    'The operator bridge is killed.',
+    SupervisorLine('operator ended (-9); starting it again'),
+    does=RESTARTED,
+    mends=BY_ITSELF,
+)
+def operator_killed(stage: Stage) -> None:
+    kill(stage, 'operator')
+
+
+@fault(
+    'The camera node is killed.',
+    SupervisorLine('camera ended (-9); starting it again'),
+    does=RESTARTED,
+    mends=BY_ITSELF,
+)
+def camera_killed(stage: Stage) -> None:
+    kill(stage, 'camera')
+
+
+@fault(
+    'The recorder is killed.',
+    SupervisorLine('recorder ended (-9); starting it again'),
+    does=RESTARTED + ' It goes on in a new bag beside the first one.',
+    mends=BY_ITSELF,
+)
+def recorder_killed(stage: Stage) -> None:
+    kill(stage, 'recorder')
+
+
+@fault(
+    'The page is killed.',
+    SupervisorLine('page ended (-9); starting it again'),
+    does=RESTARTED + ' Control goes on without it.',
+    mends=BY_ITSELF,
+)
+def page_killed(stage: Stage) -> None:
+    kill(stage, 'page')
+
+
+@fault(
+    'The solver hangs (SIGSTOP).',
+    Remark('not optimised'),
+    does='Waits for the model no longer than `model_timeout_s`. The last setpoint holds while it '
+    'is valid; afterwards the safe rates.',
+    mends='the solver answers again',
+)
+def solver_silent(stage: Stage) -> None:
+    stage.signal('solver', signal.SIGSTOP)
+    stage.good_photograph()
+    yield
+    stage.signal('solver', signal.SIGCONT)
+
+
+@fault(
+    'COSTA hangs (SIGSTOP).',
+    Remark('costa'),
+    does='The forecast is not corrected. Control goes on.',
+    mends='COSTA answers again',
+)
+def costa_silent(stage: Stage) -> None:
+    stage.signal('costa', signal.SIGSTOP)
+    stage.good_photograph()
+    yield
+    stage.signal('costa', signal.SIGCONT)
+
+
+@fault(
+    'The operator bridge hangs (SIGSTOP): nobody takes the setpoint.',
+    Remark('not taken'),
+    does='Says so. The setpoint does not count as pumped.',
+    mends='the operator bridge answers again',
+)
+def operator_silent(stage: Stage) -> None:
+    stage.signal('operator', signal.SIGSTOP)
+    stage.good_photograph()
+    yield
+    stage.signal('operator', signal.SIGCONT)

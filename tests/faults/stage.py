@@ -1,0 +1,277 @@
+"""A running twin for the fault suite, with a camera folder that the tests write to."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from graph import RunningGraph, running_graph
+
+from porotwin_core import conversions
+from porotwin_core.rig import load_rig, write_rig
+from porotwin_hub.graph import GraphSettings, NodeDescription, live_graph
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_rig.camera import camera_before
+from porotwin_rig.render import Photographer
+
+ROOT = Path(__file__).resolve().parents[2]
+
+GRID = '62x37'
+PHOTO_WIDTH_PX = 640
+PHOTO_INTERVAL_S = 30.0
+"""Interval that the twin is told [s]; photographs come when a test takes one, and sooner."""
+
+CYCLES = 2
+"""Most cycles until a fault shows, and until the twin acts again."""
+
+START_S = 120.0
+"""Longest cold start of all nodes on a busy machine [s]."""
+
+RETRY_S = 5.0
+"""A photograph without an answer after this time [s] is followed by another one."""
+
+MODEL_TIMEOUT_S = 5.0
+"""Longest wait of the hub for a model [s]; its default is longer."""
+
+PATIENCE_S = 2.0
+"""Longest wait for an unfinished file [s]; the default is longer."""
+
+STAMP_TOLERANCE_S = 1e-3
+"""Difference of a file time and the stamp made of it [s]."""
+
+
+@dataclass
+class Seen:
+    """All that the twin said since a moment; see `Stage.since`."""
+
+    stage: 'Stage'
+    begun: dict[str, int]
+
+    @property
+    def statuses(self) -> list[Any]:
+        """The statuses on /diagnostics."""
+        arrays = self.stage.graph.messages['/diagnostics'][self.begun['/diagnostics'] :]
+        return [status for array in arrays for status in array.status]
+
+    @property
+    def remarks(self) -> list[str]:
+        """The remarks of the hub's reports, and why forecasts are not corrected."""
+        reports = self.stage.graph.messages['hub/cycle'][self.begun['hub/cycle'] :]
+        return [text for report in reports for text in (*report.remarks, report.correction_status)]
+
+    @property
+    def supervisor(self) -> list[str]:
+        """The lines of the supervisor."""
+        return self.stage.graph.lines[self.begun['supervisor'] :]
+
+    def log(self, node: str) -> str:
+        """Return the log of a node."""
+        return self.stage.graph.log(node)[self.begun.get(f'log of {node}', 0) :]
+
+
+class Stage:
+    """A running twin. Every setpoint must follow from a photograph that the stage calls good."""
+
+    def __init__(self, graph: RunningGraph, folder: Path, photographer: Photographer) -> None:
+        self.graph = graph
+        self.folder = folder
+        self.photos = folder / 'photos'
+        self.limits = Limits.of(photographer.rig)
+        self.rig = photographer.rig
+        self.healthy = True
+        self._photographer = photographer
+        self._count = 0
+        self._good: list[float] = []
+        self._publishers: dict[str, Any] = {}
+
+    # --- photographs ------------------------------------------------------------------------
+
+    def picture(self, *, radius: float | None = None) -> bytes:
+        """Return the next photograph, a plume that has grown a little, without EXIF data."""
+        self._count += 1
+        z, x = np.mgrid[0:0.562:57j, 0:0.934:95j]
+        radius = 0.04 + 0.0002 * self._count if radius is None else radius
+        plume = (np.hypot(x - 0.235, z - 0.235) < radius).astype(float)
+        jpeg = self._photographer.photograph(plume, time=float(self._count))
+        return encoded(decoded(jpeg))
+
+    def put(
+        self,
+        data: bytes,
+        *,
+        good: bool,
+        taken: float | None = None,
+        name: str | None = None,
+        folder: Path | None = None,
+    ) -> tuple[Path, float]:
+        """Write a photograph as a camera does; return its path and its time [s].
+
+        Args:
+            data: the file.
+            good: whether a setpoint may follow from it.
+            taken: its file time [s since 1970]; None: now.
+            name: name of the file.
+            folder: where; None: the folder that the camera watches.
+        """
+        taken = time.time() if taken is None else taken
+        path = (folder or self.photos) / (
+            name or f'IMG_{self._count:04d}_{time.monotonic_ns() % 10**9}.jpg'
+        )
+        hidden = path.with_name(f'.{path.name}')
+        hidden.write_bytes(data)
+        os.utime(hidden, (taken, taken))
+        hidden.replace(path)
+        if good:
+            self._good.append(taken)
+        return path, taken
+
+    def good_photograph(self) -> float:
+        """Take a photograph that the twin may act on; return its time [s]."""
+        return self.put(self.picture(), good=True)[1]
+
+    @property
+    def newest_good(self) -> float:
+        """Time of the newest good photograph [s]."""
+        return self._good[-1]
+
+    @property
+    def last_but_one_good(self) -> float:
+        """Time of the good photograph before it [s]."""
+        return self._good[-2]
+
+    # --- the twin's words ----------------------------------------------------------------------
+
+    def since(self) -> Seen:
+        """Return everything that the twin says from now on."""
+        begun = {name: len(messages) for name, messages in self.graph.messages.items()}
+        begun['supervisor'] = len(self.graph.lines)
+        for node in self.graph.nodes:
+            begun[f'log of {node}'] = len(self.graph.log(node))
+        return Seen(self, begun)
+
+    def wait_for(self, purpose: str, condition: Callable[[], bool]) -> None:
+        """Return when `condition` holds; fail after two cycles."""
+        self.graph.listener.wait_for(purpose, condition, timeout=CYCLES * PHOTO_INTERVAL_S)
+
+    # --- control ---------------------------------------------------------------------------
+
+    def wait_for_control(self, *, limit: float = CYCLES * PHOTO_INTERVAL_S) -> None:
+        """Take good photographs until a setpoint follows from one of them; fail after `limit`."""
+        deadline = time.monotonic() + limit
+        stamps: list[float] = []
+        while time.monotonic() < deadline:
+            stamps.append(self.good_photograph())
+            with suppress(AssertionError):
+                self.graph.listener.wait_for(
+                    'a setpoint',
+                    lambda: any(
+                        abs(_taken(message) - stamp) < STAMP_TOLERANCE_S
+                        for stamp in stamps
+                        for message in self.graph.messages['wells/setpoint'][-10:]
+                    ),
+                    timeout=RETRY_S,
+                )
+                return
+        raise AssertionError(
+            f'no setpoint follows from {len(stamps)} good photographs in {limit:g} s'
+        )
+
+    def check_setpoints(self) -> None:
+        """Check every setpoint so far: its photograph was good, and it keeps the limits."""
+        for message in self.graph.messages['wells/setpoint']:
+            stamp = _taken(message)
+            assert any(abs(stamp - good) < STAMP_TOLERANCE_S for good in self._good), (
+                f'setpoint {message.sequence} follows from the photograph at {stamp:.3f} s'
+            )
+            assert self.limits.violations(conversions.rates_from_msg(message.wells)) == []
+
+    # --- processes -------------------------------------------------------------------------
+
+    def pid(self, node: str) -> int:
+        """Return the process of a node."""
+        return self.graph.processes.process(node).pid
+
+    def signal(self, node: str, number: int) -> None:
+        """Send a signal to the process of a node."""
+        os.kill(self.pid(node), number)
+
+    def now(self) -> float:
+        """Return the time [s since 1970]."""
+        return time.time()
+
+    def publish(self, topic: str, kind: Any, profile: Any, message: Any) -> None:
+        """Publish a message as a foreign node, when a subscriber is there."""
+        if topic not in self._publishers:
+            publisher = self.graph.listener.node.create_publisher(kind, topic, profile)
+            self._publishers[topic] = publisher
+        publisher = self._publishers[topic]
+        own = topic in self.graph.messages
+        self.wait_for(f'a subscriber of {topic}', lambda: publisher.get_subscription_count() > own)
+        publisher.publish(message)
+
+    def call(self, service: Any, name: str, request: Any) -> Any:
+        """Return the answer of a service of the twin."""
+        node = self.graph.listener.node
+        client = node.create_client(service, name)
+        try:
+            self.wait_for(f'the service {name}', client.service_is_ready)
+            future = client.call_async(request)
+            self.wait_for(f'an answer of {name}', future.done)
+            return future.result()
+        finally:
+            node.destroy_client(client)
+
+
+def decoded(jpeg: bytes) -> np.ndarray:
+    """Return the pixels of a photograph."""
+    return np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR))
+
+
+def encoded(pixels: np.ndarray) -> bytes:
+    """Return a photograph without EXIF data."""
+    return bytes(cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].tobytes())
+
+
+def _taken(message: Any) -> float:
+    return conversions.time_from_msg(message.header.stamp)
+
+
+def _nodes(folder: Path) -> list[NodeDescription]:
+    settings = GraphSettings(
+        rig=folder / 'rig.yaml',
+        photos=folder / 'photos',
+        grid=GRID,
+        evaluations=4,
+        photo_interval_s=PHOTO_INTERVAL_S,
+        record=folder / 'bag',
+        page='127.0.0.1:0',
+    )
+    more: dict[str, dict[str, Any]] = {
+        'camera': {'patience': PATIENCE_S},
+        'hub': {'model_timeout_s': MODEL_TIMEOUT_S},
+        'imaging': {'longest_gap': 3600.0},  # photographs come when a test takes one
+    }
+    return [
+        replace(node, parameters={**node.parameters, **more.get(node.name, {})})
+        for node in live_graph(settings)
+    ]
+
+
+@contextmanager
+def running_stage(folder: Path, domain: int) -> Iterator[Stage]:
+    """Start a twin and take photographs until it sets rates."""
+    rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+    photographer = Photographer(rig, camera=camera_before(rig, PHOTO_WIDTH_PX), seed=3)
+    (folder / 'photos').mkdir(parents=True)
+    write_rig(photographer.rig, folder / 'rig.yaml')
+    with running_graph(_nodes(folder), folder / 'run', domain) as graph:
+        stage = Stage(graph, folder, photographer)
+        stage.put(encoded(decoded(photographer.baseline())), good=False, name='IMG_0000.jpg')
+        graph.wait_for_log('imaging', 'baseline:', timeout=START_S)
+        stage.wait_for_control(limit=START_S)
+        yield stage

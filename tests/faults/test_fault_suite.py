@@ -1,0 +1,53 @@
+"""Every fault of the suite in one running twin: it shows, control goes on, no wrong setpoint."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from faults.fault import Fault, all_faults
+from faults.stage import Stage, running_stage
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+
+class Stages:
+    """Holds the running twin; after a failure the next fault gets a new one."""
+
+    def __init__(self, make_folder: pytest.TempPathFactory, make_domain: object) -> None:
+        self._make_folder = make_folder
+        self._make_domain = make_domain
+        self._open = ExitStack()
+        self._stage: Stage | None = None
+
+    def get(self) -> Stage:
+        """Return a twin that was not left in disorder."""
+        if self._stage is None or not self._stage.healthy:
+            self.close()
+            folder = self._make_folder.mktemp('stage')
+            self._stage = self._open.enter_context(running_stage(folder, self._make_domain()))
+        return self._stage
+
+    def close(self) -> None:
+        """End the twin."""
+        self._open.close()
+
+
+@pytest.fixture(scope='module')
+def stages(tmp_path_factory: pytest.TempPathFactory, new_domain: object) -> Iterator[Stages]:
+    stages = Stages(tmp_path_factory, new_domain)
+    yield stages
+    stages.close()
+
+
+@pytest.mark.parametrize('fault', all_faults(), ids=str)
+def test_a_fault_shows_and_control_goes_on(fault: Fault, stages: Stages) -> None:
+    stage = stages.get()
+    stage.healthy = False
+    since = stage.since()
+    with fault.injected_into(stage):
+        for sign in fault.signs:
+            stage.wait_for(str(sign), lambda sign=sign: sign.shows(since))
+    stage.wait_for_control()
+    stage.check_setpoints()
+    stage.healthy = True
