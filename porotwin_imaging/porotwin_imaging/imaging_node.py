@@ -24,6 +24,8 @@ from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
 LONGEST_GAP_S = 7 * 86400.0
 """No experiment has pauses longer than a week [s]."""
+LONGEST_WORK_S = 300.0
+"""One photograph takes a second, and a minute with kernels to compile on a busy computer [s]."""
 
 
 class ImagingNode(Node):
@@ -80,7 +82,9 @@ class ImagingNode(Node):
             if role == 'baseline':
                 return self._take_baseline(time, data)
             if self._session.baseline is not None:
-                self._publish(self._session.add_photo(time, data))
+                with self._diagnostics.busy(f'photograph at {time:.3f} s', LONGEST_WORK_S):
+                    state = self._session.add_photo(time, data)
+                self._publish(state)
             elif warning := self._session.keep_waiting(time, data):
                 self._complain(warning, time)
         except InputError as error:
