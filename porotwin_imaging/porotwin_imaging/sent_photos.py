@@ -8,6 +8,7 @@ that an interrupted write costs one line. A line that cannot be read is left out
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -56,13 +57,26 @@ def folder_of_launch(source: str) -> Path:
     does not.
     """
     launcher = int(os.environ.get(PARENT, os.getppid()))
-    try:
-        status = Path(f'/proc/{launcher}/stat').read_text(encoding='utf-8', errors='replace')
-        began = status.rpartition(')')[2].split()[19]
-    except (OSError, IndexError):  # no Linux, or the launcher has ended
-        began = '0'
-    name = f'camera-{launcher}-{began}-{digest_of(source.encode("utf-8", "backslashreplace"))[:8]}'
+    which = digest_of(source.encode('utf-8', 'backslashreplace'))[:8]
+    name = f'camera-{launcher}-{_began(launcher)}-{which}'
     return Path(tempfile.gettempdir()) / f'porotwin-{os.getuid()}' / name
+
+
+def forget_ended_launches(folder: Path) -> None:
+    """Delete the folders beside `folder_of_launch(...)` whose launch has ended."""
+    for other in folder.parent.glob('camera-*-*-*'):
+        _, launcher, began, _ = other.name.split('-', 3)
+        if launcher.isdecimal() and began != _began(int(launcher)):
+            shutil.rmtree(other, ignore_errors=True)
+
+
+def _began(process: int) -> str:
+    """Return when a process began, in ticks since the start of the computer; '0' if it ended."""
+    try:
+        status = Path(f'/proc/{process}/stat').read_text(encoding='utf-8', errors='replace')
+        return status.rpartition(')')[2].split()[19]
+    except (OSError, IndexError):  # no Linux, or the process has ended
+        return '0'
 
 
 class SentPhotos:
@@ -97,9 +111,11 @@ class SentPhotos:
         """True if any photograph was sent."""
         return self.last is not None
 
-    def same_as(self, digest: str) -> str | None:
-        """Return the name under which these bytes came first, None if they are new."""
-        return self._digests.get(digest)
+    def claim(self, digest: str, name: str) -> str | None:
+        """Return the name under which these bytes came before, None if they are new as `name`."""
+        before = self._digests.get(digest)
+        self._digests.setdefault(digest, name)
+        return before
 
     def add(self, photo: SentPhoto) -> None:
         """Note a photograph; `keep` makes that last."""

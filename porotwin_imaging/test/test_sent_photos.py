@@ -13,6 +13,7 @@ from porotwin_imaging.sent_photos import (
     SentPhotos,
     digest_of,
     folder_of_launch,
+    forget_ended_launches,
 )
 
 PHOTOS = [
@@ -36,8 +37,9 @@ def test_a_restart_knows_the_photographs(tmp_path) -> None:
     assert again.began_before
     assert list(again) == PHOTOS
     assert again.last == PHOTOS[-1]
-    assert again.same_as(digest_of(b'1.jpg')) == '1.jpg'
-    assert again.same_as(digest_of(b'4.jpg')) is None
+    assert again.claim(digest_of(b'1.jpg'), 'copy.jpg') == '1.jpg'
+    assert again.claim(digest_of(b'4.jpg'), '4.jpg') is None
+    assert again.claim(digest_of(b'4.jpg'), '5.jpg') == '4.jpg'
     assert again.problem == ''
 
 
@@ -86,3 +88,13 @@ def test_one_launch_has_one_folder_for_each_source(monkeypatch) -> None:
     assert folder_of_launch('folder:/b') != one
     monkeypatch.setenv(PARENT, '1')
     assert folder_of_launch('folder:/a') != one
+
+
+def test_the_folders_of_ended_launches_are_deleted(tmp_path) -> None:
+    mine = tmp_path / folder_of_launch('folder:/a').name
+    ended = tmp_path / 'camera-999999999-77-abcdef01'
+    other = tmp_path / 'camera-roll'
+    for folder in (mine, ended, other):
+        folder.mkdir()
+    forget_ended_launches(mine)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([mine.name, other.name])
