@@ -79,6 +79,16 @@ def rig_with_camera(folder: Path) -> Path:
     return path
 
 
+def absent_pumps(folder: Path) -> Path:
+    """Write a file of pumps on a line that does not exist, and return its path."""
+    wells = ('injector', 'producer', 'control1', 'control2', 'control3')
+    entry = 'protocol: new_era, port: /dev/absent, diameter_mm: 20, max_rate_ml_h: 1000'
+    path = folder / 'pumps.yaml'
+    lines = [f'  {well}: {{{entry}, address: {n}}}' for n, well in enumerate(wells)]
+    path.write_text('\n'.join(['pumps:', *lines, '']), encoding='utf-8')
+    return path
+
+
 def needed_parameters(folder: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters without which a node does not start, by executable."""
     rig = {'rig': str(rig_with_camera(folder))}
@@ -87,6 +97,7 @@ def needed_parameters(folder: Path) -> dict[str, dict[str, Any]]:
         'porotwin_costa/trainer_node': {**rig, 'dataset': str(folder / 'pairs')},
         'porotwin_diagnosis/diagnosis_node': {**rig, 'output': str(folder / 'diagnoses')},
         'porotwin_imaging/camera_node': {'source': f'folder:{photos}'},
+        'porotwin_pumps/pumps_node': {**rig, 'pumps': str(absent_pumps(folder))},
         'porotwin_rig/mock_camera_node': {'photos': str(photos)},
         'porotwin_page/page_node': {'address': '127.0.0.1:0'},
         'porotwin_recording/player_node': {'bag': str(ROOT / 'bags' / 'sample')},

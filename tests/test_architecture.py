@@ -38,6 +38,7 @@ MAY_IMPORT = {
     'porotwin_costa': {'porotwin_core', 'porotwin_recording'},
     'porotwin_hub': {'porotwin_core'},
     'porotwin_guard': {'porotwin_core'},  # it judges the hub, so it shares no limits with it
+    'porotwin_pumps': {'porotwin_core'},
     'porotwin_rig': {'porotwin_core', 'porotwin_recording'},
     'porotwin_page': {'porotwin_core'},
     'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},

@@ -1,28 +1,26 @@
 """Tests of docs/rig.md: its examples are valid rigs, and it names every key and objective."""
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
-from porotwin_core.rig import (
-    Boundaries,
-    Camera,
-    Control,
-    EffectDescription,
-    FixedWell,
-    Rig,
-    Well,
-    load_rig,
-)
+from porotwin_core.rig import Rig, load_rig
+from porotwin_core.rig.known_keys import SECTIONS, json_schema
+from porotwin_core.rig.oddities import remarks_about
 from porotwin_hub.objective_registry import OBJECTIVES, make_objective
 from porotwin_hub.setpoint_limits import Limits
+from porotwin_recording.odd_recording import remarks_about_recording
+from porotwin_recording.recording import open_recording
+from porotwin_solver.simulation import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT = (ROOT / 'docs' / 'rig.md').read_text(encoding='utf-8')
-SECTIONS = (Rig, Boundaries, Well, Camera, Control, FixedWell, EffectDescription)
+RIGS = sorted(path.parent.name for path in ROOT.glob('rigs/*/rig.yaml'))
 
 
 @pytest.fixture(scope='module')
@@ -40,7 +38,7 @@ def examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_examples_are_rigs_that_can_be_controlled(examples: Path) -> None:
     folders = sorted(path.parent.name for path in examples.glob('*/rig.yaml'))
-    assert folders == ['layered', 'small']
+    assert folders == ['layered', 'small', 'two_sands']
     for folder in folders:
         rig = load_rig(examples / folder)
         limits = Limits.of(rig)
@@ -51,6 +49,58 @@ def test_the_examples_are_rigs_that_can_be_controlled(examples: Path) -> None:
 def test_the_small_rig_is_the_one_that_ships(examples: Path) -> None:
     shipped = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     assert load_rig(examples / 'small').model_copy(update={'camera': None}) == shipped
+
+
+@pytest.mark.parametrize('name', ['small', 'two_sands'])
+def test_the_document_shows_the_rigs_that_ship(name: str, examples: Path) -> None:
+    shown = (examples / name / 'rig.yaml').read_text(encoding='utf-8')
+    assert shown == (ROOT / 'rigs' / name / 'rig.yaml').read_text(encoding='utf-8')
+
+
+def test_there_are_rigs_to_copy() -> None:
+    assert RIGS == ['large', 'small', 'two_sands']
+
+
+@pytest.mark.parametrize('name', RIGS)
+def test_a_rig_to_copy_is_not_odd_and_can_be_simulated(name: str) -> None:
+    recording = open_recording(ROOT / 'rigs' / name)
+    rig = recording.rig
+    assert remarks_about(rig) == ()
+    assert list(remarks_about_recording(recording)) == []
+    last = recording.schedule.rows[-1].time
+    grid = rig.default_grid(0.05)
+    tracer = simulate(rig, recording.schedule, [last], grid=grid, preset='fast')[0]
+    pores = rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
+    periods = recording.schedule.intervals(0.0, last)
+    pumped = sum(
+        (end - start) * max(well.rate, 0.0) * well.concentration
+        for start, end, rates in periods
+        for well in rates.values()
+    )
+    assert (tracer * pores).sum() == pytest.approx(pumped, rel=0.1)
+
+
+@pytest.mark.parametrize('name', RIGS)
+def test_a_rig_with_sands_survives_the_way_through_a_message(name: str) -> None:
+    conversions = pytest.importorskip('porotwin_core.conversions')
+    rig = load_rig(ROOT / 'rigs' / name)
+    again = conversions.rig_from_msg(conversions.rig_to_msg(rig))
+    assert again.physics_fingerprint == rig.physics_fingerprint
+
+
+def test_the_schema_is_up_to_date() -> None:
+    written = json.loads((ROOT / 'docs' / 'rig.schema.json').read_text(encoding='utf-8'))
+    assert written == json.loads(json.dumps(json_schema())), 'run python docs/make_rig_schema.py'
+
+
+@pytest.mark.parametrize('name', RIGS)
+def test_the_schema_knows_every_key_of_the_rigs(name: str) -> None:
+    text = (ROOT / 'rigs' / name / 'rig.yaml').read_text(encoding='utf-8')
+    first, schema = text.splitlines()[0], ROOT / 'docs' / 'rig.schema.json'
+    assert (ROOT / 'rigs' / name / first.partition('$schema=')[2]).resolve() == schema
+    properties = json.loads(schema.read_text(encoding='utf-8'))['properties']
+    assert yaml.safe_load(text).keys() <= properties.keys()
+    assert all('description' in keys for keys in properties.values())
 
 
 def test_the_permeability_map_has_a_layer_of_fine_sand(examples: Path) -> None:

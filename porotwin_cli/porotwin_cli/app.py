@@ -9,7 +9,7 @@ from types import ModuleType
 import typer
 
 from porotwin_cli import commands
-from porotwin_cli.terminal import WorkFailed
+from porotwin_cli.terminal import WorkFailed, say, show_warnings
 from porotwin_core.errors import InputError
 
 HELP_OPTIONS = ('-h', '--help')
@@ -39,6 +39,9 @@ def make_app() -> typer.Typer:
         context_settings={'help_option_names': list(HELP_OPTIONS)},
     )
     for name, module in command_modules().items():
+        if not callable(getattr(module, 'command', None)):
+            say(f'porotwin: {module.__file__}: no function `command`; see commands/__init__.py')
+            continue
         app.command(name, context_settings=getattr(module, 'CONTEXT_SETTINGS', None))(
             module.command
         )
@@ -50,11 +53,15 @@ app = make_app()
 
 def main() -> None:
     """Run the command; exit with 0 done, 1 the work failed, 2 wrong input, 130 interrupted."""
+    show_warnings()
     try:
         app(prog_name='porotwin')
     except InputError as error:
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(2)
+    except ImportError as error:  # a library is missing or too old
+        print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
+        sys.exit(1)
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(1)

@@ -1,6 +1,5 @@
 """The demo: preparation, closed loop, and the comparison with a run without control."""
 
-import os
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_core.ros_environment import claim_domain
 from porotwin_hub.graph import (
     GraphSettings,
     NodeDescription,
@@ -65,9 +65,6 @@ LAST_REPORT_S = 10.0
 
 LAST_WRITE_S = 1.0
 """Time for the recorder to write the last messages [s]."""
-
-DOMAINS = 100
-"""ROS domains among which demos on one machine are spread; all have free ports on Linux."""
 
 
 LONG_MINUTES = 60.0
@@ -136,9 +133,6 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         WorkFailed: a node cannot run, or the loop stalls.
     """
     started = time.monotonic()
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    # two demos on one machine must not receive each other's messages
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % DOMAINS))
     rig_file = _prepare_rig(folder, settings.photo_width)
     graph = GraphSettings(
         rig=rig_file,
@@ -149,7 +143,8 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         page_token=folder / 'page_token' if settings.page else None,
         use_sim_time=True,
     )
-    with GraphProcesses(_page_from_the_start(graph), folder, say=say) as page:
+    page_nodes = _page_from_the_start(graph)
+    with claim_domain(), GraphProcesses(page_nodes, folder, say=say) as page:
         tell_page(graph.page, graph.page_token)
         calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
         graph = replace(graph, calibration=calibration, model=model)
@@ -249,9 +244,9 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
 
 def _check(processes: GraphProcesses, newest: float, folder: Path) -> None:
     """Raise WorkFailed if a node gave up, or if no cycle came for long."""
-    if processes.failed:
-        name, why = next(iter(processes.failed.items()))
-        raise WorkFailed(f'{name} cannot run: {why}')
+    refusal = processes.refusal(optional=('supervisor',))
+    if refusal is not None:
+        raise WorkFailed(refusal)
     if time.monotonic() - newest > STALL_S:
         raise WorkFailed(f'no cycle for {STALL_S:g} s; see {folder / "log"}')
 

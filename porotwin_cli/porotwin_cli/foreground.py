@@ -9,7 +9,8 @@ from pathlib import Path
 import yaml
 
 from porotwin_cli.terminal import WorkFailed
-from porotwin_core.parent import PARENT
+from porotwin_core.parent import PARENT, WRONG_PARAMETERS
+from porotwin_core.ros_environment import prepare_environment
 from porotwin_hub.graph import NAMESPACE, Parameter
 
 
@@ -17,10 +18,11 @@ def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
     """Run a node until it ends or Ctrl-C reaches it.
 
     Raises:
+        InputError: a variable of ROS is wrong.
         WorkFailed: the node ended with an error, which it has printed.
         SystemExit: with status 2, because a parameter is wrong; the node has printed which.
     """
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    prepare_environment()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f'{name}.yaml')
         file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
@@ -33,7 +35,7 @@ def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
                 break
             except KeyboardInterrupt:
                 continue  # Ctrl-C reaches the node as well; it closes its files and ends
-    if status == 2:
-        raise SystemExit(2)
+    if status == WRONG_PARAMETERS:
+        raise SystemExit(WRONG_PARAMETERS)
     if status != 0:
         raise WorkFailed(f'{name} ended with status {status}')

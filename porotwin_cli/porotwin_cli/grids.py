@@ -1,13 +1,40 @@
-"""The grid that a user chooses with --grid."""
+"""The grid that a user chooses with --grid, and the cost of computing on it."""
 
+import logging
+
+from porotwin_cli.terminal import say
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_core.rig.grid_oddities import remarks_about_grid
+from porotwin_solver.prediction_cost import PredictionCost, in_words
+
+LOG = logging.getLogger('porotwin')
+
+LONG_S = 20.0
+"""Expected time of a work above which a command tells it before it begins [s]."""
 
 
 def grid_of(text: str, rig: Rig) -> Grid:
     """Return the grid called `text`, such as 187x112, over `rig`; its default for empty text.
 
+    A grid that is odd for this rig is logged as a warning.
+
     Raises:
-        InputError: the text is no grid.
+        InputError: the text is no grid, or the grid cannot be computed.
     """
-    return Grid.parse(text, rig.width_m, rig.height_m) if text else rig.default_grid()
+    if not text:
+        return rig.default_grid()
+    grid = Grid.parse(text, rig.width_m, rig.height_m)
+    for remark in remarks_about_grid(grid, rig):
+        if remark.refused:
+            raise InputError(str(remark))
+        LOG.warning('%s', remark)
+    return grid
+
+
+def tell_cost(cost: PredictionCost, work: str, times: int = 1) -> None:
+    """Say how long `work`, `times` predictions of a `cost`, will take, if it takes long."""
+    seconds = cost.preparation_seconds + times * cost.seconds
+    if seconds > LONG_S:
+        say(f'{work}: {cost.cells:,} cells, about {in_words(seconds)}; a coarser --grid is faster')

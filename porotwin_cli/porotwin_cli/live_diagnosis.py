@@ -1,6 +1,5 @@
 """Asks a running graph for a diagnosis of the run so far."""
 
-import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.errors import InputError
 from porotwin_core.node import until_shutdown
+from porotwin_core.ros_environment import prepare_environment
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import Outcome
@@ -47,7 +47,7 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
         WorkFailed: no graph with a diagnosis node is running, it ended meanwhile, or it failed.
         KeyboardInterrupt: after Ctrl-C has cancelled the diagnosis.
     """
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    prepare_environment()
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node('diagnose', namespace=NAMESPACE, context=context)

@@ -1,6 +1,5 @@
 """The twin beside a rig: its arguments checked, its graph run until stopped."""
 
-import os
 import signal
 import threading
 from pathlib import Path
@@ -65,18 +64,13 @@ def run_until_stopped(settings: GraphSettings, folder: Path) -> None:
     """
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph uses it for SIGTERM as well
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     source = settings.photos or settings.camera or './porotwin replay'
     say(f'twin of {settings.rig}, photographs from {source}')
     tell_page(settings.page, settings.page_token)
     say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
     with GraphProcesses(live_graph(settings), folder, say=say, show=SHOWN) as graph:
-        told: set[str] = set()
         while not stop.wait(POLL_S):
-            for name, why in list(graph.failed.items()):
-                if name not in OPTIONAL:
-                    raise InputError(f'{name} cannot run: {why}')
-                if name not in told:
-                    say(f'{name} cannot run, going on without: {why}')
-                told.add(name)
+            refusal = graph.refusal(OPTIONAL)
+            if refusal is not None:
+                raise InputError(refusal)
     say('stopped')

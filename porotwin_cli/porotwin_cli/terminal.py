@@ -1,6 +1,7 @@
 """Output of the commands: results on standard output, messages and progress on standard error."""
 
 import json
+import logging
 import math
 import sys
 from collections.abc import Iterable, Sequence
@@ -36,6 +37,28 @@ def duration_in_words(seconds: float) -> str:
     if seconds < 120.0:
         return f'{max(10, round(seconds, -1)):.0f} s'
     return f'{seconds / 60.0:.0f} min'
+
+
+class _NewWarnings(logging.Handler):
+    """Prints every warning once; a command may read the same rig several times."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._told: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the message of `record` unless it was printed before."""
+        text = record.getMessage()
+        if text not in self._told:
+            self._told.add(text)
+            say(f'porotwin: odd: {text}')
+
+
+def show_warnings() -> None:
+    """Print the warnings of all packages on standard error, each once."""
+    logger = logging.getLogger('porotwin')
+    logger.addHandler(_NewWarnings())
+    logger.propagate = False
 
 
 def progress() -> AbstractContextManager[Progress]:

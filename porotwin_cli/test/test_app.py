@@ -9,7 +9,7 @@ from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli import commands
-from porotwin_cli.app import HELP_OPTIONS, app, command_modules
+from porotwin_cli.app import HELP_OPTIONS, app, command_modules, make_app
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 
@@ -21,6 +21,24 @@ def test_every_module_of_the_folder_is_a_command() -> None:
     files = {path.stem for path in Path(commands.__path__[0]).glob('*.py')} - {'__init__'}
     assert {name.strip('_').replace('_', '-') for name in files} == set(COMMANDS)
     assert {'blind-check', 'demo', 'import', 'test', 'up'} < set(COMMANDS)
+
+
+def test_a_module_without_a_command_costs_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / 'unfinished.py').write_text('"""A command to come."""\n')
+    monkeypatch.setattr(commands, '__path__', [str(tmp_path)])
+    assert make_app().registered_commands == []
+    line = capsys.readouterr().err.strip()
+    assert line.endswith('unfinished.py: no function `command`; see commands/__init__.py')
+    assert '\n' not in line
+
+
+@pytest.mark.parametrize('option', HELP_OPTIONS)
+def test_the_list_of_commands_has_both_options_of_help(option: str) -> None:
+    result = CliRunner().invoke(app, [option], prog_name='porotwin')
+    assert result.exit_code == 0
+    assert 'Commands:' in result.stdout
 
 
 @pytest.mark.parametrize('option', HELP_OPTIONS)

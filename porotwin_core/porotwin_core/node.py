@@ -1,10 +1,11 @@
 """Shared parts of all nodes: parameters, diagnostics, and the main loop with a clean end."""
 
 import math
+import os
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any
+from typing import Any, NoReturn
 from weakref import WeakKeyDictionary
 
 import rclpy
@@ -25,6 +26,7 @@ from porotwin_core.node_health import NodeHealth
 from porotwin_core.parameter_rule import ParameterRule
 from porotwin_core.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.rig import Rig, load_rig
+from porotwin_core.ros_environment import check_environment
 
 DIAGNOSTICS = '/diagnostics'
 """Topic of the health of all nodes."""
@@ -167,7 +169,7 @@ class Diagnostics:
 
         Args:
             what: the work in a few words, such as 'state 12'.
-            longest_s: time after which the health is an error [s]; infinite: never.
+            longest_s: the health is an error if the work takes longer [s]; infinite: never.
         """
         return self._health.busy(what, longest_s)
 
@@ -207,6 +209,11 @@ def until_shutdown(context: Context) -> Iterator[None]:
             raise
 
 
+def _refuse(error: InputError) -> NoReturn:
+    print(f'{REFUSAL}{error}', file=sys.stderr)
+    sys.exit(WRONG_PARAMETERS)
+
+
 def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
     """Spin a node until its process is asked to stop: the `main` of every node.
 
@@ -215,6 +222,10 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
         threads: threads that run callbacks; one more is added for the health of the node.
     """
     end_with_parent()
+    try:
+        check_environment(os.environ)
+    except InputError as error:
+        _refuse(error)
     rclpy.init()
     executor = (
         SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(num_threads=threads + 1)
@@ -227,8 +238,7 @@ def run(make_node: Callable[[], Node], *, threads: int = 2) -> None:
             executor.add_node(node)
             executor.spin()
     except InputError as error:
-        print(f'{REFUSAL}{error}', file=sys.stderr)
-        sys.exit(WRONG_PARAMETERS)
+        _refuse(error)
     except KeyboardInterrupt:
         pass  # asked to stop, perhaps during the start
     finally:

@@ -62,7 +62,7 @@ class NodeHealth:
 
         Args:
             what: the work in a few words, such as 'state 12'.
-            longest_s: time after which the work counts as stuck [s]; infinite: never.
+            longest_s: the work counts as stuck if it takes longer [s]; infinite: never.
         """
         with self._lock:
             self._works_begun += 1

@@ -17,7 +17,7 @@ LARGEST_WHOLE = 2**63 - 1
 
 @dataclass(frozen=True)
 class ParameterRule:
-    """What a node declares about one of its parameters.
+    """The declaration of one parameter by its node.
 
     Attributes:
         name: name of the parameter, with its unit.
@@ -81,7 +81,7 @@ class ParameterRule:
         return value
 
     def as_json(self) -> dict[str, Any]:
-        """Return the rule as an object for a JSON file, without what is not limited."""
+        """Return the rule as an object for a JSON file, without limits that are infinite."""
         found: dict[str, Any] = {'default': self.default, 'description': self.description}
         if self.at_least != -math.inf:
             found['at_least'] = self.at_least

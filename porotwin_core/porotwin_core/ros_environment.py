@@ -8,9 +8,9 @@ import os
 import socket
 import sys
 import tempfile
-from collections.abc import MutableMapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TextIO
+from typing import Self, TextIO
 
 from porotwin_core.errors import InputError
 
@@ -26,31 +26,36 @@ FREE_DOMAINS = range(1, 102)
 """Domains whose ports lie below those that Linux gives to programs (docs.ros.org)."""
 
 RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
-"""Discovery ranges in which the nodes of a graph find each other."""
+"""The nodes of a graph find each other in these discovery ranges."""
 
 
-def prepare_environment(environ: MutableMapping[str, str] | None = None) -> None:
+def prepare_environment() -> None:
     """Check the variables of ROS 2; without a discovery range, set the one of this machine.
-
-    Args:
-        environ: the variables; None: those of this process.
 
     Raises:
         InputError: one line with the variable and the values that are right.
     """
-    if environ is None:
-        environ = os.environ
+    check_environment(os.environ)
+    if not os.environ.get(RANGE):
+        os.environ[RANGE] = 'LOCALHOST'
+
+
+def check_environment(environ: Mapping[str, str]) -> None:
+    """Check the variables of ROS 2 in `environ`.
+
+    Raises:
+        InputError: one line with the variable and the values that are right.
+    """
     domain_of(environ)
-    found = environ.get(RANGE) or 'LOCALHOST'
-    if found not in RANGES:
+    found = environ.get(RANGE)
+    if found and found not in RANGES:
         why = 'the nodes cannot find each other' if found == 'OFF' else 'no such range'
         raise InputError(f'{RANGE} is {found}: {why}; set it to one of {", ".join(RANGES)}')
     _check_middleware(environ)
     _check_peers(environ.get(PEERS, ''))
-    environ[RANGE] = found
 
 
-def domain_of(environ: MutableMapping[str, str]) -> int:
+def domain_of(environ: Mapping[str, str]) -> int:
     """Return the domain that the variables name; 0 if they name none.
 
     Raises:
@@ -62,7 +67,7 @@ def domain_of(environ: MutableMapping[str, str]) -> int:
     return int(text)
 
 
-def _check_middleware(environ: MutableMapping[str, str]) -> None:
+def _check_middleware(environ: Mapping[str, str]) -> None:
     name = environ.get(MIDDLEWARE, '')
     prefixes = [sys.prefix, *environ.get('AMENT_PREFIX_PATH', '').split(':')]
     folders = [Path(prefix, 'lib') for prefix in filter(None, prefixes)]
@@ -89,9 +94,10 @@ def _check_peers(text: str) -> None:
 
 
 class DomainClaim:
-    """Keeps a domain for one graph on this machine, until `release` or the end of the process.
+    """Keeps a domain for one graph on this machine; a context manager.
 
-    Graphs on other machines are not seen here; the hub refuses to be the second one.
+    The end of the process gives it back, too. Graphs on other machines are not seen here; the hub
+    refuses to be the second one.
     """
 
     def __init__(self, domain: int) -> None:
@@ -103,7 +109,10 @@ class DomainClaim:
         self.domain = domain
         self._file = _lock(domain)
 
-    def release(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """Give the domain back."""
         self._file.close()
 
@@ -124,15 +133,19 @@ def _lock(domain: int) -> TextIO:
     return file
 
 
-def claim_free_domain() -> DomainClaim:
-    """Claim a domain that no other graph on this machine has claimed.
+def claim_domain() -> DomainClaim:
+    """Claim the domain of `ROS_DOMAIN_ID`; if there is none, choose a free one and set it.
 
     Raises:
-        InputError: there is none.
+        InputError: the domain is in use, or no domain is free.
     """
+    if os.environ.get(DOMAIN, '').strip():
+        return DomainClaim(domain_of(os.environ))
     for domain in FREE_DOMAINS:
         try:
-            return DomainClaim(domain)
+            claim = DomainClaim(domain)
         except InputError:
             continue
+        os.environ[DOMAIN] = str(domain)
+        return claim
     raise InputError(f'all domains up to {FREE_DOMAINS[-1]} are in use; end some graphs')

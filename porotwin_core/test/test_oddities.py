@@ -79,7 +79,10 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'width_mm': 934}, "did you mean 'width_m'"),
         ({'name': ''}, 'name'),
         ({'wells.wall': {'x_m': 0.0, 'z_m': 0.2}}, "'wall'"),
-        ({'wells.far': {'x_m': 235, 'z_m': 235}}, "'far'"),
+        ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm? (0.235, 0.235) m'),
+        ({'wells.list': [0.2, 0.3]}, 'write a section'),
+        ({'name': 5}, 'put numbers and dates in quotes'),
+        ({'control.wells': 'injector'}, 'write a list'),
     ],
 )
 def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], named: str) -> None:
@@ -104,6 +107,9 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ({'control.disallowed_zone_m': [[0, 0.4], [1.9, 0.4], [0.9, 0.5]]}, 'reaches beyond'),
         ({'camera': {'corners_px': [CORNERS[i] for i in (2, 3, 0, 1)]}}, 'upside down'),
         ({'camera': {'corners_px': [CORNERS[i] for i in (1, 2, 3, 0)]}}, 'on its side'),
+        ({'depth_m': {'points': [[0, 0, 0.01], [934, 0, 0.01]]}}, '(934, 0) m: it lies outside'),
+        ({'depth_m': {'points': [[0, 0, 0.01], [0, 0, 0.02]]}}, 'it has two depths'),
+        ({'control.fuzziness_m': 10}, 'counts as the zone'),
         ({'wells': {}, 'control': None}, 'no water can be pumped'),
     ],
 )

@@ -72,6 +72,12 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     (tmp_path / 'rig.yaml').write_text('name: [unclosed')
     with pytest.raises(InputError, match='not readable as YAML'):
         load_rig(tmp_path)
+    (tmp_path / 'rig.yaml').write_text('[' * 5000)
+    with pytest.raises(InputError, match='nested too deeply'):
+        load_rig(tmp_path)
+    (tmp_path / 'rig.yaml').write_text('name: small', encoding='utf-16')
+    with pytest.raises(InputError, match='save it as UTF-8'):
+        load_rig(tmp_path)
     (tmp_path / 'rig.yaml').write_text(
         yaml.safe_dump({**SMALL, 'depth_m': {'file': 'depth.nc', 'variable': 'depth'}})
     )

@@ -1,5 +1,6 @@
 """Tests of the variables of ROS 2, and of one graph per domain."""
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -8,7 +9,8 @@ import pytest
 from porotwin_core.errors import InputError
 from porotwin_core.ros_environment import (
     DomainClaim,
-    claim_free_domain,
+    check_environment,
+    claim_domain,
     domain_of,
     prepare_environment,
 )
@@ -28,7 +30,7 @@ from porotwin_core.ros_environment import (
 )
 def test_a_wrong_variable_is_one_line(name: str, value: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint) as error:
-        prepare_environment({name: value})
+        check_environment({name: value})
     assert '\n' not in str(error.value)
 
 
@@ -38,30 +40,33 @@ def test_a_middleware_that_is_not_installed_is_named_with_those_that_are(tmp_pat
         (tmp_path / 'lib' / f'librmw_{name}.so').touch()
     environ = {'AMENT_PREFIX_PATH': str(tmp_path), 'RMW_IMPLEMENTATION': 'rmw_connext_cpp'}
     with pytest.raises(InputError, match=r'rmw_connext_cpp, which is not installed; .*cyclonedds'):
-        prepare_environment(environ)
-    prepare_environment({**environ, 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'})
+        check_environment(environ)
+    check_environment({**environ, 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'})
 
 
-def test_without_a_range_only_this_machine_is_searched() -> None:
-    environ: dict[str, str] = {'ROS_DOMAIN_ID': ' 7 '}
-    prepare_environment(environ)
-    assert environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
-    environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SUBNET'
-    prepare_environment(environ)
-    assert environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'SUBNET'
-    assert domain_of(environ) == 7
+def test_without_a_range_only_this_machine_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', '')
+    prepare_environment()
+    assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+    prepare_environment()
+    assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'SUBNET'
+
+
+def test_the_domain_is_a_number() -> None:
+    assert domain_of({'ROS_DOMAIN_ID': ' 7 '}) == 7
     assert domain_of({}) == domain_of({'ROS_DOMAIN_ID': ''}) == 0
 
 
 def test_a_domain_has_one_graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
-    first = DomainClaim(1)
-    with pytest.raises(InputError, match=r'another graph runs in domain 1 .*set ROS_DOMAIN_ID to'):
-        DomainClaim(1)
-    second = claim_free_domain()
-    assert second.domain == 2
-    first.release()
-    third = claim_free_domain()
-    assert third.domain == 1
-    second.release()
-    third.release()
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+    with DomainClaim(1):
+        with pytest.raises(InputError, match=r'another graph runs in domain 1 .*set ROS_DOMAIN_ID'):
+            DomainClaim(1)
+        with claim_domain() as chosen:
+            assert (chosen.domain, os.environ['ROS_DOMAIN_ID']) == (2, '2')
+            with pytest.raises(InputError, match='another graph runs in domain 2'):
+                claim_domain()  # the user's choice is kept
+    with DomainClaim(1) as again:
+        assert again.domain == 1

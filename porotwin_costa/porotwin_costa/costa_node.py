@@ -20,6 +20,7 @@ from rclpy.node import Node
 from porotwin_core import conversions
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.single_instance import only_one
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import corrective_source
 from porotwin_costa.dataset import load_dataset
@@ -247,8 +248,8 @@ class CostaNode(Node):
 
 
 def main() -> None:
-    """Run the node; one thread trains while others answer."""
-    run(CostaNode, threads=4)
+    """Run the node, unless another one is there; one thread trains while others answer."""
+    run(only_one(CostaNode, 'costa'), threads=4)
 
 
 if __name__ == '__main__':

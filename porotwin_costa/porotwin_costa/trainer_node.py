@@ -20,6 +20,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.single_instance import only_one
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import Dataset, dataset_parts, load_dataset
 from porotwin_costa.physics_id import PhysicsId
@@ -265,8 +266,8 @@ def known_pairs(folder: Path, grid: Grid, time_step: float, physics: PhysicsId) 
 
 
 def main() -> None:
-    """Run the node in one thread: no two callbacks run at the same time."""
-    run(TrainerNode, threads=1)
+    """Run the node in one thread, so that no two callbacks run at the same time."""
+    run(only_one(TrainerNode, 'trainer'), threads=1)
 
 
 if __name__ == '__main__':

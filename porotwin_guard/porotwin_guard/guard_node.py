@@ -12,6 +12,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.single_instance import only_one
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control
@@ -144,8 +145,8 @@ class GuardNode(Node):
 
 
 def main() -> None:
-    """Run the node."""
-    run(GuardNode, threads=3)
+    """Run the node, unless another guard is there."""
+    run(only_one(GuardNode, 'guard'), threads=3)
 
 
 if __name__ == '__main__':

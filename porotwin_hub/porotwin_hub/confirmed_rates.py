@@ -3,6 +3,7 @@
 import math
 
 from porotwin_core.errors import InputError
+from porotwin_core.plausibility import plausible_rate_ml_h
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates, net_rate
@@ -10,10 +11,6 @@ from porotwin_core.wells import WellRates, net_rate
 PLAUSIBLE_FACTOR = 2.0
 """Plausible rates are at most this multiple of the greatest rate in rig.yaml: a pump may be set by
 hand beyond the limits of the twin, but a further digit is a slip of the hand."""
-
-PORE_VOLUMES_PER_HOUR = 100.0
-"""Greatest plausible rate of a rig without a control section: its pore volume so often per hour
-[1/h]; tracer would cross the paper's small rig in half a minute."""
 
 NET_SHARE = 0.05
 """Share of the injected water that may be missing at the producer without a question; the pumps of
@@ -23,17 +20,15 @@ ROUND_OFF = 1e-6
 """Round-off allowed in concentrations [-]."""
 
 
-def plausible_rate_ml_h(rig: Rig) -> float:
+def greatest_rate_ml_h(rig: Rig) -> float:
     """Return the greatest plausible rate of a well of `rig` [ml/h]."""
+    greatest = plausible_rate_ml_h(rig.pore_volume)[1]
     control = rig.control
     if control is None:
-        grid = rig.default_grid()
-        pores = rig.field('depth_m', grid) * rig.field('porosity', grid)
-        volume_ml = 1e6 * float(pores.mean()) * rig.width_m * rig.height_m
-        return PORE_VOLUMES_PER_HOUR * volume_ml
+        return greatest
     fixed = math.fsum(abs(well.rate_ml_h) for well in control.fixed.values())
     total = min(control.max_total_rate_ml_h, len(control.wells) * control.max_rate_ml_h)
-    return PLAUSIBLE_FACTOR * (fixed + total)
+    return min(PLAUSIBLE_FACTOR * (fixed + total), greatest)
 
 
 def refuse_implausible(rates: WellRates, rig: Rig) -> None:
@@ -43,7 +38,7 @@ def refuse_implausible(rates: WellRates, rig: Rig) -> None:
         InputError: a well is not known, a rate is too great, or a pump runs the wrong way
                 or with another fluid.
     """
-    greatest = plausible_rate_ml_h(rig)
+    greatest = greatest_rate_ml_h(rig)
     for name, well in rates.items():
         if name not in rig.wells:
             raise InputError(f"well '{name}' is not in the rig; known: {', '.join(rig.wells)}")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
-from porotwin_hub.parameter_file import known_rules, with_parameters
+from porotwin_hub.parameter_file import known_rules, template, with_parameters
 
 __all__ = [
     'NAMESPACE',
@@ -17,6 +17,7 @@ __all__ = [
     'description_of',
     'live_graph',
     'operator_node',
+    'parameter_template',
     'supervised',
     'twin_nodes',
 ]
@@ -60,6 +61,7 @@ class GraphSettings:
         None, 'file with the token of confirmations on the page, made if missing; none: a new token'
     )
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
+    pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
@@ -208,8 +210,21 @@ def operator_node(settings: GraphSettings, *, asset: bool) -> NodeDescription:
     )
 
 
+def pumps_node(settings: GraphSettings) -> list[NodeDescription]:
+    """Return the node that sets the pumps by itself, if there is a file of the pumps."""
+    if settings.pumps is None:
+        return []
+    parameters: Parameters = {
+        'rig': str(settings.rig),
+        'use_sim_time': settings.use_sim_time,
+        'pumps': str(settings.pumps),
+        'measure_period_s': settings.photo_interval_s,
+    }
+    return [NodeDescription('pumps', 'porotwin_pumps', 'pumps_node', parameters)]
+
+
 def live_graph(settings: GraphSettings) -> list[NodeDescription]:
-    """Return the graph beside a real rig: a camera, the twin, and a person at the pumps.
+    """Return the graph beside a real rig: a camera, the twin, and a person or real pumps.
 
     Without a camera source there is no camera: photographs are replayed from a bag.
 
@@ -217,7 +232,9 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
         InputError: the parameter file of `settings` is wrong.
     """
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
-    nodes = supervised([*twin_nodes(settings), operator_node(settings, asset=True), *camera])
+    pumps = pumps_node(settings)
+    operator = operator_node(settings, asset=not pumps)
+    nodes = supervised([*twin_nodes(settings), operator, *pumps, *camera])
     return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
 
 
@@ -228,3 +245,24 @@ def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:
         *nodes,
         NodeDescription('supervisor', 'porotwin_hub', 'supervisor_node', {'nodes': names}),
     ]
+
+
+def parameter_template() -> str:
+    """Return a parameter file with all parameters of the nodes beside a real rig."""
+    somewhere = Path('folder')
+    everything = GraphSettings(
+        rig=somewhere,
+        photos=somewhere,
+        calibration=somewhere,
+        model=somewhere,
+        grid='columns x rows',
+        retrain_every=1,
+        architecture='network',
+        training=somewhere,
+        record=somewhere,
+        diagnoses=somewhere,
+        page='HOST:PORT',
+    )
+    given = {node.name: node.parameters for node in live_graph(everything)}
+    rules = known_rules()
+    return template({node: rules[node] for node in given}, given)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from porotwin_hub.node_processes import NodeProcess
 
 STALE_AFTER_S = 5.0
-"""Silence after which a node counts as stale [s]; diagnostic_aggregator waits as long."""
+"""A node that is silent for longer is stale [s]; diagnostic_aggregator waits as long."""
 
 RESTART_AFTER_S = 30.0
-"""Silence after which a node is ended, so that its launcher starts it again [s]."""
+"""A node that is silent for longer is ended [s]; its launcher starts it again."""
 
 START_PATIENCE_S = 300.0
 """Longest time from the start of a process to its first report [s]: compiling kernels takes 60."""
@@ -61,8 +61,8 @@ class Liveness:
 
         Args:
             names: names of nodes.
-            stale_after_s: silence after which a node is stale [s].
-            restart_after_s: silence after which a node hangs [s]; 0: no node is ended.
+            stale_after_s: a node that is silent for longer is stale [s].
+            restart_after_s: a node that is silent for longer hangs [s]; 0: no node is ended.
             start_patience_s: longest time from start to first report [s].
             clock: returns a steady time [s].
         """

@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_rig, run
-from porotwin_hub.announcement import SINCE_1970, Announcement
+from porotwin_hub.announcement import Announcement
 from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.voice import Voice
 from porotwin_msgs.msg import Setpoint, WellRates
@@ -88,15 +88,15 @@ class OperatorNode(Node):
         """
         taken = conversions.time_from_msg(message.header.stamp)
         until = conversions.time_from_msg(message.valid_until)
-        now = float(self.get_clock().now().nanoseconds) * 1e-9
-        # beside a clock since 1970, the times of an experiment tell no age
-        comparable = (taken < SINCE_1970) == (now < SINCE_1970)
+        age = float(self.get_clock().now().nanoseconds) * 1e-9 - taken
+        # an impossible age tells of a camera with another clock; the guard has judged it
+        validity = until - taken
         return ShownSetpoint(
             sequence=message.sequence,
             rates=conversions.rates_from_msg(message.wells),
             stamp=taken,
             valid_until=until,
-            validity=min(until - taken, until - now if comparable else until - taken),
+            validity=validity - age if 0.0 < age < validity else validity,
         )
 
     def _on_timer(self) -> None:

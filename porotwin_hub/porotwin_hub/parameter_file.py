@@ -21,6 +21,7 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.parameter_rule import ParameterRule
+from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_hub.node_description import NAMESPACE, NodeDescription
 
 Rules = Mapping[str, Mapping[str, ParameterRule]]
@@ -41,7 +42,7 @@ SHARED = {
 HEAD = f"""\
 # Parameters of all nodes with their defaults. Use it with ./porotwin up --params FILE.
 # Keep the lines to change and remove the others. Values that are commented out are set by the
-# options of the command. The form is that of ROS 2. A node may also be named by its name alone,
+# options of the command. The form is the one of ROS 2. A node may also be named by its name alone,
 # and /** or {NAMESPACE}/* name several nodes.
 """
 
@@ -110,7 +111,7 @@ def with_parameters(
 
 def _read(path: Path) -> Any:
     try:
-        return yaml.safe_load(path.read_text(encoding='utf-8'))
+        return read_yaml(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise InputError('no such file; ./porotwin up --params-template prints one') from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -138,7 +139,7 @@ def _sections(name: str, content: Any) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _flat(prefix: str, content: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
-    """Return the parameters of a section; those of a section within have a point in the name."""
+    """Return the parameters of a section; inner sections add their name and a point."""
     for key, value in content.items():
         if isinstance(value, dict):
             yield from _flat(f'{prefix}{key}.', value)
@@ -159,7 +160,7 @@ def _matched(pattern: str, rules: Rules) -> list[str]:
 
 
 def _nodes_with(name: str, pattern: str, matched: list[str], rules: Rules) -> list[str]:
-    """Return those of the `matched` nodes that have a parameter; every node has `use_sim_time`."""
+    """Return the `matched` nodes with a parameter; every node has `use_sim_time`."""
     found = [node for node in matched if name in rules[node] or name == 'use_sim_time']
     if not found:
         who = matched[0] if len(matched) == 1 else f"any node of '{pattern}'"

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Self
@@ -45,7 +45,7 @@ TEE_PATIENCE_S = 2.0
 """Longest wait for the last output of a node that has ended [s]; a child may hold it open."""
 
 LOG_LIMIT_BYTES = 10_000_000
-"""Size at which a log file becomes NAME.log.1, in place of the one before."""
+"""A log file that is larger becomes NAME.log.1, in place of the one before."""
 
 SayFn = Callable[[str], None]
 """Receives one line for the user."""
@@ -120,10 +120,11 @@ class GraphProcesses:
         self._handlers: dict[int, Any] = {}
         self._kept: dict[str, _Kept] = {}
         self._tees: dict[str, threading.Thread] = {}
+        self._told: set[str] = set()
         self._ending = threading.Event()
         self._starting = threading.Lock()
         self.failed: dict[str, str] = {}
-        """Nodes that refused their parameters, with the reason; whoever looks here tells it."""
+        """Nodes that refused their parameters, with the reason; see `refusal`."""
 
     def __enter__(self) -> Self:
         """Start all nodes."""
@@ -193,6 +194,19 @@ class GraphProcesses:
     def running(self, name: str) -> bool:
         """Return whether the process of a node runs."""
         return self._kept[name].process.poll() is None
+
+    def refusal(self, optional: Collection[str] = ()) -> str | None:
+        """Return the line of a node that refused its parameters; None if none did.
+
+        The lines of `optional` nodes, without which the graph goes on, go to the user once.
+        """
+        for name, why in list(self.failed.items()):
+            if name not in optional:
+                return f'{name} cannot run: {why}'
+            if name not in self._told:
+                self._told.add(name)
+                self._report(f'{name} cannot run, going on without: {why}')
+        return None
 
     def _parameters(self, node: NodeDescription) -> Path:
         return self._folder / 'log' / f'{node.name}.yaml'
@@ -286,7 +300,7 @@ class GraphProcesses:
             kill(kept.process.pid)
 
     def _on_end(self, kept: _Kept, status: int) -> None:
-        """Decide what follows the end of a process."""
+        """Give up a node that has ended, or set the time of its next start."""
         name = kept.node.name
         if status == 0:
             kept.given_up = True

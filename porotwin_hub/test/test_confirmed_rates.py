@@ -11,7 +11,7 @@ from porotwin_core.rig import Rig, rig_from_maps
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_hub.confirmed_rates import (
-    plausible_rate_ml_h,
+    greatest_rate_ml_h,
     question_about,
     refuse_implausible,
 )
@@ -57,7 +57,7 @@ def test_without_a_control_section_the_pore_volume_says_what_is_plausible(
         {key: value for key, value in unit_rig.items() if key not in numbers},
         {key: unit_rig[key] for key in numbers},
     )
-    assert plausible_rate_ml_h(rig) == pytest.approx(100.0 * 0.4 * 0.01 * 1e6)
+    assert greatest_rate_ml_h(rig) == pytest.approx(100.0 * 0.4 * 0.01 * 1e6)
     refuse_implausible({'a': rate(-500.0)}, rig)
     assert question_about({'a': rate(-500.0)}, rig) is None
     with pytest.raises(InputError, match='not plausible'):

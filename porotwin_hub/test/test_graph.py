@@ -30,6 +30,7 @@ FULL = GraphSettings(
     record=Path('bag'),
     diagnoses=Path('diagnoses'),
     page='127.0.0.1:8765',
+    pumps=Path('pumps.yaml'),
 )
 
 
@@ -145,3 +146,12 @@ def test_the_chosen_network_is_trained_and_else_costa_chooses() -> None:
     nodes = {node.name: node.parameters for node in twin_nodes(settings)}
     assert nodes['trainer']['architecture'] == ''
     assert 'architecture' not in nodes['costa']
+
+
+def test_real_pumps_take_the_place_of_a_person() -> None:
+    nodes = {node.name: node.parameters for node in live_graph(FULL)}
+    assert nodes['operator']['asset'] is False
+    assert nodes['pumps']['pumps'] == 'pumps.yaml'
+    by_hand = {node.name: node.parameters for node in live_graph(GraphSettings(Path('rig.yaml')))}
+    assert by_hand['operator']['asset'] is True
+    assert 'pumps' not in by_hand

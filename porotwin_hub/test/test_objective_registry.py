@@ -26,11 +26,11 @@ def test_every_module_of_objectives_is_found() -> None:
     [
         (
             {'objective': {'name': 'keep_in', 'zone_m': [[5.0, 5.0], [6.0, 5.0], [6.0, 6.0]]}},
-            'zone_m: covers no cell of the rig',
+            'zone_m is 5 to 6 m in x, 5 to 6 m in z: it covers nothing of the rig',
         ),
         (
             {'disallowed_zone_m': [[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]]},
-            'disallowed_zone_m: covers no cell of the rig',
+            'it covers nothing of the rig',
         ),
         (
             {'objective': {'name': 'keep_in', 'zone_m': [[-1, -1], [2, -1], [2, 2], [-1, 2]]}},
@@ -49,7 +49,7 @@ def test_every_module_of_objectives_is_found() -> None:
         ),
         (
             {'objective': 'keep_in'},
-            "objective 'keep_in': 'zone_m' is missing: the corners (x, z) of the zone [m]",
+            "objective 'keep_in': 'zone_m' is missing: corners (x, z) of the zone [m]",
         ),
         (
             {'objective': {'name': 'keep_in', 'zone_m': TRIANGLE, 'fuzzines_m': 0.1}},
@@ -65,15 +65,15 @@ def test_every_module_of_objectives_is_found() -> None:
         ),
         (
             {},
-            "objective 'keep_out': 'disallowed_zone_m' is missing: the corners (x, z) of the zone",
+            "objective 'keep_out': 'disallowed_zone_m' is missing: corners (x, z) of the zone",
         ),
     ],
 )
 def test_a_wrong_objective_is_refused_with_one_line(
     unit_rig: dict[str, Any], control: dict[str, Any], complaint: str
 ) -> None:
-    rig = parse_rig({**unit_rig, 'control': {'wells': ['a'], **control}}, Path('rig.yaml'))
     with pytest.raises(InputError) as caught:
+        rig = parse_rig({**unit_rig, 'control': {'wells': ['a'], **control}}, Path('rig.yaml'))
         make_objective(rig, rig.grid(10, 10))
     assert complaint in str(caught.value)
     assert '\n' not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Tests of parameter files: what they reach, and the line for each mistake."""
+"""Tests of parameter files: the nodes they reach, and the line for each mistake."""
 
 import re
 from pathlib import Path
@@ -50,7 +50,7 @@ def given(folder: Path, text: str) -> dict[str, dict[str, object]]:
         'hub: {ros__parameters: {horizon_s: 900.0}}',
         '/**: {ros__parameters: {horizon_s: 900.0}}',
         '/**/hub: {ros__parameters: {horizon_s: 900.0}}',
-        '/porotwin/*: {ros__parameters: {horizon_s: 900.0}}',
+        '/porotwin/*: {ros__parameters: {horizon_s: 9e2}}',
         '/**: {ros__parameters: {horizon_s: 5.0}}\nhub: {ros__parameters: {horizon_s: 900.0}}',
         'hub: {ros__parameters: {horizon_s: 900.0}}\n/**: {ros__parameters: {horizon_s: 5.0}}',
     ],
@@ -109,6 +109,7 @@ def test_what_all_nodes_share_may_be_repeated_but_not_changed(tmp_path: Path) ->
         ('hub: {ros__parameters: [1]}', "ros__parameters of '/hub' is no section"),
         ('- hub', "'the file' is no section"),
         ('hub: {', 'not readable as YAML'),
+        ('hub: {ros__parameters: {seed: 1, seed: 2}}', "the key 'seed' stands twice"),
     ],
 )
 def test_a_mistake_is_one_line_with_the_file(text: str, complaint: str, tmp_path: Path) -> None:

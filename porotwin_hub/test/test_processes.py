@@ -200,7 +200,7 @@ while True:
         assert until(lambda: log.stat().st_size < 20_000)
 
 
-def test_a_refusal_is_not_shown_but_kept_for_the_user_of_the_graph(tmp_path: Path) -> None:
+def test_a_refusal_is_told_once(tmp_path: Path) -> None:
     lines: list[str] = []
     source = "import sys\nprint('error: no such rig', flush=True)\nsys.exit(2)"
     node = pretend_node(tmp_path, source)
@@ -209,5 +209,8 @@ def test_a_refusal_is_not_shown_but_kept_for_the_user_of_the_graph(tmp_path: Pat
     )
     with graph:
         assert until(lambda: bool(graph.failed)), lines
-    assert graph.failed == {'sleeper': 'no such rig'}
+    assert graph.refusal() == 'sleeper cannot run: no such rig'
     assert lines == []
+    assert graph.refusal(optional=['sleeper']) is None
+    assert graph.refusal(optional=['sleeper']) is None
+    assert lines == ['sleeper cannot run, going on without: no such rig']

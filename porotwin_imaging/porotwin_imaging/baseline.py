@@ -49,6 +49,7 @@ class Baseline:
         features: reference of the alignment.
         mask: parts without visible sand, on the sampling grid, row 0 at the top.
         usable: 1 where sand is visible, uint8, on the sampling grid.
+        share: share of each cell that is usable, shape (nz, nx).
         colours: linear red, green, blue on the sampling grid, shape (rows, columns, 3).
         fluctuation: variance of the log ratio between several baselines, shape (nz, nx, 3).
         chart: colours of the chart and the colour matrix.
@@ -66,6 +67,7 @@ class Baseline:
     features: ReferenceFeatures
     mask: BaselineMask
     usable: NDArray[np.uint8]
+    share: Array
     colours: Array
     fluctuation: Array
     chart: ColourReference
@@ -142,6 +144,7 @@ def make_baseline(
     share = sampling.cell_means(usable.astype(np.float32))
     if not (share > settings.validity.least_visible_share).any():
         raise InputError('baseline shows no sand: check light and corners_px')
+    over_exposed = _remarks_on_exposure(sampled[0], settings)
     chart, remarks = colour_reference(first, camera, reduction, settings.colour_checker)
     colours, fluctuation = _average(sampled, sampling, usable, share, settings)
     return Baseline(
@@ -152,6 +155,7 @@ def make_baseline(
         features=features,
         mask=mask,
         usable=usable.astype(np.uint8),
+        share=share,
         colours=colours,
         fluctuation=fluctuation,
         chart=chart,
@@ -159,7 +163,7 @@ def make_baseline(
         calibrated=calibration is not None,
         sand_factors=used_calibration.factor_map(grid),
         settings=settings,
-        remarks=(*remarks, *_remarks_on_files(photographs)),
+        remarks=(*remarks, *over_exposed, *_remarks_on_files(photographs)),
     )
 
 
@@ -243,6 +247,23 @@ def _average(
     gains = [drift.log_gain.mean(axis=(0, 1)) for drift in drifts]
     same_light = [one * np.exp(-gain) for one, gain in zip(sampled, gains, strict=True)]
     return np.mean(same_light, axis=0).astype(np.float32), ratios.var(axis=0, ddof=1)
+
+
+def _remarks_on_exposure(colours: Array, settings: ImagingSettings) -> list[str]:
+    """Return a remark if the baseline is over-exposed in part; `colours` are those sampled.
+
+    Raises:
+        InputError: too much of the rig is over-exposed.
+    """
+    clipped = colours.max(axis=2) >= settings.baseline_mask.over_exposed
+    share = float(clipped.mean())
+    if share > settings.validity.most_over_exposed:
+        raise InputError(
+            f'baseline is over-exposed on {100 * share:.0f} % of the rig; shorten the exposure'
+        )
+    if share < settings.baseline_mask.reported_over_exposed:
+        return []
+    return [f'{100 * share:.1f} % of the rig is over-exposed: tracer is not seen there']
 
 
 def _remarks_on_files(photographs: Sequence[bytes]) -> list[str]:

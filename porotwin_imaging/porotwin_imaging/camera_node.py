@@ -28,6 +28,8 @@ TICK_S = 0.25
 """Time between two looks at the schedule [s]."""
 LONGEST_POLL_S = 60.0
 """A poll that takes longer [s] hangs, as on a network share that does not answer."""
+SILENT_INTERVALS = 2.0
+"""Intervals without a photograph after which people are warned."""
 DAY_S = 86400.0
 
 
@@ -75,14 +77,14 @@ class CameraNode(Node):
         self._diagnostics = Diagnostics(self)
         self._schedule = PollSchedule(kind.poll_interval_s or interval)
         self._takes_photographs = kind.poll_interval_s is None
-        self._poll_began: float | None = None
+        self._last_sent = time.monotonic()
+        self._next_warning_s = SILENT_INTERVALS * interval
         self._forwarder.send_baselines_again()
-        # polls follow real time, even if photographs are stamped by /clock; a poll that hangs must
-        # not stop the watch over it
+        # polls follow real time, even if photographs are stamped by /clock, and may take as long as
+        # an exposure
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        for callback, period in ((self._poll, TICK_S), (self._watch, 1.0)):
-            group = MutuallyExclusiveCallbackGroup()
-            self.create_timer(period, callback, clock=steady, callback_group=group)
+        group = MutuallyExclusiveCallbackGroup()
+        self.create_timer(TICK_S, self._poll, clock=steady, callback_group=group)
 
     def _declare_interval(self) -> float:
         def change(value: float) -> None:
@@ -144,19 +146,22 @@ class CameraNode(Node):
         known = self.count_subscribers(self._state.topic_name)
         if not (self._subscribers.is_over(connected, known) and self._schedule.is_due()):
             return
-        self._poll_began = time.monotonic()
-        self._forwarder.forward()
-        self._poll_began = None
+        with self._diagnostics.busy('looking for photographs', LONGEST_POLL_S):
+            self._forwarder.forward()
         self._schedule.polled(failed=bool(self._forwarder.absent))
         if self._forwarder.absent:
             self._diagnostics.report(DiagnosticStatus.ERROR, self._forwarder.absent)
+        else:
+            self._warn_of_silence()
 
-    def _watch(self) -> None:
-        """Report a poll that hangs."""
-        began = self._poll_began
-        if began is not None and time.monotonic() - began > LONGEST_POLL_S:
-            line = f'the camera has not answered for {time.monotonic() - began:.0f} s'
-            self._diagnostics.report(DiagnosticStatus.ERROR, line)
+    def _warn_of_silence(self) -> None:
+        """Report once per interval that no photograph came for two of them."""
+        silent_s = time.monotonic() - self._last_sent
+        if silent_s < self._next_warning_s:
+            return
+        line = f'no photograph for {silent_s:.0f} s; is the camera on?'
+        self._diagnostics.report(DiagnosticStatus.WARN, line)
+        self._next_warning_s = silent_s + self._forwarder.interval_s
 
     def _say(self, line: str) -> None:
         self.get_logger().info(line)
@@ -172,6 +177,8 @@ class CameraNode(Node):
         message.data.frombytes(photo.data)
         publisher = self._baseline if photo.role == 'baseline' else self._state
         publisher.publish(message)
+        self._last_sent = time.monotonic()
+        self._next_warning_s = SILENT_INTERVALS * self._forwarder.interval_s
         name = printable(photo.name)
         line = one_line(f'{photo.role} photograph {name}, exposed at {photo.time:.3f} s')
         self.get_logger().info(line)

@@ -17,12 +17,15 @@ from porotwin_core.conversions import header_at, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
+from porotwin_core.single_instance import only_one
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
 LONGEST_GAP_S = 7 * 86400.0
 """No experiment has pauses longer than a week [s]."""
+LONGEST_WORK_S = 300.0
+"""One photograph takes a second, and a minute with kernels to compile on a busy computer [s]."""
 
 
 class ImagingNode(Node):
@@ -79,7 +82,9 @@ class ImagingNode(Node):
             if role == 'baseline':
                 return self._take_baseline(time, data)
             if self._session.baseline is not None:
-                self._publish(self._session.add_photo(time, data))
+                with self._diagnostics.busy(f'photograph at {time:.3f} s', LONGEST_WORK_S):
+                    state = self._session.add_photo(time, data)
+                self._publish(state)
             elif warning := self._session.keep_waiting(time, data):
                 self._complain(warning, time)
         except InputError as error:
@@ -141,8 +146,8 @@ class ImagingNode(Node):
 
 
 def main() -> None:
-    """Run the node."""
-    run(ImagingNode)
+    """Run the node, unless another one is there."""
+    run(only_one(ImagingNode, 'imaging'))
 
 
 if __name__ == '__main__':

@@ -4,7 +4,6 @@
 photograph is an attribute here; the imaging itself (`photo_to_map.py`) has no state.
 """
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.photo_sequence import Placement, SequenceState, accept, place
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
+from porotwin_imaging.sent_photos import digest_of
 from porotwin_imaging.waiting_photos import WaitingPhotos
 
 WAITING_PHOTOS = 64
@@ -77,19 +77,21 @@ class ImagingSession:
         self._longest_gap_s = longest_gap_s
         self._sequence = SequenceState()
         self._states = 0
+        self._baselines_taken: set[str] = set()
         self._waiting = WaitingPhotos(WAITING_PHOTOS)
 
     def add_baseline(self, data: bytes) -> list[tuple[float, bytes]]:
         """Take the photograph `data` (bytes of the file) as a baseline.
 
         Before the first state it is averaged with the earlier baselines; after that it starts a new
-        experiment. A baseline in use changes nothing: a restarted camera offers it again. Returns
-        time [s] and bytes of the photographs that have waited for it.
+        experiment. A baseline that was taken before changes nothing: a restarted camera offers it
+        again. Returns time [s] and bytes of the photographs that have waited for it.
 
         Raises:
             InputError: the photograph cannot be used or shows tracer; the session is unchanged.
         """
-        if data in self.baseline_photos:
+        digest = digest_of(data)
+        if digest in self._baselines_taken:
             return []
         new_experiment = self._states > 0
         if new_experiment:
@@ -97,6 +99,7 @@ class ImagingSession:
         photos = [data] if new_experiment else [*self.baseline_photos, data][-MOST_BASELINES:]
         self.baseline = make_baseline(self.rig, self.grid, photos, calibration=self.calibration)
         self.baseline_photos = photos
+        self._baselines_taken.add(digest)
         if new_experiment:
             self._states = 0
             self._sequence = SequenceState()
@@ -111,7 +114,7 @@ class ImagingSession:
         """
         if self.baseline is None:
             raise InputError('no baseline yet: give a photograph taken before the injection')
-        digest = hashlib.blake2b(data, digest_size=16).hexdigest()
+        digest = digest_of(data)
         placement, self._sequence = place(
             time, digest, self._sequence, longest_gap_s=self._longest_gap_s
         )

@@ -10,7 +10,7 @@
 | sample the cells | `sampling`, `cell_sums` |
 | subtract the baseline | `baseline_subtraction` |
 | check which sand is visible | `validity` |
-| correct colours and light | `colour_correction`, `light_drift` |
+| correct colours and light | `colour_correction`, `light_drift`, `light_check` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
 | denoise | `denoising`, `total_variation` |
 
@@ -30,10 +30,16 @@ from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_base
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised, noise_after_denoising
+from porotwin_imaging.light_check import (
+    exposure_remarks,
+    lit_as_baseline,
+    refuse_grey,
+    refuse_unknown_light,
+)
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.stopwatch import Stopwatch
-from porotwin_imaging.validity import visible_cells
+from porotwin_imaging.validity import unclipped_cells, visible_cells
 
 Array = NDArray[Any]
 
@@ -139,27 +145,35 @@ def compare_with_baseline(
         sampled = sampling.sample(pixels, alignment.homography)
     with watch.stage('average'):
         sums = _cell_sums(sampled, baseline)
+        refuse_grey(sums.state, sums.baseline)
         ratio, variance = subtract_baseline(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         blocks = cells_per_block(sampling.samples_across, settings.noise)
+        unclipped, clipped_remarks = unclipped_cells(sums, baseline.share, settings.validity)
         visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
+        visible &= unclipped
     with watch.stage('light'):
         gain, light_remarks = checker_gain(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
         weight = np.where(visible, sums.share, 0.0)
         drift = light_drift(ratio, weight, gain, settings.light)
+        refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
+        residual = ratio - drift.log_gain
+        light_remarks += exposure_remarks(gain, settings.light)
+        visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
+    left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
-        log_ratio=ratio - drift.log_gain,
+        log_ratio=residual,
         variance=variance + baseline.fluctuation,
         visible=visible,
         drift=drift,
         alignment=alignment,
-        remarks=moved_remarks + light_remarks + hidden_remarks,
-        suspicious=deformed or bool(hidden_remarks),
+        remarks=moved_remarks + light_remarks + left_out,
+        suspicious=deformed or bool(left_out),
     )
 
 

@@ -123,6 +123,11 @@ class LightSettings:
     """Cells used of a finer map: the drift varies slowly, a regular subset is enough."""
     histogram_bin: float = 0.01
     """Bin width of the histogram for the start value [log ratio]."""
+    most_brighter: float = 0.08
+    """Cells that are brighter than the baseline by more show a reflection [log ratio]. On real and
+    rendered photographs the averages over 3 x 3 cells stay below 0.022."""
+    most_brighter_share: float = 0.15
+    """Photographs that are brighter on more than this share of the sand are refused [-]."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,8 @@ class BaselineMaskSettings:
     """Linear brightness below which a sample is frame or deep shadow [-]."""
     over_exposed: float = 0.955
     """Lowest linear value of over-exposed channels, grey level 250 [-]."""
+    reported_over_exposed: float = 0.005
+    """Share of over-exposed samples from which it is reported [-]; bolts and glass reflect less."""
     smooth_texture: float = 0.25
     """Texture relative to the median of the rig below which there is water instead of sand [-]."""
     detection_columns: int = 900
@@ -151,6 +158,11 @@ class ValiditySettings:
 
     least_visible_share: float = 0.3
     """Share of a cell that must be visible for the cell to have a value [-]."""
+    most_clipped_samples: float = 0.05
+    """Share of over-exposed samples above which a cell has no value [-]. The darker grains that
+    remain are not the same everywhere."""
+    most_over_exposed: float = 0.25
+    """Photographs that are over-exposed on more than this share of the sand are refused [-]."""
     most_hidden: float = 0.4
     """Photographs that hide or damage more than this share of the sand are refused [-]."""
     least_correlation: float = 0.25

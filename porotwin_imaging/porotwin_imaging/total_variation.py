@@ -14,6 +14,9 @@ primal-dual method of Chambolle and Pock (J. Math. Imaging Vision 40:120, 2011, 
 duality gap G bounds the distance to the exact minimiser u*, 1/2 int w (u - u*)^2 dA <= G. The
 iteration stops when sqrt(2 G / int w dA), a weighted root mean square error, is below the
 tolerance.
+
+The kernels keep to the order of operations as written. Faster rounding (numba's `fastmath`) would
+save nothing here, and maps would depend on whether a kernel was compiled now or earlier.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -148,8 +151,8 @@ def _filled(weighted: Array, weight: Array, full_weight: np.float32) -> NDArray[
     return (full * own + (1.0 - full) * coarser).astype(np.float32)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model='numpy')
-def _dual_row(here, above, p, q, step, strength, az, ax):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy')
+def dual_row(here, above, p, q, step, strength, az, ax):  # type: ignore[no-untyped-def]
     """Dual step along one row: (p, q) <- projection of (p, q) + step grad u."""
     one = np.float32(1.0)
     for j in range(here.size - 1):
@@ -164,8 +167,8 @@ def _dual_row(here, above, p, q, step, strength, az, ax):  # type: ignore[no-unt
     p[j] = a * (strength / max(strength, abs(a)))
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model='numpy')
-def _primal_row(u, bar, p, below, q, f, w, step, beyond, az, ax):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy')
+def primal_row(u, bar, p, below, q, f, w, step, beyond, az, ax):  # type: ignore[no-untyped-def]
     """Primal step along one row: u <- prox(u + step div (p, q)), and its extrapolation."""
     one = np.float32(1.0)
     for j in range(u.size):
@@ -220,9 +223,9 @@ def _primal_dual(f, w, strength, az, ax, tolerance, max_iterations):  # type: ig
             for i in range(nz):
                 # no flux through the top edge: the row above is the top row, and p stays 0
                 above = bar[min(i + 1, nz - 1)]
-                _dual_row(bar[i], above, p[i + 1], q[i], dual, strength, az, ax)
+                dual_row(bar[i], above, p[i + 1], q[i], dual, strength, az, ax)
                 # no later row needs the old bar[i], so that one pass does both steps
-                _primal_row(u[i], bar[i], p[i + 1], p[i], q[i], f[i], w[i], primal, beyond, az, ax)
+                primal_row(u[i], bar[i], p[i + 1], p[i], q[i], f[i], w[i], primal, beyond, az, ax)
             primal *= beyond
         count += CHECK_EVERY
         gap, total = _gap(u, p, q, f, w, strength, az, ax)

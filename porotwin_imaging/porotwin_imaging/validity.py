@@ -52,6 +52,29 @@ def visible_cells(
     return expected & ~hidden, [remark]
 
 
+def unclipped_cells(
+    sums: CellSums, share: Array, settings: ValiditySettings = DEFAULTS.validity
+) -> tuple[Mask, list[str]]:
+    """Return the cells (nz, nx) that are not over-exposed, and a remark if some are.
+
+    Over-exposed samples are left out of `sums`. `share` (nz, nx) is the share of each cell that the
+    baseline shows.
+
+    Raises:
+        InputError: too much of the sand is over-exposed.
+    """
+    sand = share > settings.least_visible_share
+    clipped = sand & (share - sums.share > settings.most_clipped_samples * share)
+    part = float(clipped.sum() / max(1, sand.sum()))
+    if part > settings.most_over_exposed:
+        raise InputError(
+            f'photograph is over-exposed on {100 * part:.0f} % of the sand; shorten the exposure'
+        )
+    if not clipped.any():
+        return ~clipped, []
+    return ~clipped, [f'{100 * part:.1f} % of the sand is over-exposed: left out']
+
+
 def hidden_sand(sums: CellSums, settings: ValiditySettings = DEFAULTS.validity) -> Mask:
     """Return where (nz, nx) the pattern of grains is not the pattern of the baseline.
 

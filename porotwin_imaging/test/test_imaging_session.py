@@ -61,6 +61,10 @@ def test_a_baseline_after_a_state_starts_a_new_experiment(
     new = laboratory.photograph(no_tracer, seed=5)
     session.add_baseline(new)
     assert session.baseline_photos == [new]
+    before = session.baseline
+    for offered_again in (empty_photograph, new):  # by a restarted camera
+        assert session.add_baseline(offered_again) == []
+    assert session.baseline is before
     third = session.add_photo(90.0, laboratory.photograph(true_map, seed=6))
     assert (third.number, third.placement.action) == (0, 'start')
 

@@ -1,6 +1,8 @@
 """Photographs as files: complete, broken, dark and over-exposed ones."""
 
+import contextlib
 import io
+import random
 import struct
 
 import cv2
@@ -92,3 +94,62 @@ def test_a_header_with_an_impossible_size_is_refused() -> None:
     assert not photo_file.is_complete(data)
     with pytest.raises(InputError, match='not a JPEG'):
         photo_file.decode(data)
+
+
+def picture_of(kind: str) -> bytes:
+    """Return a smooth picture as a file of a kind that cameras and programs write."""
+    smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
+    if kind in ('PNG 16', 'TIFF 16'):
+        wide = smooth.astype(np.uint16) * 257
+        return cv2.imencode('.png' if kind == 'PNG 16' else '.tiff', wide)[1].tobytes()
+    mode = {'CMYK': 'CMYK', 'RGBA': 'RGBA', 'TIFF': 'RGB', 'progressive': 'RGB'}[kind]
+    file = io.BytesIO()
+    image = Image.fromarray(smooth[..., ::-1]).convert(mode)
+    name = {'RGBA': 'PNG', 'TIFF': 'TIFF'}.get(kind, 'JPEG')
+    image.save(file, name, **({'progressive': True, 'quality': 95} if name == 'JPEG' else {}))
+    return file.getvalue()
+
+
+@pytest.mark.parametrize('kind', ['PNG 16', 'TIFF 16', 'CMYK', 'RGBA', 'TIFF', 'progressive'])
+def test_pictures_of_every_kind_have_the_same_pixels(kind: str) -> None:
+    found = photo_file.decode(picture_of(kind)).pixels
+    smooth = cv2.GaussianBlur(pixels(), (0, 0), 12)
+    assert found.shape == smooth.shape
+    assert np.abs(found.astype(int) - smooth).mean() < 4.0
+
+
+@pytest.mark.parametrize('size', [100_000, 60_000])
+@pytest.mark.parametrize('kind', ['JPEG', 'PNG', 'TIFF'])
+def test_a_header_that_claims_any_size_is_refused_before_decoding(kind: str, size: int) -> None:
+    file = io.BytesIO()
+    Image.new('RGB', (30, 20), (90, 90, 90)).save(file, kind)
+    data = bytearray(file.getvalue())
+    side = min(size, 65_500) if kind == 'JPEG' else size
+    if kind == 'JPEG':
+        at = data.index(b'\xff\xc0') + 5
+        data[at : at + 4] = struct.pack('>HH', side, side)
+    elif kind == 'PNG':
+        data[16:24] = struct.pack('>II', side, side)
+    else:
+        for tag in (256, 257):
+            at = next(i for i in range(len(data)) if data[i : i + 2] == struct.pack('<H', tag))
+            data[at : at + 12] = struct.pack('<HHII', tag, 4, 1, side)
+    with pytest.raises(InputError, match=r'more than any camera has|not a JPEG, PNG or TIFF'):
+        photo_file.decode(bytes(data))
+    photo_file.is_complete(bytes(data))
+
+
+def test_damaged_files_are_refused_or_decoded_and_nothing_else() -> None:
+    generator = random.Random(5)
+    for kind in ('PNG 16', 'CMYK', 'TIFF', 'progressive'):
+        data = picture_of(kind)
+        for _ in range(25):
+            spoiled = bytearray(
+                data[: generator.choice([len(data), generator.randrange(len(data))])]
+            )
+            for _ in range(3):
+                if spoiled:
+                    spoiled[generator.randrange(min(len(spoiled), 400))] = generator.randrange(256)
+            photo_file.is_complete(bytes(spoiled))
+            with contextlib.suppress(InputError):
+                photo_file.decode(bytes(spoiled), generator.choice([1, 8]))

@@ -1,8 +1,12 @@
 """Maps of real photographs of the large FluidFlower show the tracer that an expert finds there."""
 
+import re
+
+import cv2
 import numpy as np
 import pytest
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig, load_rig
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration_fit import fit_calibration
@@ -102,6 +106,25 @@ def test_there_is_no_jump_at_the_light_sand(maps) -> None:
         inside = column[low:high]
         assert np.abs(np.diff(inside)).max() < 0.05
         assert inside.min() > 0.75
+
+
+@pytest.mark.parametrize('factor', [0.5, 1.5, 2.0])
+def test_another_exposure_never_erases_the_plume(rig, tracer_photographs, factor) -> None:
+    """Tracer is seen as before, or it is not seen and the map says so, or there is no map."""
+    photos = [(tracer_photographs / f'tracer_{n}.jpg').read_bytes() for n in (0, 3)]
+    baseline = make_baseline(rig, rig.grid(NX // 2, NZ // 2), photos[:1])
+    before = concentration_map(photos[1], baseline)
+    pixels = cv2.imdecode(np.frombuffer(photos[1], np.uint8), cv2.IMREAD_COLOR)
+    brighter = cv2.imencode('.jpg', cv2.convertScaleAbs(pixels, alpha=factor))[1].tobytes()
+    try:
+        found = concentration_map(brighter, baseline)
+    except InputError as error:
+        assert re.search('over-exposed|times the light|is brighter', str(error))
+        return
+    plume = before.values > 0.5
+    seen = plume & np.isfinite(found.values)
+    assert found.values[seen].mean() > 0.8 * before.values[seen].mean()
+    assert seen.sum() > 0.95 * plume.sum() or found.suspicious
 
 
 def test_the_laser_grid_is_straight_and_square(rig, tracer_photographs) -> None:

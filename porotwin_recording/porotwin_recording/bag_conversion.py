@@ -33,6 +33,7 @@ from porotwin_msgs.msg import (
     WellRates,
 )
 from porotwin_recording import topic_names
+from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import TopicQos
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.experiment_folder import Progress, write_folder
@@ -49,6 +50,21 @@ _QOS = {
     topic_names.BASELINE: TopicQos(durability='transient_local'),
     topic_names.SETPOINT: TopicQos(depth=1),
 }
+
+_EXPORTED = tuple(
+    f'/{name}'
+    for name in (
+        topic_names.RIG,
+        topic_names.SETPOINT,
+        topic_names.MEASURED,
+        topic_names.NEW_STATE,
+        topic_names.STATE_REFRESHED,
+        topic_names.CLEAN_STATE,
+        topic_names.IMAGE,
+        topic_names.BASELINE,
+    )
+)
+"""Topics whose content is in an experiment folder."""
 
 _COUNTED = (topic_names.NEW_STATE, topic_names.IMAGE, topic_names.BASELINE)
 """Topics whose messages count as progress."""
@@ -93,7 +109,27 @@ def import_experiment(
                 progress(done, total)
 
 
-def export_bag(bag: Path | str, folder: Path | str, *, progress: Progress | None = None) -> None:
+def topics_left_out(bag: Path | str) -> dict[str, int]:
+    """Return the topics that an export leaves out, with the numbers of their messages.
+
+    Raises:
+        InputError: the bag cannot be read.
+    """
+    topics = BagReader(bag).topics
+    return {
+        name: topic.message_count
+        for name, topic in sorted(topics.items())
+        if topic.message_count and not name.endswith(_EXPORTED)
+    }
+
+
+def export_bag(
+    bag: Path | str,
+    folder: Path | str,
+    *,
+    segment: int | None = None,
+    progress: Progress | None = None,
+) -> None:
     """Write the experiment in `bag` as an experiment folder.
 
     The folder appears when it is complete, and not at all after an error.
@@ -101,12 +137,13 @@ def export_bag(bag: Path | str, folder: Path | str, *, progress: Progress | None
     Args:
         bag: the bag, a folder or a file .mcap.
         folder: the new experiment folder.
+        segment: which experiment of the bag, from 1; None: the longest.
         progress: receives the number of finished maps and photographs, and their total.
 
     Raises:
         InputError: one line that names a fault in the bag, or the folder exists.
     """
-    recording = open_recording(bag)
+    recording = open_recording(bag, segment=segment)
     with _complete_or_absent(Path(folder)) as path:
         write_folder(path, recording, progress=progress)
 

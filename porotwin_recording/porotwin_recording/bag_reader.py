@@ -1,17 +1,18 @@
-"""Reads MCAP bags: single files and rosbag2 folders, complete or cut off by a crash."""
+"""Reads MCAP bags: single files and rosbag2 folders, complete, cut off by a crash, or damaged."""
 
 import heapq
 import logging
+import tempfile
+import weakref
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from porotwin_core.errors import InputError
+from porotwin_recording.bag_folder import COMPRESSED, bag_folder, plain_data, unpacked
 from porotwin_recording.bag_records import BagMessage
-from porotwin_recording.bag_writer import METADATA
-from porotwin_recording.mcap_reader import merged_topics, open_mcap
+from porotwin_recording.mcap_reader import McapFile, merged_topics, open_mcap
 from porotwin_recording.serialization import Deserializer
 
 logger = logging.getLogger(__name__)
@@ -20,8 +21,10 @@ logger = logging.getLogger(__name__)
 class BagReader:
     """Reads the bag at `path`: an .mcap file, or a rosbag2 folder with or without metadata.yaml.
 
-    A file without an end, after a crash or a kill, is read up to its last complete chunk; a remark
-    and a warning in the log report it.
+    Everything readable is read, and a remark and a warning in the log report each loss: a file
+    without an end after a crash, a damaged chunk, a file of the folder that is missing. Files in
+    zstd compression (`ros2 bag record --compression-mode file`) are unpacked into a temporary
+    folder, and messages (`message`) one by one.
 
     Attributes:
         path: the bag.
@@ -38,13 +41,41 @@ class BagReader:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.remarks: list[str] = []
-        self._files = [open_mcap(file, self.remark) for file in _files(self.path)]
+        self._unpacked = tempfile.TemporaryDirectory(prefix='porotwin-')
+        weakref.finalize(self, self._unpacked.cleanup)
+        folder = bag_folder(self.path)
+        for line in folder.remarks:
+            self.remark(line)
+        self._compressed = folder.messages_compressed
+        self._files = self._opened(folder.files)
         self.topics = merged_topics(topic for file in self._files for topic in file.topics.values())
         filled = [file.statistics for file in self._files if file.statistics.message_count]
         self.start_time = min((part.message_start_time for part in filled), default=0)
         self.end_time = max((part.message_end_time for part in filled), default=0)
         self.message_count = sum(part.message_count for part in filled)
         self._deserializers: dict[str, Deserializer] = {}
+
+    def _opened(self, paths: list[Path]) -> list[McapFile]:
+        """Return the readable ones of `paths`; remark on the others.
+
+        Raises:
+            InputError: none can be read.
+        """
+        files = []
+        for number, path in enumerate(paths):
+            try:
+                files.append(self._opened_file(path, number))
+            except InputError as error:
+                if number == len(paths) - 1 and not files:
+                    raise
+                self.remark(f'{error}; the other files of the bag are read')
+        return files
+
+    def _opened_file(self, path: Path, number: int) -> McapFile:
+        if path.suffix != COMPRESSED:
+            return open_mcap(path, self.remark)
+        plain = unpacked(path, Path(self._unpacked.name, f'{number}.mcap'))
+        return open_mcap(plain, lambda text: self.remark(text.replace(str(plain), str(path))))
 
     def remark(self, text: str) -> None:
         """Add the line `text` to `remarks` and to the log."""
@@ -66,10 +97,15 @@ class BagReader:
             stop: end of the log times [ns], exclusive.
 
         Raises:
-            InputError: a chunk of the file is damaged.
+            InputError: a compressed message is damaged.
         """
         streams = [file.messages(topics, start, stop) for file in self._files]
-        yield from heapq.merge(*streams, key=lambda message: message.log_time)
+        merged = heapq.merge(*streams, key=lambda message: message.log_time)
+        if not self._compressed:
+            yield from merged
+            return
+        for message in merged:
+            yield replace(message, data=plain_data(self.path, message.data))
 
     def decode(self, message: BagMessage) -> Any:
         """Return the message with the fields of its recorded definition.
@@ -91,50 +127,3 @@ class BagReader:
             return self._deserializers[message.topic].from_cdr(message.data)
         except InputError as error:
             raise InputError(f"{self.path}: topic '{message.topic}': {error}") from None
-
-
-def is_bag(path: Path) -> bool:
-    """Return whether `path` is an .mcap file, or a folder with one or with metadata of a bag."""
-    if path.is_dir():
-        return (path / METADATA).is_file() or any(path.glob('*.mcap'))
-    return path.suffix == '.mcap'
-
-
-def _files(path: Path) -> list[Path]:
-    """Return the MCAP files of the bag at `path`.
-
-    A killed recorder leaves no metadata.yaml; then all .mcap files of the folder count.
-    """
-    if not path.exists():
-        raise InputError(f'{path}: no such bag')
-    if path.is_file():
-        return [path]
-    if not (path / METADATA).is_file():
-        files = sorted(path.glob('*.mcap'))
-        if not files:
-            raise InputError(f'{path}: not a bag; it has neither {METADATA} nor an .mcap file')
-        return files
-    information = _information(path / METADATA)
-    remedy = f"convert it with 'rosbags-convert --src {path} --dst NEW --dst-storage mcap'"
-    if information.get('storage_identifier') != 'mcap':
-        raise InputError(f'{path}: is a {information.get("storage_identifier")} bag; {remedy}')
-    if str(information.get('compression_mode') or 'none').lower() != 'none':
-        raise InputError(f'{path}: is compressed by {information["compression_mode"]}; {remedy}')
-    files = [path / Path(name).name for name in information['relative_file_paths']]
-    for file in files:
-        if not file.is_file():
-            raise InputError(f"{path}: {METADATA} names '{file.name}', which is not there")
-    return files
-
-
-def _information(path: Path) -> dict[str, Any]:
-    try:
-        information = yaml.safe_load(path.read_text(encoding='utf-8'))
-        information = information['rosbag2_bagfile_information']
-        if not isinstance(information['relative_file_paths'], list):
-            raise TypeError
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
-        raise InputError(
-            f'{path}: not the metadata of a bag; remove it, and the .mcap file is read alone'
-        ) from None
-    return information

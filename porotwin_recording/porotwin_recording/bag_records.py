@@ -91,7 +91,7 @@ def qos_from_yaml(text: str) -> TopicQos:
     """Return the first profile in a text of `offered_qos_profiles`, or the default profile."""
     try:
         profiles = yaml.safe_load(text)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):
         profiles = None
     if not (isinstance(profiles, list) and profiles and isinstance(profiles[0], dict)):
         return TopicQos()
@@ -100,6 +100,8 @@ def qos_from_yaml(text: str) -> TopicQos:
 
     def word(key: str, names: dict[Any, Any], fallback: Any) -> Any:
         value = first.get(key)
+        if not isinstance(value, str | int):
+            return fallback
         return value if value in names.values() else names.get(value, fallback)
 
     depth = first.get('depth')

@@ -1,19 +1,31 @@
 """Writes bags in the format of `ros2 bag`: a folder with metadata.yaml, or one MCAP file."""
 
 import itertools
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import yaml
 
 from porotwin_core.errors import InputError
+from porotwin_recording.bag_folder import METADATA, mcap_files
 from porotwin_recording.bag_records import Topic, TopicQos, qos_profiles
 from porotwin_recording.definitions import message_definition, type_hash
+from porotwin_recording.mcap_reader import open_mcap
 from porotwin_recording.mcap_writer import McapWriter, OpenFn, new_file
 
-METADATA = 'metadata.yaml'
+logger = logging.getLogger(__name__)
+
 METADATA_VERSION = 9
 """Version of rosbag2's metadata that ROS 2 Jazzy writes."""
+
+
+def _next_file(folder: Path) -> Path:
+    """Return the path of the next file of a rosbag2 folder: name_0.mcap, name_1.mcap, ..."""
+    files = (folder / f'{folder.name}_{number}.mcap' for number in itertools.count())
+    return next(file for file in files if not file.exists())
 
 
 def next_free_path(path: Path) -> Path:
@@ -21,6 +33,16 @@ def next_free_path(path: Path) -> Path:
     stem, suffix = (path.stem, path.suffix) if path.suffix == '.mcap' else (path.name, '')
     numbered = (path.with_name(f'{stem}_{number}{suffix}') for number in itertools.count(2))
     return next(place for place in itertools.chain([path], numbered) if not place.exists())
+
+
+class _Part(NamedTuple):
+    """One file of a rosbag2 folder: its name, log times [ns], number of messages and topics."""
+
+    name: str
+    start: int
+    end: int
+    message_count: int
+    topics: dict[str, Topic]
 
 
 class BagWriter:
@@ -32,6 +54,7 @@ class BagWriter:
     Args:
         path: the bag.
         compress: compress chunks with zstd.
+        extend: if the folder exists, add a file to it, as `ros2 bag` does when it splits a bag.
         open_file: creates the MCAP file for unbuffered writing.
 
     Raises:
@@ -39,15 +62,21 @@ class BagWriter:
     """
 
     def __init__(
-        self, path: Path | str, *, compress: bool = True, open_file: OpenFn = new_file
+        self,
+        path: Path | str,
+        *,
+        compress: bool = True,
+        extend: bool = False,
+        open_file: OpenFn = new_file,
     ) -> None:
         self.path = Path(path)
-        if self.path.exists():
-            raise InputError(f'{self.path}: exists already; name another bag')
         is_file = self.path.suffix == '.mcap'
+        extend = extend and not is_file
+        if self.path.exists() and not (extend and self.path.is_dir()):
+            raise InputError(f'{self.path}: exists already; name another bag')
         folder = self.path.parent if is_file else self.path
         self._folder = None if is_file else folder
-        self.file = self.path if is_file else folder / f'{folder.name}_0.mcap'
+        self.file = self.path if is_file else _next_file(folder)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._mcap = McapWriter(self.file, compress=compress, open_file=open_file)
@@ -55,6 +84,11 @@ class BagWriter:
             raise InputError(f'{self.path}: cannot be written ({error.strerror})') from None
         self._topics: dict[str, tuple[int, Topic]] = {}
         self._schemas: dict[str, int] = {}
+
+    @property
+    def readable_count(self) -> int:
+        """Number of messages on the disk: they survive the end of this process."""
+        return self._mcap.readable_count
 
     @property
     def message_count(self) -> int:
@@ -132,12 +166,25 @@ class BagWriter:
         """
         self._mcap.flush()
 
+    def restore_if_removed(self) -> bool:
+        """Write the file again if somebody removed it or its folder; return whether that was so.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        if self._mcap.is_there(self.file):
+            return False
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        self._mcap.move_to(self.file)
+        return True
+
     def close(self) -> None:
         """Complete the bag.
 
         Raises:
             OSError: the end could not be written; flushed messages are safe.
         """
+        self.restore_if_removed()
         self._mcap.close()
         if self._folder is not None:
             text = yaml.safe_dump(self._metadata(), sort_keys=False)
@@ -146,47 +193,89 @@ class BagWriter:
             partial.replace(self._folder / METADATA)
 
     def _metadata(self) -> dict[str, Any]:
+        """Return the content of metadata.yaml: this file, and the earlier ones of the folder."""
+        parts = [*self._earlier_parts(), self._own_part()]
+        channels = {topic.name: topic for part in parts for topic in part.topics.values()}
+        counts = {
+            name: sum(part.topics[name].message_count for part in parts if name in part.topics)
+            for name in channels
+        }
+        filled = [part for part in parts if part.message_count]
+        start = min((part.start for part in filled), default=0)
+        end = max((part.end for part in filled), default=0)
         information = {
             'version': METADATA_VERSION,
             'storage_identifier': 'mcap',
-            **self._extent(),
+            **_extent(start, end, sum(part.message_count for part in parts)),
             'topics_with_message_count': [
-                self._topic_metadata(channel, topic) for channel, topic in self._topics.values()
+                _topic_metadata(topic, counts[name]) for name, topic in channels.items()
             ],
             'compression_format': '',
             'compression_mode': '',
-            'relative_file_paths': [self.file.name],
-            'files': [{'path': self.file.name, **self._extent()}],
+            'relative_file_paths': [part.name for part in parts],
+            'files': [
+                {'path': part.name, **_extent(part.start, part.end, part.message_count)}
+                for part in parts
+            ],
             'custom_data': None,
             'ros_distro': 'jazzy',
         }
         return {'rosbag2_bagfile_information': information}
 
-    def _extent(self) -> dict[str, Any]:
-        """Return duration, start and number of messages.
-
-        Every call returns new dictionaries: YAML would replace a repeated one by an alias.
-        """
-        return {
-            'duration': {'nanoseconds': self._mcap.end_time - self._mcap.start_time},
-            'starting_time': {'nanoseconds_since_epoch': self._mcap.start_time},
-            'message_count': self._mcap.message_count,
+    def _own_part(self) -> _Part:
+        written, counts = self._mcap, self._mcap.message_counts
+        topics = {
+            name: replace(topic, message_count=counts[channel])
+            for name, (channel, topic) in self._topics.items()
         }
+        return _Part(
+            self.file.name, written.start_time, written.end_time, written.message_count, topics
+        )
 
-    def _topic_metadata(self, channel: int, topic: Topic) -> dict[str, Any]:
-        return {
-            'topic_metadata': {
-                'name': topic.name,
-                'type': topic.type_name,
-                'serialization_format': 'cdr',
-                'offered_qos_profiles': qos_profiles(topic.qos),
-                'type_description_hash': type_hash(topic.type_name, topic.definition),
-            },
-            'message_count': self._mcap.message_counts[channel],
-        }
+    def _earlier_parts(self) -> Iterator[_Part]:
+        assert self._folder is not None
+        for file in mcap_files(self._folder):
+            if file == self.file:
+                continue
+            try:
+                found = open_mcap(file, logger.info)
+            except InputError as error:
+                logger.warning(str(error))
+                continue
+            count, first, last = (
+                found.statistics.message_count,
+                found.statistics.message_start_time,
+                found.statistics.message_end_time,
+            )
+            yield _Part(file.name, first, last, count, found.topics)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _extent(start: int, end: int, count: int) -> dict[str, Any]:
+    """Return duration, start and number of messages.
+
+    Every call returns new dictionaries: YAML would replace a repeated one by an alias.
+    """
+    return {
+        'duration': {'nanoseconds': end - start},
+        'starting_time': {'nanoseconds_since_epoch': start},
+        'message_count': count,
+    }
+
+
+def _topic_metadata(topic: Topic, count: int) -> dict[str, Any]:
+    return {
+        'topic_metadata': {
+            'name': topic.name,
+            'type': topic.type_name,
+            'serialization_format': 'cdr',
+            'offered_qos_profiles': qos_profiles(topic.qos),
+            'type_description_hash': type_hash(topic.type_name, topic.definition),
+        },
+        'message_count': count,
+    }

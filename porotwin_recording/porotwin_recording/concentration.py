@@ -25,6 +25,9 @@ PACKED_STEP = 0.004
 PACKED_NAN = 255
 """Code of NaN in packed maps."""
 
+LARGEST_DIMENSION = 10_000_000
+"""Largest size of a dimension: photographs of ten years at one per half minute."""
+
 _MAPS_AT_ONCE = 16
 """Maps in memory during iteration: 14 MB at 750 x 300 cells."""
 
@@ -85,7 +88,8 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
         InputError: the file is not readable, its dimensions or coordinates do not fit the grid
             over the whole `rig`, or its times do not increase.
     """
-    with _dataset(path) as dataset:
+    with _damage_named(path), _dataset(path) as dataset:
+        _check_sizes(dataset, path)
         variable = _variable(dataset, path, 'concentration', ('time', 'z', 'x'))
         if not np.issubdtype(variable.dtype, np.number):
             raise InputError(f'{path}: concentration is {variable.dtype}; write float32')
@@ -101,32 +105,43 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
         )
 
     def read(start: int, stop: int) -> Maps:
-        with _dataset(path) as opened:
+        with _damage_named(path), _dataset(path) as opened:
             values = opened.variables['concentration'][start:stop]
-        return np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
+            return np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
 
     return ConcentrationMaps(times, grid, read)
 
 
 @contextmanager
-def _dataset(path: Path) -> Iterator[netCDF4.Dataset]:
-    """Open a file for reading.
+def _damage_named(path: Path) -> Iterator[None]:
+    """Turn the exceptions of the NetCDF library at damaged bytes into InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (RuntimeError, OSError, ValueError, LookupError, AttributeError, TypeError) as error:
+        reason = ' '.join(str(error).split()) or type(error).__name__
+        raise InputError(f'{path}: is damaged ({reason}); write it again') from None
+    except MemoryError:
+        raise InputError(f'{path}: claims more data than memory can hold; write it again') from None
 
-    Raises:
-        InputError: it is missing, no NetCDF file, or damaged at the place that is read.
-    """
+
+def _check_sizes(dataset: netCDF4.Dataset, path: Path) -> None:
+    for name, dimension in dataset.dimensions.items():
+        if len(dimension) > LARGEST_DIMENSION:
+            raise InputError(
+                f'{path}: the dimension {name} claims {len(dimension)} values; write it again'
+            )
+
+
+def _dataset(path: Path) -> netCDF4.Dataset:
     if not path.is_file():
         raise InputError(f'{path}: no such file; it holds the concentration maps')
     try:
-        dataset = netCDF4.Dataset(path)
+        return netCDF4.Dataset(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f'{path}: not a readable NetCDF file ({reason}); write it again') from None
-    with dataset:
-        try:
-            yield dataset
-        except RuntimeError as error:  # of the HDF library
-            raise InputError(f'{path}: damaged ({error}); copy it again') from None
 
 
 def _variable(

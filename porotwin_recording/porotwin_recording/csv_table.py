@@ -10,6 +10,9 @@ from porotwin_core.errors import InputError
 EXACT_INTEGERS = 1e15
 """Integers below this are written in full; float64 holds all of them exactly."""
 
+LONGEST_QUOTE = 80
+"""Most characters of a wrong line that a message repeats."""
+
 
 def read_table(
     path: Path, header: tuple[str, ...], purpose: str
@@ -32,7 +35,7 @@ def read_table(
             lines = csv.reader(file)
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:
-                first = ','.join(found)
+                first = ' '.join(','.join(found).split())[:LONGEST_QUOTE]
                 hint = _separator_hint(first)
                 raise InputError(f"{path}: first line is '{first}'; write {','.join(header)}{hint}")
             for line in lines:
@@ -40,6 +43,8 @@ def read_table(
                 if not any(words):
                     continue
                 where = f'{path}:{lines.line_num}'
+                if any(word != ' '.join(word.splitlines()) for word in words):
+                    raise InputError(f'{where}: a value goes over two lines; close its quotation')
                 if len(words) != len(header):
                     comma = '; write decimal points, not commas' if len(words) > len(header) else ''
                     raise InputError(
@@ -51,7 +56,8 @@ def read_table(
     except UnicodeDecodeError:
         raise InputError(f'{path}: not a text in UTF-8; save it as CSV UTF-8') from None
     except (OSError, csv.Error) as error:
-        raise InputError(f'{path}: not readable as CSV: {error}') from None
+        reason = ' '.join(str(error).split())
+        raise InputError(f'{path}: not readable as CSV: {reason}') from None
 
 
 def _separator_hint(first: str) -> str:

@@ -30,7 +30,21 @@ Progress = Callable[[int, int], None]
 def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
     """Return the experiment in `folder`; a given `rig` replaces its rig.yaml.
 
-    Maps and photographs stay on disk until they are read.
+    Maps and photographs stay on disk until they are read. Odd values are logged as warnings.
+
+    Raises:
+        InputError: one line that names the file, the line or value, and the remedy.
+    """
+    data = folder_data(folder, rig)
+    for remark in remarks_about_recording(data):
+        if remark.refused:
+            raise InputError(f'{folder}: {remark}')
+        LOG.warning('%s: %s', folder, remark)
+    return data
+
+
+def folder_data(folder: Path, rig: Rig | None = None) -> RecordedData:
+    """Return the experiment in `folder` as `read_folder`, without a judgement on its values.
 
     Raises:
         InputError: one line that names the file, the line or value, and the remedy.
@@ -48,18 +62,13 @@ def read_folder(folder: Path, rig: Rig | None = None) -> RecordedData:
         )
     if not imaging.exists() and (folder / 'photos').is_dir():
         raise InputError(f'{folder}: has photos/ but no {IMAGING_FILE}, which gives their times')
-    data = RecordedData(
+    return RecordedData(
         rig,
         commanded=read_rates(commanded, rig.wells) if commanded.exists() else None,
         measured=read_rates(measured, rig.wells) if measured.exists() else None,
         maps=open_maps(maps, rig) if maps.exists() else None,
         photos=read_photos(folder) if imaging.exists() else (),
     )
-    for remark in remarks_about_recording(data):
-        if remark.refused:
-            raise InputError(f'{folder}: {remark}')
-        LOG.warning('%s: %s', folder, remark)
-    return data
 
 
 def write_folder(

@@ -1,43 +1,39 @@
-"""Reads MCAP files, complete or cut off by a crash.
+"""Reads MCAP files, complete or damaged: a damaged chunk costs its own messages.
 
-Specification: https://mcap.dev/spec. The package `mcap` reads the records. It needs the index at
-the end of the file, which is missing after a crash; then the index is built from all complete
-chunks.
+Specification: https://mcap.dev/spec. The package `mcap` reads the records. Its readers need the
+index at the end of the file and stop at the first damage. Here the index is built again if it is
+missing or damaged (`mcap_index`), and every chunk that cannot be read is reported with its
+messages.
 """
 
-import io
-import struct
+import heapq
+import os
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
-from mcap.stream_reader import CRCValidationError, breakup_chunk
+from mcap.records import Channel, ChunkIndex, Message, MessageIndex, Statistics
 from mcap.summary import Summary
 
 from porotwin_core.errors import InputError
 from porotwin_recording.bag_records import BagMessage, Topic, qos_from_yaml
-from porotwin_recording.mcap_writer import MAGIC
-
-_RECORD_HEADER = struct.Struct('<BQ')
-"""Opcode and length, at the beginning of every MCAP record."""
-
-_DAMAGE = (
-    McapError,
-    CRCValidationError,
-    struct.error,
-    zstandard.ZstdError,
-    UnicodeDecodeError,
-    LookupError,
-    MemoryError,
+from porotwin_recording.mcap_index import (
+    DAMAGE,
+    RECORD_HEADER,
+    Loss,
+    built_index,
+    chunk_records,
+    chunks_are_there,
+    own_index,
 )
-"""Exceptions of the libraries that indicate damaged bytes."""
+from porotwin_recording.mcap_writer import MAGIC
+from porotwin_recording.serialization import SECOND
+
+RemarkFn = Callable[[str], None]
+"""Receives one line about a fault that did not prevent reading."""
 
 
 @dataclass(frozen=True)
@@ -47,84 +43,206 @@ class McapFile:
     Attributes:
         path: the file.
         summary: the index.
-        end: end of the last complete record [bytes].
-        complete: False if the file has no index of its own.
+        loose: log time [ns] and position [bytes] of the messages outside of chunks.
         topics: its topics by absolute name.
         statistics: number and times of its messages.
+        remark: receives one line for every damaged chunk.
     """
 
     path: Path
     summary: Summary
-    end: int
-    complete: bool
+    loose: list[tuple[int, int]]
     topics: dict[str, Topic]
     statistics: Statistics
+    remark: RemarkFn
+    _reported: set[int] = field(default_factory=set)
 
     def messages(
         self, topics: Collection[str] | None, start: int | None, stop: int | None
     ) -> Iterator[BagMessage]:
         """Yield the messages of `topics` from `start` to before `stop` [ns], by log time.
 
-        None stands for all topics, the first and the last message.
-
-        Raises:
-            InputError: a chunk is damaged.
+        None stands for all topics, the first and the last message. The messages of a damaged chunk
+        are missing, and `remark` receives one line about them.
         """
+        channels = {
+            number: channel
+            for number, channel in self.summary.channels.items()
+            if topics is None or channel.topic in topics
+        }
         with self.path.open('rb') as stream:
-            reader = _IndexedReader(_Bounded(stream, self.end), self.summary)
-            found = reader.iter_messages(topics, starting_at=start, ending_before=stop)
-            while True:
-                try:
-                    schema, channel, message = next(found)
-                except StopIteration:
-                    return
-                except _DAMAGE as error:
-                    if not self.complete and not self.summary.chunk_indexes:
-                        return
-                    reason = ' '.join(str(error).split()) or type(error).__name__
-                    raise InputError(
-                        f"{self.path}: damaged ({reason}); save the rest with 'mcap recover'"
-                    ) from None
-                yield BagMessage(
-                    channel.topic,
-                    schema.name if schema else '',
-                    message.log_time,
-                    message.publish_time,
-                    message.sequence,
-                    message.data,
+            chunked = self._chunked(stream, channels, start, stop)
+            with self.path.open('rb') as other:
+                for message in heapq.merge(
+                    chunked, self._outside(other), key=lambda message: message.log_time
+                ):
+                    inside = (start is None or message.log_time >= start) and (
+                        stop is None or message.log_time < stop
+                    )
+                    if inside and message.channel_id in channels:
+                        yield self._bag_message(message, channels[message.channel_id])
+
+    def _bag_message(self, message: Message, channel: Channel) -> BagMessage:
+        schema = self.summary.schemas.get(channel.schema_id)
+        return BagMessage(
+            channel.topic,
+            schema.name if schema else '',
+            message.log_time,
+            message.publish_time,
+            message.sequence,
+            message.data,
+        )
+
+    def _chunked(
+        self,
+        stream: IO[bytes],
+        channels: Collection[int],
+        start: int | None,
+        stop: int | None,
+    ) -> Iterator[Message]:
+        """Yield the messages in chunks by log time; chunks may overlap in time."""
+        waiting: list[tuple[int, int, int, Message]] = []
+        order = sorted(
+            self.summary.chunk_indexes,
+            key=lambda index: (index.message_start_time, index.chunk_start_offset),
+        )
+        for chunk in order:
+            held = chunk.message_index_offsets
+            if held and not any(number in channels for number in held):
+                continue
+            if start is not None and chunk.message_end_time < start:
+                continue
+            if stop is not None and chunk.message_start_time >= stop:
+                break
+            while waiting and waiting[0][0] < chunk.message_start_time:
+                yield heapq.heappop(waiting)[-1]
+            for number, message in enumerate(self._messages_in(stream, chunk)):
+                if message.channel_id in channels:
+                    entry = (message.log_time, chunk.chunk_start_offset, number, message)
+                    heapq.heappush(waiting, entry)
+        while waiting:
+            yield heapq.heappop(waiting)[-1]
+
+    def _messages_in(self, stream: IO[bytes], chunk: ChunkIndex) -> list[Message]:
+        """Return the messages of a chunk; none if it is damaged."""
+        try:
+            records = chunk_records(stream, chunk.chunk_start_offset)
+        except DAMAGE as error:
+            if chunk.chunk_start_offset not in self._reported:
+                self._reported.add(chunk.chunk_start_offset)
+                loss = Loss(
+                    chunk.chunk_start_offset,
+                    ' '.join(str(error).split()) or type(error).__name__,
+                    chunk.message_start_time,
+                    chunk.message_end_time,
+                    self._counts(stream, chunk),
                 )
+                self.remark(loss_line(self.path, loss, self.summary, self.statistics))
+            return []
+        return [record for record in records if isinstance(record, Message)]
+
+    def _counts(self, stream: IO[bytes], chunk: ChunkIndex) -> dict[int, int]:
+        """Return the number of messages by channel in a chunk, from the indexes behind it."""
+        counts = {}
+        for channel, position in chunk.message_index_offsets.items():
+            try:
+                stream.seek(position + RECORD_HEADER.size)
+                index = MessageIndex.read(ReadDataStream(stream))
+            except DAMAGE:
+                continue
+            if index.channel_id == channel:
+                counts[channel] = len(index.records)
+        return counts
+
+    def _outside(self, stream: IO[bytes]) -> Iterator[Message]:
+        """Yield the messages outside of chunks by log time."""
+        for _, position in sorted(self.loose):
+            stream.seek(position)
+            opcode, length = RECORD_HEADER.unpack(stream.read(RECORD_HEADER.size))
+            assert opcode == Opcode.MESSAGE
+            yield Message.read(ReadDataStream(stream), length)
 
 
-def open_mcap(path: Path, remark: Callable[[str], None]) -> McapFile:
-    """Return the MCAP file at `path`; `remark` receives one line if it has no end.
+def loss_line(path: Path, loss: Loss, summary: Summary, statistics: Statistics) -> str:
+    """Return one line that says what a damaged part of a file has cost."""
+
+    def topic(number: int) -> str:
+        channel = summary.channels.get(number)
+        return channel.topic if channel else 'a topic whose name is lost'
+
+    held = [f'{count} messages on {topic(number)}' for number, count in loss.counts.items()]
+    first = statistics.message_start_time
+    span = ''
+    if loss.start_time and first <= loss.start_time:
+        begin, end = ((time - first) / SECOND for time in (loss.start_time, loss.end_time))
+        span = f' between {begin:.1f} and {end:.1f} s'
+    text = ', '.join(held) or 'an unknown number of messages'
+    return f'{path}: damaged at byte {loss.position} ({loss.reason}); lost: {text}{span}'
+
+
+def open_mcap(path: Path, remark: RemarkFn) -> McapFile:
+    """Return the MCAP file at `path`; `remark` receives one line for every loss.
 
     Raises:
         InputError: the file is empty, no MCAP file, or cannot be read.
     """
     try:
+        if not path.is_file():
+            raise InputError(f'{path}: is no file; name a bag made by ./porotwin record')
         with path.open('rb') as stream:
             magic = stream.read(len(MAGIC))
             if magic != MAGIC:
                 fault = 'empty' if not magic else 'not an MCAP file'
                 raise InputError(f'{path}: is {fault}; name a bag made by ./porotwin record')
-            size = path.stat().st_size
-            summary = _own_index(stream)
-            end, complete = size, summary is not None
-            if summary is None:
-                summary, end = _built_index(stream, size)
+            size = os.fstat(stream.fileno()).st_size
+            own = own_index(stream, size)
+            if own is None or _needs_scan(stream, own):
+                summary, loose = _scanned(path, stream, size, remark, own)
+            else:
+                summary, loose = own, []
     except OSError as error:
         raise InputError(f'{path}: cannot be read ({error.strerror})') from None
     statistics = summary.statistics
     assert statistics is not None
-    if not complete:
-        remark(
-            f'{path}: has no end, because its recorder is running or was killed; '
-            f'{statistics.message_count} messages are in its first {end} of {size} bytes'
-        )
     topics = merged_topics(
         _topic(summary, channel, statistics) for channel in summary.channels.values()
     )
-    return McapFile(path, summary, end, complete, topics, statistics)
+    return McapFile(path, summary, loose, topics, statistics, remark)
+
+
+def _scanned(
+    path: Path, stream: IO[bytes], size: int, remark: RemarkFn, own: Summary | None
+) -> tuple[Summary, list[tuple[int, int]]]:
+    """Return the index from a scan of the whole file, and the messages outside of chunks."""
+    built = built_index(stream, size, own)
+    statistics = built.statistics
+    for loss in built.losses:
+        remark(loss_line(path, loss, built.summary, statistics))
+    unnamed = {
+        number: count
+        for number, count in statistics.channel_message_counts.items()
+        if number not in built.summary.channels
+    }
+    if unnamed:
+        total = sum(unnamed.values())
+        statistics.message_count -= total
+        remark(f'{path}: {total} messages lost, because the names of their topics are damaged')
+    count = statistics.message_count
+    if not built.has_end:
+        remark(
+            f'{path}: has no end, because its recorder is running or was killed; '
+            f'{count} messages are in its first {built.end} of {size} bytes'
+        )
+    elif own is None:
+        remark(f'{path}: its index is damaged; {count} messages were found without it')
+    return built.summary, built.loose
+
+
+def _needs_scan(stream: IO[bytes], own: Summary) -> bool:
+    """Return whether the index does not lead to all messages."""
+    assert own.statistics is not None
+    unchunked = own.statistics.message_count > 0 and not own.chunk_indexes
+    return unchunked or not chunks_are_there(stream, own)
 
 
 def merged_topics(topics: Iterator[Topic]) -> dict[str, Topic]:
@@ -143,136 +261,6 @@ def _topic(summary: Summary, channel: Channel, statistics: Statistics) -> Topic:
         channel.topic,
         schema.name if schema else '',
         qos_from_yaml(channel.metadata.get('offered_qos_profiles', '')),
-        schema.data.decode() if schema and schema.encoding == 'ros2msg' else '',
+        schema.data.decode(errors='replace') if schema and schema.encoding == 'ros2msg' else '',
         statistics.channel_message_counts.get(channel.id, 0),
     )
-
-
-class _Bounded(io.RawIOBase):
-    """A file that appears to end at `end`, before an incomplete record."""
-
-    def __init__(self, stream: IO[bytes], end: int) -> None:
-        self._stream = stream
-        self._end = end
-
-    def readinto(self, buffer: Any) -> int:
-        available = max(0, self._end - self._stream.tell())
-        return self._stream.readinto(memoryview(buffer)[:available])  # type: ignore[attr-defined]
-
-    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        return self._stream.seek(offset, whence)
-
-    def seekable(self) -> bool:
-        return True
-
-    def readable(self) -> bool:
-        return True
-
-
-class _IndexedReader(SeekingReader):
-    """A reader that receives its index instead of reading it from the end of the file."""
-
-    def __init__(self, stream: io.RawIOBase, summary: Summary) -> None:
-        super().__init__(stream, validate_crcs=True)  # type: ignore[arg-type]
-        self._summary = summary
-
-    def get_summary(self) -> Summary | None:
-        return self._summary
-
-
-def _own_index(stream: IO[bytes]) -> Summary | None:
-    """Return the index at the end of a complete file; None if it is missing or damaged."""
-    try:
-        stream.seek(-len(MAGIC), io.SEEK_END)
-        if stream.read(len(MAGIC)) != MAGIC:
-            return None
-        stream.seek(0)
-        summary = SeekingReader(stream).get_summary()
-    except (*_DAMAGE, OSError, StopIteration):
-        return None
-    if summary is None or summary.statistics is None:
-        return None
-    return summary
-
-
-def _built_index(stream: IO[bytes], size: int) -> tuple[Summary, int]:
-    """Return an index of all complete records in a file of `size` bytes, and their end [bytes]."""
-    builder = _IndexBuilder(stream)
-    position = len(MAGIC)
-    while position + _RECORD_HEADER.size <= size:
-        stream.seek(position)
-        opcode, length = _RECORD_HEADER.unpack(stream.read(_RECORD_HEADER.size))
-        end = position + _RECORD_HEADER.size + length
-        if end > size or opcode == Opcode.DATA_END or not 0 < opcode <= max(Opcode):
-            break
-        try:
-            builder.read_record(opcode, position, length)
-        except _DAMAGE:
-            break
-        position = end
-    return builder.summary, position
-
-
-class _IndexBuilder:
-    """Builds the index of an MCAP file record by record."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self.summary = Summary()
-        self._statistics = Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)
-        self.summary.statistics = self._statistics
-        self._stream = stream
-
-    def read_record(self, opcode: int, position: int, length: int) -> None:
-        """Add the record at `position`, whose content the stream gives next.
-
-        Args:
-            opcode: type of the record.
-            position: begin of the record in the file [bytes].
-            length: length of its content [bytes].
-        """
-        data = ReadDataStream(self._stream)
-        if opcode == Opcode.SCHEMA:
-            self._add(Schema.read(data))
-        elif opcode == Opcode.CHANNEL:
-            self._add(Channel.read(data))
-        elif opcode == Opcode.MESSAGE:
-            self._add(Message.read(data, length))
-        elif opcode == Opcode.CHUNK:
-            self._add_chunk(Chunk.read(data), position, length)
-
-    def _add_chunk(self, chunk: Chunk, position: int, length: int) -> None:
-        channels = set()
-        for record in breakup_chunk(chunk, validate_crc=True):
-            self._add(record)
-            if isinstance(record, Message):
-                channels.add(record.channel_id)
-        index = ChunkIndex(
-            chunk_length=_RECORD_HEADER.size + length,
-            chunk_start_offset=position,
-            compression=chunk.compression,
-            compressed_size=len(chunk.data),
-            message_end_time=chunk.message_end_time,
-            message_index_length=0,
-            message_index_offsets=dict.fromkeys(channels, 0),
-            message_start_time=chunk.message_start_time,
-            uncompressed_size=chunk.uncompressed_size,
-        )
-        self.summary.chunk_indexes.append(index)
-
-    def _add(self, record: object) -> None:
-        if isinstance(record, Schema):
-            self.summary.schemas[record.id] = record
-        elif isinstance(record, Channel):
-            self.summary.channels[record.id] = record
-        elif isinstance(record, Message):
-            self._count(record)
-
-    def _count(self, message: Message) -> None:
-        found = self._statistics
-        counts = found.channel_message_counts
-        counts[message.channel_id] = counts.get(message.channel_id, 0) + 1
-        first = found.message_count == 0
-        earliest = message.log_time if first else min(found.message_start_time, message.log_time)
-        found.message_start_time = earliest
-        found.message_end_time = max(found.message_end_time, message.log_time)
-        found.message_count += 1

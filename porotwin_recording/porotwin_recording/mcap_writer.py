@@ -8,6 +8,7 @@ before it is full, so a setpoint every half minute would stay in memory for hour
 write they continue behind the incomplete chunk. The records are written by `mcap.records`.
 """
 
+import contextlib
 import io
 import os
 import zlib
@@ -55,7 +56,7 @@ def new_file(path: Path) -> io.FileIO:
     Raises:
         OSError: the file exists already or cannot be created.
     """
-    return path.open('xb', buffering=0)
+    return path.open('x+b', buffering=0)
 
 
 class McapWriter:
@@ -81,6 +82,7 @@ class McapWriter:
         self.message_counts: dict[int, int] = {}
         self.start_time = 0
         self.end_time = 0
+        self._open_file = open_file
         self._file = open_file(path)
         self._size = 0
         self._compressor = zstandard.ZstdCompressor(level=_FASTEST) if compress else None
@@ -95,6 +97,11 @@ class McapWriter:
     def message_count(self) -> int:
         """Number of messages written so far, flushed or not."""
         return sum(self.message_counts.values())
+
+    @property
+    def readable_count(self) -> int:
+        """Number of messages in the file: they survive the end of this process."""
+        return self.message_count - sum(len(entries) for entries in self._entries.values())
 
     def add_schema(self, name: str, definition: str) -> int:
         """Add a message type with its `definition` (ros2msg) and return the id of its schema."""
@@ -185,13 +192,41 @@ class McapWriter:
         """Append all of `data`, or restore the file and raise OSError."""
         rest = memoryview(data)
         try:
+            self._file.seek(self._size)  # an earlier attempt may have ended anywhere
             while rest:
                 rest = rest[self._file.write(rest) :]
         except OSError:
-            self._file.truncate(self._size)
-            self._file.seek(self._size)
+            with contextlib.suppress(OSError):  # a disk that is gone
+                self._file.truncate(self._size)
             raise
         self._size += len(data)
+
+    def is_there(self, path: Path) -> bool:
+        """Return whether `path` leads to the open file."""
+        try:
+            return os.path.samestat(path.stat(), os.fstat(self._file.fileno()))
+        except FileNotFoundError:
+            return False
+
+    def move_to(self, path: Path) -> None:
+        """Copy everything written so far to the new file `path`, and go on there.
+
+        Raises:
+            OSError: the file exists already or cannot be written; this one stays open.
+        """
+        copy = self._open_file(path)
+        try:
+            for position in range(0, self._size, CHUNK_SIZE):
+                size = min(CHUNK_SIZE, self._size - position)
+                rest = memoryview(os.pread(self._file.fileno(), size, position))
+                while rest:
+                    rest = rest[copy.write(rest) :]
+        except OSError:
+            copy.close()
+            path.unlink(missing_ok=True)
+            raise
+        self._file.close()
+        self._file = copy
 
     def close(self) -> None:
         """Write the messages in memory, the index and the end of the file.

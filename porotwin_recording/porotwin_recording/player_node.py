@@ -1,14 +1,18 @@
 """Plays a bag into a running graph, with /clock, as if the recorded events happened now."""
 
+import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Set
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -29,7 +33,7 @@ from porotwin_recording.player import (
     played_topics,
 )
 from porotwin_recording.replay_clock import ReplayClock
-from porotwin_recording.replay_readiness import GraphSeen, PlayedTopic, missing
+from porotwin_recording.replay_readiness import RECORDER, GraphSeen, PlayedTopic, missing
 from porotwin_recording.serialization import SECOND, Serializer, stamp_of
 
 QUEUE_DEPTH = 1000
@@ -70,6 +74,11 @@ HOUR = 3600.0
 
 DECADE = 3.2e8
 """Longer than any recording [s]."""
+
+PHOTOGRAPH_TIME = 'photograph_time'
+"""Value in the diagnostics of imaging: the stamp of the photograph that it refuses [s]."""
+
+_BASELINE = f'/{topic_names.BASELINE}'
 
 _DRIVING = (f'/{topic_names.IMAGE}', f'/{topic_names.STATE_REFRESHED}')
 """Topics that start a cycle of the graph with every message."""
@@ -143,9 +152,14 @@ class PlayerNode(Node):
         self._publishers_by_topic = self._make_publishers(selection)
         self._last_answer = -1
         self._answer_subscription: Subscription | None = None
+        self._refused: dict[int, str] = {}
+        self._unanswered = 0
+        self._selection: Any = None
         self._answers = threading.Condition()
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
+        self._played: Counter[str] = Counter()
+        self._silent: set[str] = set()
         self._thread = threading.Thread(target=self._run, name='player')
         self._thread.start()
 
@@ -266,7 +280,24 @@ class PlayerNode(Node):
             )
             for publisher in self._publishers_by_topic.values()
         )
-        return GraphSeen(nodes, topics, answering=self._hears_answers())
+        services = frozenset(
+            name.removeprefix(f'{space}/')
+            for name, _ in self.get_service_names_and_types()
+            if name.startswith(f'{space}/')
+        )
+        return GraphSeen(nodes, topics, services, self._recorded(nodes), self._hears_answers())
+
+    def _recorded(self, nodes: Set[str]) -> frozenset[str] | None:
+        """Return the topics that the node `recorder` takes; None: all, or it has not answered."""
+        if self._selection is None and RECORDER in nodes:
+            client = AsyncParameterClient(self, RECORDER)
+            if client.services_are_ready():
+                self._selection = client.get_parameters(['topics'])
+        if self._selection is None or not self._selection.done():
+            return None
+        (value,) = self._selection.result().values
+        names = value.string_value.split()
+        return frozenset(self.resolve_topic_name(name) for name in names) if names else None
 
     def _hears_answers(self) -> bool | None:
         """Return whether the answering node is connected; None without lock-step.
@@ -282,6 +313,9 @@ class PlayerNode(Node):
             self._answer_subscription = self.create_subscription(
                 message_class(types[0]), self._lockstep, self._on_answer, QUEUE_DEPTH, raw=True
             )
+            self.create_subscription(
+                DiagnosticArray, '/diagnostics', self._on_diagnostics, QUEUE_DEPTH
+            )
         return bool(self._answer_subscription.get_publisher_count() > 0)
 
     def _on_answer(self, data: bytes) -> None:
@@ -289,26 +323,58 @@ class PlayerNode(Node):
             self._last_answer = max(self._last_answer, stamp_of(data))
             self._answers.notify_all()
 
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take note of a photograph that imaging refuses: nobody will answer it."""
+        for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            if status.level != DiagnosticStatus.ERROR or PHOTOGRAPH_TIME not in values:
+                continue
+            with contextlib.suppress(ValueError, OverflowError), self._answers:
+                milliseconds = round(float(values[PHOTOGRAPH_TIME]) * 1000)
+                self._refused[milliseconds] = status.message
+                self._answers.notify_all()
+
     def _play_once(self) -> None:
         names = list(self._publishers_by_topic)
         self._replay_clock.set(self._start)
         self._publish_clock(self._start)
-        count = 0
         for message in latched_before(self._bag, names, self._start):
             self._publish(message)
-            count += 1
         self._last_answer = -1
+        # a photograph before the first baseline waits for it and has no answer until then
+        baselines = any(name.endswith(_BASELINE) for name in names)
+        answerable = not baselines or bool(self._played)
         for message in self._bag.messages(names, start=self._start):
             self._wait_until(message.log_time)
             if self._stopping.is_set():
                 return
+            driving = bool(self._lockstep) and message.topic.endswith(_DRIVING)
+            if driving:
+                self._await_acknowledgements()  # rates and baselines come before the photograph
             self._publish_clock(message.log_time)
             self._publish(message)
-            count += 1
-            if self._lockstep and message.topic.endswith(_DRIVING):
+            answerable = answerable or message.topic.endswith(_BASELINE)
+            if driving and answerable:
                 self._await_answer(message)
         self._await_acknowledgements()
-        self.get_logger().info(f'{self._bag.path}: {count} messages played')
+        self._report()
+
+    def _report(self) -> None:
+        """Say what was played and who received it; a message that is lost is a failure."""
+        say = self.get_logger()
+        say.info(f'{self._bag.path}: {self._played.total()} messages played')
+        for name, count in self._played.items():
+            publisher = self._publishers_by_topic[name]
+            infos = self.get_subscriptions_info_by_topic(publisher.topic_name)
+            nodes = ', '.join(sorted(info.node_name for info in infos)) or 'nobody'
+            if name in self._silent:
+                self.failed = True
+                say.error(f'{count} on {publisher.topic_name}: not acknowledged by all of {nodes}')
+            else:
+                say.info(f'{count} on {publisher.topic_name}: acknowledged by {nodes}')
+        if self._unanswered:
+            self.failed = True
+            say.error(f'{self._unanswered} photographs without an answer on {self._lockstep}')
 
     def _wait_until(self, log_time: int) -> None:
         """Wait for `log_time` [ns] and publish the clock meanwhile."""
@@ -327,6 +393,7 @@ class PlayerNode(Node):
         converted = publisher.topic_name != message.topic
         data = as_measured(self._bag, message, self._serializer) if converted else message.data
         publisher.publish(data)
+        self._played[message.topic] += 1
         count, size = self._unacknowledged.get(message.topic, (0, 0))
         self._unacknowledged[message.topic] = (count + 1, size + len(data))
         if count + 1 >= _depth(self._bag.topics[message.topic]) or size + len(data) > QUEUE_SIZE:
@@ -334,22 +401,32 @@ class PlayerNode(Node):
 
     def _await_acknowledgements(self) -> None:
         """Wait until the subscribers have received all messages; a full queue would drop some."""
-        for publisher in self._publishers_by_topic.values():
-            publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
+        for name in self._unacknowledged:
+            publisher = self._publishers_by_topic[name]
+            if not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT)):
+                self._silent.add(name)
         self._unacknowledged.clear()
 
     def _await_answer(self, message: BagMessage) -> None:
-        """Wait until the graph has answered a photograph or state; a timeout is a warning."""
+        """Wait until the graph has answered or refused a photograph or state.
+
+        An answer that does not come within `lockstep_timeout_s` is counted as a failure.
+        """
         stamp = stamp_of(message.data)
+        milliseconds = round(stamp * 1000 / SECOND)
         deadline = time.monotonic() + self._lockstep_timeout
         with self._answers:
             while self._last_answer < stamp and not self._stopping.is_set():
+                if (reason := self._refused.get(milliseconds)) is not None:
+                    self.get_logger().warning(f'refused: {reason}')
+                    break
                 if not self._answers.wait(timeout=0.1) and time.monotonic() > deadline:
                     self.get_logger().warning(
                         f'no message on {self._lockstep} for the one at {stamp / SECOND:.3f} s '
                         f'within {self._lockstep_timeout:g} s; going on'
                     )
-                    return
+                    self._unanswered += 1
+                    break
         # the wait is not part of the recording
         self._replay_clock.set(message.log_time)
 

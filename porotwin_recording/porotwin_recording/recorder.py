@@ -73,18 +73,21 @@ class Recorder:
     """Writes messages to a new bag; `record` never waits for the disk.
 
     If the disk refuses data, the recorder warns once and tries again every second. Messages beyond
-    the backlog limit are dropped and counted meanwhile.
+    the backlog limit are dropped and counted meanwhile. If somebody removes the file or its folder,
+    the recorder writes it again from its open file.
 
     Args:
         bag: the bag, a new folder or a file .mcap.
         compress: compress the bag with zstd.
+        extend: if the folder `bag` exists, add a file to it.
         say: receives the final report.
         warn: receives warnings.
         backlog_limit: largest size of messages in memory [bytes].
 
     Attributes:
         losses: messages that were lost on the way here.
-        dropped: messages that were dropped here.
+        dropped: messages that arrived here and are not in the bag.
+        failed: whether messages were dropped or the end could not be written.
 
     Raises:
         InputError: the bag exists already or cannot be created.
@@ -95,17 +98,21 @@ class Recorder:
         bag: Path,
         *,
         compress: bool = True,
+        extend: bool = False,
         say: LogFn = print,
         warn: LogFn = print,
         backlog_limit: int = BACKLOG_LIMIT,
     ) -> None:
         self.losses = LossCounter()
         self.dropped = 0
-        self._writer = BagWriter(bag, compress=compress)
+        self.failed = False
+        self._writer = BagWriter(bag, compress=compress, extend=extend)
         self._say = say
         self._warn = warn
         self._backlog_limit = backlog_limit
         self._backlog = 0
+        self._backlog_lock = threading.Lock()
+        self._received = 0
         self._queue: queue.SimpleQueue[_Received | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._stopping = threading.Event()
@@ -115,9 +122,19 @@ class Recorder:
         self._thread.start()
 
     @property
+    def path(self) -> Path:
+        """The file that is written."""
+        return self._writer.file
+
+    @property
     def message_count(self) -> int:
-        """Number of messages in the bag, flushed or not."""
-        return self._writer.message_count
+        """Number of messages that are on the disk and can be read."""
+        return self._writer.readable_count
+
+    @property
+    def disk_refuses(self) -> bool:
+        """Whether the disk accepts no data at present."""
+        return self._disk_refuses
 
     @property
     def lost_count(self) -> int:
@@ -145,10 +162,12 @@ class Recorder:
     ) -> None:
         """Accept a serialized message (CDR); see `BagWriter.write` and `LossCounter.observe`."""
         self.losses.observe(topic, sequence, single_publisher=single_publisher)
-        if self._backlog + len(data) > self._backlog_limit:
-            self.dropped += 1
-            return
-        self._backlog += len(data)
+        with self._backlog_lock:
+            self._received += 1
+            if self._backlog + len(data) > self._backlog_limit:
+                self.dropped += 1
+                return
+            self._backlog += len(data)
         self._queue.put(_Received(topic, data, log_time, publish_time, sequence))
 
     def stop(self) -> None:
@@ -162,11 +181,14 @@ class Recorder:
             try:
                 self._writer.close()
             except OSError as error:
+                self.failed = True
                 self._warn(
                     f'{self._writer.path}: the end could not be written ({error.strerror}); '
-                    'earlier messages remain readable'
+                    f'{self._writer.readable_count} messages remain readable'
                 )
-        count = self._writer.message_count
+        count = self._writer.readable_count
+        self.dropped = self._received - count
+        self.failed = self.failed or self.dropped > 0
         self._say(f'{self._writer.path}: {count} messages recorded, {self.lost_count} lost')
 
     def _work(self) -> None:
@@ -174,8 +196,7 @@ class Recorder:
         while True:
             received = self._next(due - time.monotonic())
             if received is None or (self._disk_refuses and self._stopping.is_set()):
-                self.dropped += 0 if received is None else 1 + self._queue.qsize()
-                return
+                return  # `stop` counts what is left
             try:
                 if received is not _NOTHING:
                     self._write(received)
@@ -197,7 +218,8 @@ class Recorder:
             return _NOTHING
 
     def _write(self, received: _Received) -> None:
-        self._backlog -= len(received.data)
+        with self._backlog_lock:
+            self._backlog -= len(received.data)
         with self._lock:
             self._writer.write(
                 received.topic,
@@ -209,7 +231,10 @@ class Recorder:
 
     def _flush(self) -> None:
         with self._lock:
+            restored = self._writer.restore_if_removed()
             self._writer.flush()
+        if restored:
+            self._warn(f'{self._writer.file}: was removed and is written again, without a loss')
         self._report_losses()
 
     def _wait_for_disk(self, error: OSError) -> None:
@@ -219,7 +244,9 @@ class Recorder:
             f'{self._writer.path}: the disk refuses data ({error.strerror}); free some space, '
             'then recording continues'
         )
-        while not self._stopping.wait(FLUSH_PERIOD):
+        stopping = False
+        while not stopping:
+            stopping = self._stopping.wait(FLUSH_PERIOD)
             try:
                 self._flush()
             except OSError:

@@ -1,5 +1,6 @@
 """Records the running graph into an MCAP bag, every message byte for byte."""
 
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,14 +63,20 @@ class RecorderNode(Node):
         if not output:
             raise InputError("parameter 'output' of recorder: name the bag to write")
         continues = declare(
-            self, 'continues', False, 'if output exists, write to output_2, output_3, ...'
+            self,
+            'continues',
+            False,
+            'if output exists, add a file to the folder; a file .mcap gets a number',
         )
-        bag = next_free_path(Path(output)) if continues else Path(output)
+        bag = Path(output)
+        if continues and bag.suffix == '.mcap':
+            bag = next_free_path(bag)
         names = declare(self, 'topics', '', 'topics to record, separated by spaces; empty: all')
         self._selected = {self.resolve_topic_name(name) for name in names.split()}
         self._recorder = Recorder(
             bag,
             compress=declare(self, 'compress', True, 'compress the bag with zstd'),
+            extend=continues,
             say=self.get_logger().info,
             warn=self.get_logger().warning,
         )
@@ -88,7 +95,7 @@ class RecorderNode(Node):
         self.create_timer(DISCOVERY_PERIOD, self._discover, clock=steady)
         self.create_timer(DIAGNOSTICS_PERIOD, self._report, clock=steady)
         self._discover()
-        self.get_logger().info(f'recording into {bag}')
+        self.get_logger().info(f'recording into {self._recorder.path}')
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
@@ -163,8 +170,15 @@ class RecorderNode(Node):
     def _report(self) -> None:
         lost = self._recorder.lost_count
         level = DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
-        count = self._recorder.message_count
-        self._diagnostics.report(level, f'{count} messages recorded, {lost} lost', lost=lost)
+        summary = f'{self._recorder.message_count} messages recorded, {lost} lost'
+        if self._recorder.disk_refuses:
+            level, summary = DiagnosticStatus.ERROR, f'the disk refuses data; {summary}'
+        self._diagnostics.report(level, summary, lost=lost)
+
+    @property
+    def failed(self) -> bool:
+        """Whether received messages are missing in the bag."""
+        return self._recorder.failed
 
     def destroy_node(self) -> None:
         """Complete the bag, then destroy the node."""
@@ -196,8 +210,15 @@ def _subscription_qos(offered: TopicQos) -> QoSProfile:
 
 
 def main() -> None:
-    """Run the node."""
-    run(RecorderNode, threads=1)
+    """Run the node; the exit status is 1 if received messages are missing in the bag."""
+    nodes: list[RecorderNode] = []
+
+    def make() -> RecorderNode:
+        nodes.append(RecorderNode())
+        return nodes[0]
+
+    run(make, threads=1)
+    sys.exit(int(any(node.failed for node in nodes)))
 
 
 if __name__ == '__main__':

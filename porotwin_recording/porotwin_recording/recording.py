@@ -12,7 +12,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig
 from porotwin_core.wells import Schedule
 from porotwin_recording.bag import read_bag
-from porotwin_recording.bag_reader import is_bag
+from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.concentration import ConcentrationMaps, Maps
 from porotwin_recording.experiment_folder import RIG_FILE, read_folder
 from porotwin_recording.recorded_data import RecordedData

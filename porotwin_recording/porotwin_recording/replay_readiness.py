@@ -10,6 +10,9 @@ TWIN = frozenset({'imaging', 'solver', 'costa', 'hub'})
 RECORDER = 'recorder'
 """The node that subscribes to a topic after it has found a publisher."""
 
+SERVICES = frozenset({'solver/predict', 'costa/corrective_source'})
+"""Services of the twin that the first photograph needs."""
+
 CONSUMERS = {
     topic_names.IMAGE: 'imaging',
     topic_names.BASELINE: 'imaging',
@@ -44,12 +47,14 @@ class GraphSeen:
     Attributes:
         nodes: names of all other nodes in the player's namespace.
         topics: the topics to play.
+        services: names of all services in that namespace, relative to it.
         recorded: names of the topics that the node `recorder` takes; None: all.
         answering: whether somebody publishes the answers of the lock-step; None: no lock-step.
     """
 
     nodes: frozenset[str]
     topics: tuple[PlayedTopic, ...]
+    services: frozenset[str] = frozenset()
     recorded: frozenset[str] | None = None
     answering: bool | None = None
 
@@ -58,6 +63,7 @@ def missing(seen: GraphSeen) -> list[str]:
     """Return what a replay has to wait for, one phrase each; empty: it may begin."""
     twin = TWIN & seen.nodes
     waits = [f'node {name}' for name in sorted(TWIN - twin)] if twin else []
+    waits += [f'service {name}' for name in sorted(SERVICES - seen.services) if twin]
     for topic in seen.topics:
         wanted = {node for end, node in CONSUMERS.items() if topic.name.endswith(f'/{end}')}
         if not twin:

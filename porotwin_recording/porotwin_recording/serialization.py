@@ -24,6 +24,17 @@ _NUMBERS = frozenset(
     ['float32', 'float64', *(f'{sign}int{bits}' for sign in ('', 'u') for bits in (8, 16, 32, 64))]
 )
 
+_WRONG_BYTES = (
+    SerdeError,
+    LookupError,
+    ValueError,
+    AssertionError,
+    struct.error,
+    MemoryError,
+    OverflowError,
+)
+"""Exceptions of rosbags and numpy at bytes that do not follow a definition."""
+
 Field = tuple[Nodetype, Any]
 """Description of a field in rosbags: its kind, and details that depend on the kind."""
 
@@ -89,8 +100,9 @@ class Deserializer:
         """
         try:
             message = self._store.deserialize_cdr(data, self._type_name)
-        except (SerdeError, KeyError) as error:
-            raise InputError(f"message is not a '{self._type_name}': {error}") from None
+        except _WRONG_BYTES as error:
+            reason = ' '.join(str(error).split()) or type(error).__name__
+            raise InputError(f"message is not a '{self._type_name}': {reason}") from None
         if self._current is not None:
             _add_missing_fields(message, self._type_name, self._store, self._current)
         return message

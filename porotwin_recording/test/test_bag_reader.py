@@ -3,11 +3,9 @@
 from pathlib import Path
 
 import pytest
-import yaml
 from bag_examples import SETPOINT, write_setpoints
 from recording_examples import STRING
 
-from porotwin_core.errors import InputError
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import TopicQos
 from porotwin_recording.bag_writer import BagWriter
@@ -62,20 +60,3 @@ def test_a_field_that_the_recorded_definition_lacks_has_its_default_value(tmp_pa
     assert message.wells == []
     assert message.valid_until.sec == 0
     assert message.header.frame_id == ''
-
-
-def test_broken_metadata_is_named(tmp_path: Path) -> None:
-    write_setpoints(tmp_path / 'run')
-    metadata = tmp_path / 'run' / 'metadata.yaml'
-    whole = yaml.safe_load(metadata.read_text())
-    metadata.write_text('nothing: here')
-    with pytest.raises(InputError, match='not the metadata of a bag'):
-        BagReader(tmp_path / 'run')
-    whole['rosbag2_bagfile_information']['storage_identifier'] = 'sqlite3'
-    metadata.write_text(yaml.safe_dump(whole))
-    with pytest.raises(InputError, match='is a sqlite3 bag; convert it with'):
-        BagReader(tmp_path / 'run')
-    metadata.unlink()
-    bag = BagReader(tmp_path / 'run')
-    assert bag.message_count == 40
-    assert bag.remarks == []

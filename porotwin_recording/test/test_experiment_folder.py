@@ -1,5 +1,6 @@
 """Tests of experiment folders: they are read as written, and faults are named."""
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -92,3 +93,22 @@ def test_the_real_photographs_are_an_experiment() -> None:
     assert [photo.role for photo in recording.photos] == ['baseline', 'state', 'state', 'state']
     assert recording.photos[0].read()[:2] == b'\xff\xd8'
     assert load_rig(SHARED / 'data' / 'fluidflower_tracer').wells.keys() == {'upper', 'lower'}
+
+
+@pytest.mark.parametrize('name', ['concentration.nc', 'rates.csv', 'imaging.csv'])
+def test_random_damage_is_named_in_one_line(tmp_path: Path, name: str) -> None:
+    write_folder(tmp_path / 'run', bench_experiment())
+    path = tmp_path / 'run' / name
+    whole = path.read_bytes()
+    for seed in range(100):
+        generator = random.Random(seed)
+        content = bytearray(whole)
+        for _ in range(generator.choice([1, 10, 100])):
+            place = generator.randrange(len(content))
+            content[place] = generator.choice([0, 255, 34, 44, 10, generator.randrange(256)])
+        path.write_bytes(content[: generator.choice([None, generator.randrange(len(content))])])
+        try:
+            recording = open_recording(tmp_path / 'run')
+            assert recording.concentration.shape[1:] == recording.grid.shape
+        except InputError as error:
+            assert '\n' not in str(error)

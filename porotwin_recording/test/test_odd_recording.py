@@ -1,5 +1,6 @@
 """Tests of odd recordings: wrong units of rates and times, photographs that do not fit."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def test_a_usual_recording_is_not_odd() -> None:
     [
         ({'rate_ml_h': 5.6e-8}, 'rates.csv: well in is 5.6e-08 ml/h: .*was this in m3/s', True),
         ({'rate_ml_h': 5e8}, 'rates.csv: well in is 5e.08 ml/h', True),
-        ({'rate_ml_h': 5e4}, 'rates.csv: well in is 50000 ml/h', False),
+        ({'rate_ml_h': 2e4}, 'rates.csv: well in is 20000 ml/h', False),
         ({'last': 80.0}, 'rates.csv: its times end at 80 s, .* in minutes', False),
         ({'last': 4500.0, 'end': 80.0}, 'concentration.nc .* in minutes', False),
     ],
@@ -56,8 +57,7 @@ def test_a_usual_recording_is_not_odd() -> None:
 def test_a_mistaken_unit_is_named(change: dict[str, float], named: str, refused: bool) -> None:
     (remark,) = remarks_about_recording(recording(**change))
     assert remark.refused is refused
-    with pytest.raises(AssertionError, match=named):
-        raise AssertionError(str(remark))
+    assert re.search(named, str(remark))
 
 
 def test_two_rates_of_a_well_at_one_time_are_odd() -> None:

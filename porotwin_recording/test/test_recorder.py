@@ -1,6 +1,7 @@
 """Tests of the recorder: losses are counted, and recording survives a full disk."""
 
 import resource
+import shutil
 from pathlib import Path
 
 import pytest
@@ -107,6 +108,51 @@ def test_recording_continues_after_a_full_disk(tmp_path: Path) -> None:
     assert numbers[-1] == counting.number
     assert counting.number + 1 - len(numbers) == recorder.dropped
     assert said[-1].endswith(f'{len(numbers)} messages recorded, {recorder.dropped} lost')
+
+
+def test_on_a_disk_that_stays_full_the_counts_are_the_readable_ones(tmp_path: Path) -> None:
+    said: list[str] = []
+    path = tmp_path / 'run.mcap'
+    recorder = Recorder(path, compress=False, say=said.append, warn=said.append)
+    recorder.add_topic('/t', STRING, TopicQos())
+    counting = Counting(recorder)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, hard))
+        assert eventually(lambda: counting.record_one() and recorder.disk_refuses)
+        recorder.stop()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    bag = BagReader(path)
+    found = len(list(bag.messages()))
+    assert found == bag.message_count == recorder.message_count
+    assert recorder.dropped == counting.number + 1 - found > 0
+    assert recorder.failed
+    assert f'the end could not be written (File too large); {found} messages remain' in said[-2]
+    assert said[-1] == f'{path}: {found} messages recorded, {recorder.dropped} lost'
+
+
+def test_a_bag_that_is_removed_while_it_is_recorded_comes_back(tmp_path: Path) -> None:
+    said: list[str] = []
+    recorder = Recorder(tmp_path / 'run', say=str, warn=said.append)
+    recorder.add_topic('/t', STRING, TopicQos())
+    recorder.record('/t', b'one', log_time=1, publish_time=1)
+    assert eventually(lambda: recorder.message_count == 1)
+    shutil.rmtree(tmp_path / 'run')
+    recorder.record('/t', b'two', log_time=2, publish_time=2)
+    assert eventually(lambda: recorder.message_count == 2)
+    shutil.rmtree(tmp_path / 'run')
+    recorder.stop()
+    assert not recorder.failed
+    bag = BagReader(tmp_path / 'run')
+    assert [message.data for message in bag.messages()] == [b'one', b'two']
+    assert 'was removed and is written again' in said[0]
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError, match='cannot be written'):
+        Recorder(tmp_path / 'file' / 'run')
 
 
 def test_a_bag_that_exists_is_refused(tmp_path: Path) -> None:

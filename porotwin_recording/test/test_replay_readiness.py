@@ -1,6 +1,6 @@
 """Tests of the decision whether a replay may begin, on descriptions of a graph."""
 
-from porotwin_recording.replay_readiness import GraphSeen, PlayedTopic, missing
+from porotwin_recording.replay_readiness import SERVICES, GraphSeen, PlayedTopic, missing
 
 IMAGE = '/porotwin/camera/image/compressed'
 MEASURED = '/porotwin/wells/measured'
@@ -13,7 +13,7 @@ def image(*subscribers: str, connected: int | None = None) -> PlayedTopic:
 
 
 def test_a_complete_twin_is_ready() -> None:
-    assert missing(GraphSeen(TWIN, (image('imaging'),))) == []
+    assert missing(GraphSeen(TWIN, (image('imaging'),), SERVICES)) == []
 
 
 def test_nobody_listens() -> None:
@@ -26,12 +26,17 @@ def test_a_stranger_alone_is_enough() -> None:
 
 
 def test_a_twin_that_starts_is_waited_for_although_another_node_listens() -> None:
-    seen = GraphSeen(TWIN - {'hub'}, (image('page'),))
+    seen = GraphSeen(TWIN - {'hub'}, (image('page'),), SERVICES)
     assert missing(seen) == ['node hub', f'imaging to subscribe to {IMAGE}']
 
 
+def test_the_services_of_the_models_are_waited_for() -> None:
+    seen = GraphSeen(TWIN, (image('imaging'),), frozenset({'solver/predict'}))
+    assert missing(seen) == ['service costa/corrective_source']
+
+
 def test_every_known_subscriber_must_be_connected() -> None:
-    seen = GraphSeen(TWIN, (image('imaging', 'page', connected=1),))
+    seen = GraphSeen(TWIN, (image('imaging', 'page', connected=1),), SERVICES)
     assert missing(seen) == [f'{IMAGE} to connect 1 of 2 nodes']
 
 
@@ -43,5 +48,5 @@ def test_the_recorder_is_waited_for_unless_it_takes_other_topics() -> None:
 
 
 def test_lock_step_needs_the_answering_node() -> None:
-    seen = GraphSeen(TWIN, (image('imaging'),), answering=False)
+    seen = GraphSeen(TWIN, (image('imaging'),), SERVICES, answering=False)
     assert missing(seen) == ['the node that answers in lock-step']

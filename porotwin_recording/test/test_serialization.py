@@ -1,5 +1,7 @@
 """Tests of the serialization: our bytes are ROS's, and messages of old bags are completed."""
 
+import random
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -106,3 +108,22 @@ def test_the_stamp_is_read_without_the_rest() -> None:
     assert stamp_of(Serializer().to_cdr(setpoint(3))) == 3 * SECOND
     with pytest.raises(InputError, match='8 bytes has no stamp'):
         stamp_of(bytes(8))
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_random_bytes_are_named_in_one_line_without_much_memory(seed: int) -> None:
+    generator = random.Random(seed)
+    whole = bytearray(Serializer().to_cdr(setpoint(seed)))
+    deserializer = Deserializer(SETPOINT, message_definition(SETPOINT))
+    tracemalloc.start()
+    for _ in range(50):
+        damaged = bytearray(whole)
+        for _ in range(generator.choice([1, 5, 40])):
+            damaged[generator.randrange(4, len(damaged))] = generator.choice([0, 255, 128])
+        try:
+            deserializer.from_cdr(bytes(damaged[: generator.randrange(len(damaged))]))
+        except InputError as error:
+            assert '\n' not in str(error)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 32 << 20

@@ -7,7 +7,7 @@ import math
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Control, Rig
-from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates, net_rate
 
 _ROUND_OFF_ML_H = 1e-3
@@ -70,15 +70,3 @@ def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:
             raise InputError(
                 f"well '{name}' injects concentration {well.concentration:g}, must be {fluid:g}"
             )
-
-
-def safe_rates(rig: Rig) -> dict[str, WellRate]:
-    """Return the rates without a command: the fixed wells, balanced by the producer."""
-    rates = {name: WellRate() for name in rig.wells}
-    if rig.control is None:
-        return rates
-    for name, fixed in rig.control.fixed.items():
-        rates[name] = WellRate(from_ml_h(fixed.rate_ml_h), fixed.concentration)
-    if rig.control.producer is not None:
-        rates[rig.control.producer] = WellRate(-net_rate(rates))
-    return rates

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
+from porotwin_core.safe_rates import safe_rates
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_rig.camera_signal import signal_seen
-from porotwin_rig.limits import refuse_broken_limits, safe_rates
+from porotwin_rig.limits import refuse_broken_limits
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
 

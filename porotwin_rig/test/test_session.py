@@ -4,10 +4,11 @@ import pytest
 from rig_examples import make_rig, rates
 
 from porotwin_core.errors import InputError
+from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_rig.camera import camera_before
-from porotwin_rig.limits import refuse_broken_limits, safe_rates
+from porotwin_rig.limits import refuse_broken_limits
 from porotwin_rig.pumps import Pumps
 from porotwin_rig.render import Photographer
 from porotwin_rig.session import AssetSession

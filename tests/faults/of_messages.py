@@ -1,55 +1,189 @@
-"""Messages. Data on the network that the twin did not make."""
+"""Messages. Data on the network that the twin did not make, and settings out of range."""
 
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 
-from faults.fault import LogLine, fault
-from faults.stage import Stage
+from faults.fault import Answer, LogLine, Remark, Status, fault
+from faults.stage import ENVIRONMENT, GRID, Stage
 from porotwin_core import conversions, qos
 from porotwin_core.grid import Grid
 from porotwin_core.wells import WellRate
-from porotwin_msgs.msg import NewState, StateRefreshed, WellRates
+from porotwin_hub.graph import NAMESPACE
+from porotwin_msgs.msg import NewState, Setpoint, StateRefreshed, WellRates
 
-IGNORED = 'Ignores it. No setpoint follows.'
 REMOVED = 'the foreign node is gone'
+NO_SETPOINT = 'Ignores it. No setpoint follows from any state while a foreign node sends states.'
+NX, NZ = (int(number) for number in GRID.split('x'))
 
 
-def foreign_state(stage: Stage, values: np.ndarray, *, number: int) -> None:
-    """Publish a state as a node would that does not belong to the twin."""
-    taken = stage.now()
+def foreign_state(stage: Stage, values: np.ndarray, *, number: int) -> Iterator[None]:
+    """Publish a state as a node does that is not of the twin; that node is gone at the end."""
+    taken = time.time()
     nz, nx = values.shape
-    grid = Grid(nx, nz, stage.rig.width_m, stage.rig.height_m)
-    header = conversions.header_at(taken)
-    tracer = conversions.tracer_to_msg(values, grid, taken)
-    state = NewState(header=header, sequence=number, time_step=1.0, tracer=tracer)
-    stage.publish('asset/new_state', NewState, qos.FIELD, state)
-    refreshed = StateRefreshed(header=header, sequence=number)
-    stage.publish('asset/state_refreshed', StateRefreshed, qos.FIELD, refreshed)
+    header: Any = conversions.header_at(taken)
+    tracer = conversions.tracer_to_msg(
+        np.zeros(values.shape), Grid(nx, nz, stage.rig.width_m, stage.rig.height_m), taken
+    )
+    tracer.concentration = values.astype(np.float32).ravel().tolist()
+    with (
+        stage.foreign('asset/new_state', NewState, qos.FIELD) as send_state,
+        stage.foreign('asset/state_refreshed', StateRefreshed, qos.FIELD) as send_refreshed,
+    ):
+        send_state(NewState(header=header, sequence=number, time_step=1.0, tracer=tracer))
+        send_refreshed(StateRefreshed(header=header, sequence=number))
+        yield
 
 
 @fault(
-    'A foreign state has another grid.',
+    'A foreign node sends a state on another grid.',
     LogLine('hub', 'state 9001 ignored'),
-    does=IGNORED,
+    does=NO_SETPOINT,
     mends=REMOVED,
 )
-def other_grid(stage: Stage) -> None:
-    foreign_state(stage, np.zeros((20, 30)), number=9001)
+def other_grid(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.zeros((20, 30)), number=9001)
+
+
+@fault(
+    'A foreign node sends a state of NaN.',
+    LogLine('hub', 'state 9002 ignored'),
+    does=NO_SETPOINT,
+    mends=REMOVED,
+)
+def state_of_nan(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.full((NZ, NX), math.nan), number=9002)
+
+
+@fault(
+    'A foreign node sends a state of infinite numbers.',
+    LogLine('hub', 'state 9003 ignored'),
+    does=NO_SETPOINT,
+    mends=REMOVED,
+)
+def state_of_infinity(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.full((NZ, NX), math.inf), number=9003)
+
+
+@fault(
+    'A foreign node sends a state of 1e30.',
+    LogLine('hub', 'state 9004 ignored'),
+    does=NO_SETPOINT,
+    mends=REMOVED,
+)
+def huge_state(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.full((NZ, NX), 1e30), number=9004)
+
+
+@fault(
+    'A foreign node sends a state of -5.',
+    LogLine('hub', 'state 9005 ignored'),
+    does=NO_SETPOINT,
+    mends=REMOVED,
+)
+def negative_state(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.full((NZ, NX), -5.0), number=9005)
+
+
+@fault(
+    'A foreign node sends a state that looks right.',
+    Remark('several nodes publish asset/new_state'),
+    does='Maps it, and lets no setpoint follow while the foreign node is there.',
+    mends=REMOVED,
+)
+def plausible_state(stage: Stage) -> Iterator[None]:
+    yield from foreign_state(stage, np.zeros((NZ, NX)), number=9006)
+
+
+@fault(
+    'A foreign node sends a setpoint that keeps all limits.',
+    Status('guard', 'ERROR', 'no setpoint can pass'),
+    LogLine('operator', 'not shown'),
+    does='The operator is not told it, and the pumps do not take it. No setpoint passes while the '
+    'foreign node is there.',
+    mends=REMOVED,
+)
+def foreign_setpoint(stage: Stage) -> Iterator[None]:
+    now = time.time()
+    message = Setpoint(
+        header=conversions.header_at(now),
+        sequence=9001,
+        valid_until=conversions.time_to_msg(now + 60.0),
+        wells=conversions.rates_to_msg(stage.limits.safe()),
+    )
+    with stage.foreign('wells/setpoint', Setpoint, qos.SETPOINT) as send:
+        stage.foreign_setpoints.add(9001)
+        send(message)
+        yield
 
 
 @fault(
     'Measured rates name a well that is not in rig.yaml.',
     LogLine('hub', "well 'elsewhere' is not in rig.yaml"),
     does='Ignores them.',
-    mends=REMOVED,
+    mends='right names',
 )
-def unknown_well(stage: Stage) -> None:
-    publish_rates(stage, {'elsewhere': WellRate(1e-8)})
+def unknown_well(stage: Stage) -> Iterator[None]:
+    yield from foreign_rates(stage, {'elsewhere': WellRate(1e-8)})
 
 
-def publish_rates(stage: Stage, rates: dict[str, WellRate]) -> None:
+@fault(
+    'Measured rates are in m3/h where m3/s belong.',
+    LogLine('hub', 'pore volumes per hour'),
+    does='Ignores them.',
+    mends='the right unit',
+)
+def wrong_unit_of_rates(stage: Stage) -> Iterator[None]:
+    yield from foreign_rates(stage, {'injector': WellRate(5e-4, 1.0)})
+
+
+def foreign_rates(stage: Stage, rates: dict[str, WellRate]) -> Iterator[None]:
     """Publish measured rates of this moment."""
-    header: Any = conversions.header_at(stage.now())
-    message = WellRates(header=header, start=header.stamp, wells=conversions.rates_to_msg(rates))
-    stage.publish('wells/measured', WellRates, qos.FIELD, message)
+    header: Any = conversions.header_at(time.time())
+    with stage.foreign('wells/measured', WellRates, qos.FIELD) as send:
+        wells = conversions.rates_to_msg(rates)
+        send(WellRates(header=header, start=header.stamp, wells=wells))
+        yield
+
+
+@fault(
+    'A second hub is started in the same domain.',
+    Answer('ROS_DOMAIN_ID'),
+    does='The second one ends at once with one line that says how to run two.',
+    mends='nothing needs to be mended',
+)
+def second_hub(stage: Stage) -> None:
+    command = [sys.executable, '-m', 'porotwin_hub.hub_node', '--ros-args']
+    command += ['-r', f'__ns:={NAMESPACE}', '-p', f'rig:={stage.folder / "rig.yaml"}']
+    ran = subprocess.run(
+        command,
+        env={**ENVIRONMENT, 'ROS_DOMAIN_ID': str(stage.domain)},
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert ran.returncode == 2, ran.stderr
+    assert 'ROS_DOMAIN_ID' in ran.stderr.strip().splitlines()[-1]
+
+
+@fault(
+    'A parameter of the hub is set out of its range while it runs.',
+    Answer('it must be'),
+    does='Refuses the value with its range, and keeps the old one.',
+    mends='a value in the range',
+)
+def parameter_out_of_range(stage: Stage) -> None:
+    for name, value in (('horizon_s', -5.0), ('evaluations', -3), ('model_timeout_s', math.nan)):
+        request = SetParameters.Request()
+        request.parameters = [Parameter(name, value=value).to_parameter_msg()]
+        (result,) = stage.call(SetParameters, 'hub/set_parameters', request).results
+        assert not result.successful
+        assert 'it must be' in result.reason, result.reason

@@ -1,8 +1,10 @@
 """Photographs. Files that a camera, a cable or a person spoils."""
 
-import time
+import os
+from collections.abc import Iterator
 
 import cv2
+import numpy as np
 
 from faults.fault import Status, fault
 from faults.stage import Stage, decoded, encoded
@@ -101,36 +103,99 @@ def hands(stage: Stage) -> None:
 
 @fault(
     'The camera sends the same photograph again under another name.',
-    Status('imaging', 'ERROR', 'is a duplicate'),
+    Status('camera', 'ERROR', 'is a duplicate of'),
     does='Leaves out the second one.',
     mends=NEXT_GOOD,
 )
 def repeated(stage: Stage) -> None:
-    picture = stage.picture()
-    stage.put(picture, good=True)
-    stage.put(picture, good=False, taken=time.time() + 0.5)
+    picture = stage.good_picture()
+    stage.put(picture, good=False)
 
 
 @fault(
-    'A photograph arrives after a later one.',
-    Status('imaging', 'ERROR', 'is out of order'),
+    'A photograph arrives long after a later one.',
+    Status('camera', 'ERROR', 'out of order'),
     does=LEFT_OUT,
     mends=NEXT_GOOD,
 )
 def out_of_order(stage: Stage) -> None:
-    late = stage.picture()
-    stage.wait_for_control()
-    newest = stage.newest_good
-    stage.put(late, good=False, taken=newest - 0.5 * (newest - stage.last_but_one_good))
+    stage.put(encoded(decoded(stage.picture())), good=False, taken=stage.newest_good - 30.0)
+
+
+@fault(
+    'Files have the times 1970, 2001 and 2038, and no EXIF time.',
+    Status('camera', 'ERROR', 'has no believable time'),
+    does='Believes none of these times. At the pace of a camera the arrival counts, otherwise the '
+    'photograph is left out.',
+    mends="the camera's clock is set",
+)
+def impossible_file_times(stage: Stage) -> None:
+    for taken in (0.0, 1e9 - 86400.0, 2.0**31 - 86400.0):
+        stage.put(encoded(decoded(stage.picture())), good=False, taken=taken)
+
+
+@fault(
+    'A file name is not UTF-8.',
+    does='Reads it like any other; messages show the name with escapes.',
+    mends='nothing needs to be mended',
+)
+def name_not_utf8(stage: Stage) -> None:
+    stage.good_photograph(name=b'gr\xfcn_\xff.jpg')
+
+
+@fault(
+    'A FIFO has the name of a photograph.',
+    Status('camera', 'ERROR', 'regular file'),
+    does='Leaves it out, and does not wait for it.',
+    mends='the FIFO is removed, or not',
+)
+def fifo(stage: Stage) -> Iterator[None]:
+    path = stage.photos / 'fifo.jpg'
+    os.mkfifo(path)
+    yield
+    path.unlink()
+
+
+@fault(
+    'A camera uses one file name again and again.',
+    does='Reads each new content as a new photograph.',
+    mends='nothing needs to be mended',
+)
+def reused_name(stage: Stage) -> None:
+    for _ in range(2):
+        stage.wait_for_control(name=b'latest.jpg')
+
+
+@fault(
+    'The photographs are twice as bright: somebody changed the exposure.',
+    Status('imaging', 'ERROR', 'left out'),
+    does=LEFT_OUT,
+    mends='the old exposure, or a new baseline',
+)
+def twice_as_bright(stage: Stage) -> None:
+    pixels = decoded(stage.picture()).astype(float)
+    stage.put(encoded(np.clip(2.0 * pixels, 0, 255).astype(np.uint8)), good=False)
+
+
+@fault(
+    'All photographs so far are copied into the folder again under other names.',
+    Status('camera', 'ERROR', 'is a duplicate of'),
+    does='Leaves them out.',
+    mends=NEXT_GOOD,
+)
+def sent_again(stage: Stage) -> None:
+    for number, path in enumerate(sorted(stage.photos.glob('IMG_*.jpg'))[-5:]):
+        stage.put(path.read_bytes(), good=False, name=f'copy_{number}.jpg')
 
 
 @fault(
     'The folder is away for a while, as a network share may be.',
+    Status('camera', 'ERROR', 'does not answer'),
     does='Waits. No setpoint follows without a photograph.',
     mends='the folder is back',
 )
-def folder_away(stage: Stage) -> None:
+def folder_away(stage: Stage) -> Iterator[None]:
     away = stage.photos.with_name('away')
     stage.photos.rename(away)
-    stage.put(stage.picture(), good=True, folder=away)
+    yield
     away.rename(stage.photos)

@@ -1,12 +1,16 @@
 """Processes. Nodes that die, hang or do not answer."""
 
+import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
-from faults.fault import Remark, SupervisorLine, fault
+from faults.fault import Remark, Status, SupervisorLine, fault
 from faults.stage import Stage
 
 RESTARTED = 'Starts the node again.'
 BY_ITSELF = 'the restarted node'
+HUNG = 'Shows it as stale after 5 s. After `restart_after_s` it is killed and started again.'
 
 
 def kill(stage: Stage, node: str) -> None:
@@ -14,6 +18,16 @@ def kill(stage: Stage, node: str) -> None:
     before = stage.pid(node)
     stage.signal(node, signal.SIGKILL)
     stage.wait_for(f'another process of {node}', lambda: stage.pid(node) != before)
+
+
+@contextmanager
+def stopped(stage: Stage, node: str) -> Iterator[None]:
+    """Stop the process of a node, and let it go on at the end."""
+    process = stage.pid(node)
+    stage.signal(node, signal.SIGSTOP)
+    yield
+    with suppress(ProcessLookupError):
+        os.kill(process, signal.SIGCONT)
 
 
 @fault(
@@ -54,6 +68,26 @@ def costa_killed(stage: Stage) -> None:
 )
 def hub_killed(stage: Stage) -> None:
     kill(stage, 'hub')
+
+
+@fault(
+    'The guard is killed.',
+    SupervisorLine('guard ended (-9); starting it again'),
+    does=RESTARTED + ' Until then no setpoint reaches the pumps.',
+    mends=BY_ITSELF,
+)
+def guard_killed(stage: Stage) -> None:
+    kill(stage, 'guard')
+
+
+@fault(
+    'The supervisor is killed.',
+    SupervisorLine('supervisor ended (-9); starting it again'),
+    does=RESTARTED,
+    mends=BY_ITSELF,
+)
+def supervisor_killed(stage: Stage) -> None:
+    kill(stage, 'supervisor')
 
 
 @fault(
@@ -103,11 +137,10 @@ def page_killed(stage: Stage) -> None:
     'is valid; afterwards the safe rates.',
     mends='the solver answers again',
 )
-def solver_silent(stage: Stage) -> None:
-    stage.signal('solver', signal.SIGSTOP)
-    stage.good_photograph()
-    yield
-    stage.signal('solver', signal.SIGCONT)
+def solver_silent(stage: Stage) -> Iterator[None]:
+    with stopped(stage, 'solver'):
+        stage.good_photograph()
+        yield
 
 
 @fault(
@@ -116,11 +149,10 @@ def solver_silent(stage: Stage) -> None:
     does='The forecast is not corrected. Control goes on.',
     mends='COSTA answers again',
 )
-def costa_silent(stage: Stage) -> None:
-    stage.signal('costa', signal.SIGSTOP)
-    stage.good_photograph()
-    yield
-    stage.signal('costa', signal.SIGCONT)
+def costa_silent(stage: Stage) -> Iterator[None]:
+    with stopped(stage, 'costa'):
+        stage.good_photograph()
+        yield
 
 
 @fault(
@@ -129,8 +161,51 @@ def costa_silent(stage: Stage) -> None:
     does='Says so. The setpoint does not count as pumped.',
     mends='the operator bridge answers again',
 )
-def operator_silent(stage: Stage) -> None:
-    stage.signal('operator', signal.SIGSTOP)
-    stage.good_photograph()
-    yield
-    stage.signal('operator', signal.SIGCONT)
+def operator_silent(stage: Stage) -> Iterator[None]:
+    with stopped(stage, 'operator'):
+        stage.good_photograph()
+        yield
+
+
+@fault(
+    'The camera node hangs (SIGSTOP).',
+    Status('camera', 'STALE', 'silent for'),
+    does=HUNG,
+    mends=BY_ITSELF,
+)
+def camera_stopped(stage: Stage) -> Iterator[None]:
+    with stopped(stage, 'camera'):
+        yield
+
+
+@fault(
+    'The imaging hangs (SIGSTOP).',
+    Status('imaging', 'STALE', 'silent for'),
+    does=HUNG,
+    mends=BY_ITSELF,
+)
+def imaging_stopped(stage: Stage) -> Iterator[None]:
+    with stopped(stage, 'imaging'):
+        yield
+
+
+@fault(
+    'The guard hangs (SIGSTOP).',
+    Status('guard', 'STALE', 'silent for'),
+    does=HUNG,
+    mends=BY_ITSELF,
+)
+def guard_stopped(stage: Stage) -> Iterator[None]:
+    with stopped(stage, 'guard'):
+        yield
+
+
+@fault(
+    'The hub hangs (SIGSTOP) and does not go on by itself.',
+    Status('hub', 'STALE', 'silent for'),
+    SupervisorLine('hub ended (-9); starting it again'),
+    does=HUNG,
+    mends=BY_ITSELF,
+)
+def hub_hangs(stage: Stage) -> None:
+    stage.signal('hub', signal.SIGSTOP)

@@ -1,25 +1,32 @@
 """A running twin for the fault suite, with a camera folder that the tests write to."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import rclpy
 from graph import RunningGraph, running_graph
+from rclpy.context import Context
 
 from porotwin_core import conversions
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_hub.graph import GraphSettings, NodeDescription, live_graph
+from porotwin_hub.graph import NAMESPACE, GraphSettings, NodeDescription, live_graph
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_rig.camera import camera_before
 from porotwin_rig.render import Photographer
 
 ROOT = Path(__file__).resolve().parents[2]
+
+ENVIRONMENT = dict(os.environ)
+"""The environment of processes that a test starts."""
 
 GRID = '62x37'
 PHOTO_WIDTH_PX = 640
@@ -37,6 +44,9 @@ RETRY_S = 5.0
 
 MODEL_TIMEOUT_S = 5.0
 """Longest wait of the hub for a model [s]; its default is longer."""
+
+RESTART_AFTER_S = 12.0
+"""Silence after which the supervisor ends a node [s]; its default is longer."""
 
 PATIENCE_S = 2.0
 """Longest wait for an unfinished file [s]; the default is longer."""
@@ -77,28 +87,40 @@ class Seen:
 class Stage:
     """A running twin. Every setpoint must follow from a photograph that the stage calls good."""
 
-    def __init__(self, graph: RunningGraph, folder: Path, photographer: Photographer) -> None:
+    def __init__(
+        self, graph: RunningGraph, folder: Path, photographer: Photographer, domain: int
+    ) -> None:
         self.graph = graph
+        self.domain = domain
         self.folder = folder
         self.photos = folder / 'photos'
         self.limits = Limits.of(photographer.rig)
         self.rig = photographer.rig
         self.healthy = True
+        self.foreign_setpoints: set[int] = set()
+        """Numbers of setpoints that a test sent."""
         self._photographer = photographer
         self._count = 0
         self._good: list[float] = []
-        self._publishers: dict[str, Any] = {}
+        self._taken = math.nan
 
     # --- photographs ------------------------------------------------------------------------
 
-    def picture(self, *, radius: float | None = None) -> bytes:
-        """Return the next photograph, a plume that has grown a little, without EXIF data."""
+    def picture(self) -> bytes:
+        """Return a photograph of this moment: a plume that has grown a little."""
         self._count += 1
         z, x = np.mgrid[0:0.562:57j, 0:0.934:95j]
-        radius = 0.04 + 0.0002 * self._count if radius is None else radius
-        plume = (np.hypot(x - 0.235, z - 0.235) < radius).astype(float)
-        jpeg = self._photographer.photograph(plume, time=float(self._count))
-        return encoded(decoded(jpeg))
+        plume = (np.hypot(x - 0.235, z - 0.235) < 0.04 + 0.0002 * self._count).astype(float)
+        moment = float(self._count)
+        # the light, the noise and the shake follow the number, the EXIF time this moment
+        self._taken = math.floor(1000.0 * time.time()) / 1000.0
+        self._photographer.start = datetime.fromtimestamp(self._taken - moment, UTC)
+        return self._photographer.photograph(plume, time=moment)
+
+    def baseline(self) -> bytes:
+        """Return a photograph of this moment without tracer."""
+        self._photographer.start = datetime.now(UTC)
+        return self._photographer.baseline()
 
     def put(
         self,
@@ -130,9 +152,16 @@ class Stage:
             self._good.append(taken)
         return path, taken
 
-    def good_photograph(self) -> float:
+    def good_photograph(self, name: bytes | None = None) -> float:
         """Take a photograph that the twin may act on; return its time [s]."""
-        return self.put(self.picture(), good=True)[1]
+        self.good_picture(name)
+        return self._good[-1]
+
+    def good_picture(self, name: bytes | None = None) -> bytes:
+        """Take a photograph that the twin may act on; return the file."""
+        picture = self.picture()
+        self.put(picture, good=True, taken=self._taken, name=name and os.fsdecode(name))
+        return picture
 
     @property
     def newest_good(self) -> float:
@@ -160,12 +189,17 @@ class Stage:
 
     # --- control ---------------------------------------------------------------------------
 
-    def wait_for_control(self, *, limit: float = CYCLES * PHOTO_INTERVAL_S) -> None:
-        """Take good photographs until a setpoint follows from one of them; fail after `limit`."""
+    def wait_for_control(
+        self, *, limit: float = CYCLES * PHOTO_INTERVAL_S, name: bytes | None = None
+    ) -> None:
+        """Take good photographs until a setpoint follows from one of them.
+
+        Fail after `limit` [s]. `name` is the file name of all of them; None: new names.
+        """
         deadline = time.monotonic() + limit
         stamps: list[float] = []
         while time.monotonic() < deadline:
-            stamps.append(self.good_photograph())
+            stamps.append(self.good_photograph(name))
             with suppress(AssertionError):
                 self.graph.listener.wait_for(
                     'a setpoint',
@@ -184,6 +218,8 @@ class Stage:
     def check_setpoints(self) -> None:
         """Check every setpoint so far: its photograph was good, and it keeps the limits."""
         for message in self.graph.messages['wells/setpoint']:
+            if message.sequence in self.foreign_setpoints:
+                continue
             stamp = _taken(message)
             assert any(abs(stamp - good) < STAMP_TOLERANCE_S for good in self._good), (
                 f'setpoint {message.sequence} follows from the photograph at {stamp:.3f} s'
@@ -204,15 +240,25 @@ class Stage:
         """Return the time [s since 1970]."""
         return time.time()
 
-    def publish(self, topic: str, kind: Any, profile: Any, message: Any) -> None:
-        """Publish a message as a foreign node, when a subscriber is there."""
-        if topic not in self._publishers:
-            publisher = self.graph.listener.node.create_publisher(kind, topic, profile)
-            self._publishers[topic] = publisher
-        publisher = self._publishers[topic]
-        own = topic in self.graph.messages
-        self.wait_for(f'a subscriber of {topic}', lambda: publisher.get_subscription_count() > own)
-        publisher.publish(message)
+    @contextmanager
+    def foreign(self, topic: str, kind: Any, profile: Any) -> Iterator[Callable[[Any], None]]:
+        """Return a function that publishes messages as a node does that is not of the twin.
+
+        At the end of the block that node is gone.
+        """
+        context = Context()
+        rclpy.init(context=context, domain_id=self.domain)
+        node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
+        publisher = node.create_publisher(kind, topic, profile)
+        own = topic in self.graph.messages  # the listener of the test
+        try:
+            self.wait_for(
+                f'a subscriber of {topic}', lambda: publisher.get_subscription_count() > own
+            )
+            yield publisher.publish
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown(context=context)
 
     def call(self, service: Any, name: str, request: Any) -> Any:
         """Return the answer of a service of the twin."""
@@ -254,6 +300,7 @@ def _nodes(folder: Path) -> list[NodeDescription]:
     more: dict[str, dict[str, Any]] = {
         'camera': {'patience': PATIENCE_S},
         'hub': {'model_timeout_s': MODEL_TIMEOUT_S},
+        'supervisor': {'restart_after_s': RESTART_AFTER_S},
         'imaging': {'longest_gap': 3600.0},  # photographs come when a test takes one
     }
     return [
@@ -270,8 +317,8 @@ def running_stage(folder: Path, domain: int) -> Iterator[Stage]:
     (folder / 'photos').mkdir(parents=True)
     write_rig(photographer.rig, folder / 'rig.yaml')
     with running_graph(_nodes(folder), folder / 'run', domain) as graph:
-        stage = Stage(graph, folder, photographer)
-        stage.put(encoded(decoded(photographer.baseline())), good=False, name='IMG_0000.jpg')
+        stage = Stage(graph, folder, photographer, domain)
+        stage.put(stage.baseline(), good=False, name='IMG_0000.jpg')
         graph.wait_for_log('imaging', 'baseline:', timeout=START_S)
         stage.wait_for_control(limit=START_S)
         yield stage

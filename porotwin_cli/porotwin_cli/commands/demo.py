@@ -7,6 +7,7 @@ import typer
 
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
 from porotwin_cli.workspace import run_folder
+from porotwin_core.ros_environment import prepare_environment
 
 
 def command(
@@ -52,6 +53,7 @@ def command(
 
     Example: ./porotwin demo --minutes 80 --page 0.0.0.0:8765
     """
+    prepare_environment()
     from porotwin_cli.closed_loop import DemoSettings, run_demo, show_figures
 
     settings = DemoSettings(

@@ -7,7 +7,6 @@ import typer
 
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
@@ -33,6 +32,7 @@ def command(
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
+    from porotwin_cli.grids import grid_of
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
@@ -43,7 +43,7 @@ def command(
     picture = picture_beside(output)
     recording = open_recording(experiment)
     rig = recording.rig
-    map_grid = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    map_grid = grid_of(grid, rig)
     baselines = [photo for photo in recording.photos if photo.role == 'baseline']
     states = [photo for photo in recording.photos if photo.role != 'baseline']
     if not baselines or not states:

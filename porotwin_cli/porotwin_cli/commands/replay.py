@@ -14,18 +14,25 @@ from porotwin_hub.graph import Parameter
 def command(
     bag: Annotated[Path, typer.Argument(help='MCAP file or bag folder.')],
     rate: Annotated[
-        float, typer.Option(help='Speed relative to real time. 0: as fast as possible.')
+        float,
+        typer.Option(
+            help='Speed relative to real time. 0: as fast as possible.', min=0.0, max=1000.0
+        ),
     ] = 1.0,
     start: Annotated[float, typer.Option(help='Start so far into the bag [s].', min=0.0)] = 0.0,
     loop: Annotated[bool, typer.Option(help='Start again at the end.')] = False,
     topics: Annotated[
         str, typer.Option(help="Topic names, 'inputs' (messages from the rig) or 'all'.")
     ] = 'inputs',
+    lock_step: Annotated[
+        bool, typer.Option(help='Wait for the answer of the twin after each photograph.')
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Play a bag into the running graph.
+    """Play a bag into the running graph, which ./porotwin up --replay starts.
 
-    The graph receives photographs, measured rates and the time as if they came from the rig.
+    The graph receives photographs, measured rates and the time as if they came from the rig. In
+    lock-step the same bag gives the same maps, predictions and setpoints on any machine.
 
     Example: ./porotwin replay bags/sample --rate 20
     """
@@ -37,6 +44,7 @@ def command(
         'start_s': start,
         'loop': loop,
         'topics': topics,
+        'lockstep': 'hub/cycle' if lock_step else '',
     }
     run_node('porotwin_recording.player_node', 'player', parameters)
     if as_json:

@@ -52,11 +52,12 @@ def command(
 
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """
-    from porotwin_cli.grids import grid_of
+    from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
     from porotwin_recording.concentration import ConcentrationWriter
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import parse_effect
+    from porotwin_solver.prediction_cost import prediction_cost
     from porotwin_solver.simulation import simulated_maps
 
     picture = picture_beside(output)
@@ -66,6 +67,8 @@ def command(
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig) if grid else recorded
     effects = [parse_effect(text) for text in effect or []]
+    last = max(moments, default=0.0)
+    tell_cost(prediction_cost(rig, cells, preset=preset, duration=last), 'simulation')
     maps = simulated_maps(
         rig, recording.schedule, moments, grid=cells, preset=preset, effects=effects
     )

@@ -36,9 +36,10 @@ def command(
     import numpy as np
 
     from porotwin_cli.costa_data import dataset_of, frames_of, open_all, train_with_progress
-    from porotwin_cli.grids import grid_of
+    from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
     from porotwin_costa.networks import architecture as named
+    from porotwin_solver.prediction_cost import prediction_cost
 
     refuse_existing(output)
     network = named(architecture)
@@ -47,6 +48,8 @@ def command(
     experiments = [frames_of(recording, cells) for recording in open_all(recordings, description)]
     steps = np.concatenate([np.diff(frames.times) for frames in experiments])
     time_step = float(np.median(steps))
+    cost = prediction_cost(description, cells, preset=preset, duration=time_step)
+    tell_cost(cost, f'{len(steps)} predictions for the training pairs', len(steps))
     dataset = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
     say(dataset.summary)
     model = train_with_progress(dataset, network, epochs=epochs, seed=seed)

@@ -1,5 +1,7 @@
 """./porotwin up: the twin beside the rig, until stopped."""
 
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +11,15 @@ from porotwin_cli.terminal import Json, print_json
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_hub.graph import GraphSettings, description_of
+
+
+def _print_template(wanted: bool) -> None:
+    """Print the template of a parameter file and end, if it is wanted."""
+    if wanted:
+        from porotwin_hub.graph import parameter_template
+
+        print(parameter_template(), end='')
+        raise typer.Exit
 
 
 def command(
@@ -35,6 +46,16 @@ def command(
     horizon_s: Annotated[
         float, typer.Option(help=description_of('horizon_s'), min=1.0)
     ] = GraphSettings.horizon_s,
+    params: Annotated[Path | None, typer.Option(help=description_of('params'))] = None,
+    _template: Annotated[
+        bool,
+        typer.Option(
+            '--params-template',
+            help='Print a parameter file with all parameters, their defaults and meanings.',
+            callback=_print_template,
+            is_eager=True,
+        ),
+    ] = False,
     speak: Annotated[bool, typer.Option(help=description_of('speak'))] = GraphSettings.speak,
     predict_only: Annotated[bool, typer.Option(help='Never choose setpoints.')] = False,
     diagnosis: Annotated[
@@ -54,10 +75,14 @@ def command(
     """
     from porotwin_cli.grids import grid_of
     from porotwin_cli.live_twin import check_early, run_until_stopped
+    from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
-    from porotwin_imaging.sources.source_registry import source_at
+    from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
+    from porotwin_hub.graph import live_graph
+    from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
 
+    prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
     if [photos is not None, bool(camera), replay].count(True) != 1:
@@ -68,9 +93,9 @@ def command(
         raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
+    tell_pace(description, cells, preset, photo_interval_s)
     if camera:
-        source_at(camera)  # refuses an unknown camera source
-    folder = run_folder(output, 'up')
+        check_source(camera)
     settings = GraphSettings(
         rig=rig_file.resolve(),
         photos=photos.resolve() if photos is not None else None,
@@ -84,15 +109,22 @@ def command(
         control=not predict_only,
         retrain_every=retrain_every,
         architecture=architecture,
-        training=folder / 'training' if retrain_every else None,
-        record=folder / 'bag',
-        diagnoses=folder / 'diagnoses' if diagnosis else None,
         page=settled(page) if page else '',
-        page_token=folder / 'page_token' if page else None,
         speak=speak,
         use_sim_time=replay,
+        params=params,
     )
-    run_until_stopped(settings, folder)
+    live_graph(settings)  # refuses a wrong parameter file
+    with DomainClaim(domain_of(os.environ)):
+        folder = run_folder(output, 'up')
+        settings = replace(
+            settings,
+            training=folder / 'training' if retrain_every else None,
+            record=folder / 'bag',
+            diagnoses=folder / 'diagnoses' if diagnosis else None,
+            page_token=folder / 'page_token' if page else None,
+        )
+        run_until_stopped(settings, folder)
     if as_json:
         print_json({'output': folder, 'bag': settings.record, 'logs': folder / 'log'})
     else:

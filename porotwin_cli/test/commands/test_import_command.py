@@ -22,6 +22,18 @@ def test_a_folder_is_the_same_after_import_and_export(experiment: Path, tmp_path
     assert after.schedule.at(100.0) == before.schedule.at(100.0)
 
 
+def test_export_says_what_it_leaves_out(tmp_path: Path) -> None:
+    sample = Path(__file__).resolve().parents[3] / 'bags' / 'sample'
+    result = porotwin('export', sample, tmp_path / 'sample', '--segment', '1')
+    assert result.returncode == 0, result.stderr
+    assert 'left out' in result.stderr
+    assert '/porotwin/hub/cycle (13)' in result.stderr
+    assert 'asset/new_state' not in result.stderr
+    result = porotwin('export', sample, tmp_path / 'other', '--segment', '2')
+    assert result.returncode == 2
+    assert 'holds one experiment; choose a segment from 1 to 1' in result.stderr
+
+
 def test_nothing_is_overwritten(experiment: Path, tmp_path: Path) -> None:
     (tmp_path / 'bag').mkdir()
     result = porotwin('import', experiment, tmp_path / 'bag')

@@ -11,6 +11,8 @@ import pytest
 import yaml
 from cli_examples import TIMEOUT_S, porotwin
 
+from porotwin_core.ros_environment import DomainClaim, domain_of
+
 
 @pytest.mark.parametrize(
     ('arguments', 'named'),
@@ -33,6 +35,49 @@ def test_up_checks_arguments_before_it_starts_a_node(
     assert named in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert not output.exists()
+
+
+def test_up_checks_a_parameter_file_before_it_starts_a_node(
+    experiment: Path, tmp_path: Path
+) -> None:
+    file, output = tmp_path / 'parameters.yaml', tmp_path / 'up'
+    file.write_text('hub: {ros__parameters: {horizon: 9.0}}')
+    common = ['--rig', experiment / 'rig.yaml', '--photos', experiment, '--output', output]
+    result = porotwin('up', *common, '--params', file)
+    assert result.returncode == 2, result.stderr
+    assert "'horizon' is no parameter of hub" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not output.exists()
+
+
+def test_up_prints_a_template_of_all_parameters() -> None:
+    result = porotwin('up', '--params-template')
+    assert result.returncode == 0, result.stderr
+    nodes = yaml.safe_load(result.stdout)
+    assert nodes['/porotwin/supervisor']['ros__parameters']['restart_after_s'] == 30.0
+    assert nodes['/porotwin/hub']['ros__parameters']['model_timeout_s'] == 20.0
+    assert '    # rig: ' in result.stdout
+
+
+def test_up_names_a_wrong_variable_of_ros(
+    experiment: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nothing_cpp')
+    result = porotwin('up', '--rig', experiment / 'rig.yaml', '--photos', experiment)
+    assert result.returncode == 2, result.stderr
+    assert 'RMW_IMPLEMENTATION is rmw_nothing_cpp' in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_second_graph_in_the_domain_is_refused(experiment: Path, tmp_path: Path) -> None:
+    with DomainClaim(domain_of(os.environ)):
+        result = porotwin(
+            *('up', '--rig', experiment / 'rig.yaml', '--photos', experiment),
+            *('--output', tmp_path / 'up'),
+        )
+    assert result.returncode == 2, result.stderr
+    assert 'set ROS_DOMAIN_ID to another number' in result.stderr
+    assert not (tmp_path / 'up').exists()
 
 
 def test_up_needs_exactly_one_source_of_photographs(experiment: Path) -> None:

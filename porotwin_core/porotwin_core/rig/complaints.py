@@ -5,19 +5,28 @@ from pathlib import Path
 
 import pydantic
 
+from porotwin_core.rig.known_keys import KNOWN_KEYS
+
 _FORMS = ('number', 'MapReference', 'DepthPoints', 'DepthPointsFile')
 """Parts of a location that name the form of a value, not a key."""
+
+_REASONS = {
+    'tuple_type': 'write a list, such as [a, b]',
+    'list_type': 'write a list, such as [a, b]',
+    'model_type': 'write a section, such as {key: value}',
+    'dict_type': 'write a section, such as {key: value}',
+    'string_type': 'write a text; put numbers and dates in quotes',
+    'float_type': 'write a number',
+    'string_too_short': 'write at least one letter',
+}
+"""Reasons in plain words, by the type of pydantic's error; its own message serves for others."""
 
 LONGEST_VALUE = 60
 """Longest text of a wrong value in a message [characters]."""
 
 
 def one_line(
-    source: Path | str,
-    error: pydantic.ValidationError,
-    *,
-    section: str = 'the description',
-    keys: dict[str, str] | None = None,
+    source: Path | str, error: pydantic.ValidationError, *, section: str = 'the description'
 ) -> str:
     """Return the most telling complaint of `error` as one line.
 
@@ -25,20 +34,18 @@ def one_line(
         source: the file or message with the mistake; the line begins with it.
         error: all complaints; unknown keys come first, the number of others is added.
         section: the name of the whole, for complaints about no single key.
-        keys: the known keys with their meaning, to guess a misspelt one and explain a missing one.
     """
-    known = keys or {}
     first = min(error.errors(), key=lambda item: item['type'] != 'extra_forbidden')
     parts = [str(part) for part in first['loc'] if part not in _FORMS]
     where = '.'.join(parts) or section
     more = f' (and {error.error_count() - 1} more)' if error.error_count() > 1 else ''
-    reason = first['msg'].removeprefix('Value error, ')
+    reason = _REASONS.get(first['type'], first['msg'].removeprefix('Value error, '))
     if first['type'] == 'extra_forbidden':
-        near = difflib.get_close_matches(parts[-1], known, n=1)
+        near = difflib.get_close_matches(parts[-1], KNOWN_KEYS, n=1)
         guess = f"; did you mean '{near[0]}'?" if near else ''
         return f"{source}: unknown key '{where}'; correct or remove it{guess}{more}"
     if first['type'] == 'missing' and not parts[-1].isdigit():
-        return f"{source}: '{where}' is missing: {known.get(parts[-1], 'needed')}{more}"
+        return f"{source}: '{where}' is missing: {KNOWN_KEYS.get(parts[-1], 'needed')}{more}"
     if first['type'] == 'missing':
         return f"{source}: '{'.'.join(parts[:-1])}' has too few values; give the next one{more}"
     if not parts:

@@ -10,6 +10,7 @@ import pydantic
 from pydantic import Discriminator, Field, PrivateAttr, Tag
 
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.plausibility import LENGTHS
 from porotwin_core.rig.control_section import Control
 from porotwin_core.rig.numbers import Positive
 from porotwin_core.rig.sand_sections import (
@@ -130,6 +131,7 @@ class Rig(Section):
                 raise ValueError(
                     f"well '{name}' at ({well.x_m}, {well.z_m}) m lies outside the rig of "
                     f'{self.width_m} x {self.height_m} m; correct its x_m, z_m'
+                    f'{self._length_guess(well)}'
                 )
         if isinstance(self.porosity, float) and self.porosity > 1:
             hint = f'; was this in percent? {self.porosity:g} percent = {self.porosity / 100:g}'
@@ -138,6 +140,14 @@ class Rig(Section):
         if self.control is not None:
             self.control.check_wells(self.wells, closed=self.closed)
         return self
+
+    def _length_guess(self, well: Well) -> str:
+        """Return the question for the unit in which the place of `well` would lie in the rig."""
+        for unit, factor in LENGTHS:
+            x, z = well.x_m * factor, well.z_m * factor
+            if 0 < x < self.width_m and 0 < z < self.height_m:
+                return f'; was this in {unit}? ({x:g}, {z:g}) m'
+        return ''
 
     def _check_sands(self) -> None:
         """Check that the sand is described in one way, and that all its names are known.

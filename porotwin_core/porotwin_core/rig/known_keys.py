@@ -52,7 +52,6 @@ def json_schema() -> dict[str, Any]:
     schema = Rig.model_json_schema(mode='validation')
     return {
         '$schema': 'https://json-schema.org/draft/2020-12/schema',
-        '$id': 'https://porotwin.invalid/rig.schema.json',
         **schema,
         'title': 'rig.yaml of PoroTwin',
         'description': 'A laboratory rig: size, sand, wells, camera and control. See docs/rig.md.',

@@ -22,7 +22,8 @@ from porotwin_core.plausibility import (
 )
 from porotwin_core.polygons import crosses_itself, inside, signed_area
 from porotwin_core.rig.description import Rig
-from porotwin_core.rig.sections import Pixel
+from porotwin_core.rig.sand_sections import DepthPoints
+from porotwin_core.rig.sections import LEAST_CORNERS, Pixel
 
 DEEP = 0.5
 """Depth over the smaller side above which a rig is no longer flat, as the model assumes."""
@@ -33,6 +34,9 @@ LARGE_WELL = 0.1
 SAME_PLACE_M = 1e-6
 """Distance of two wells below which they are one place [m]."""
 
+NEAR = 0.05
+"""Distance of a place beyond the edge of the rig, over its size, that passes for a slip."""
+
 IN_ZONE_SAMPLES = 200
 """Places along each side of the rig at which a zone is looked for."""
 
@@ -41,6 +45,7 @@ def remarks_about(rig: Rig) -> tuple[Remark, ...]:
     """Return all remarks about `rig`, the impossible values first."""
     found = [
         *_numbers(rig),
+        *_measured_depths(rig),
         *_shape(rig),
         *_sands(rig),
         *_wells(rig),
@@ -77,6 +82,26 @@ def _numbers(rig: Rig) -> Iterator[Remark]:
         yield from _in_range(PERMEABILITY, 'permeability_m2', *permeability)
     if not rig.sands:
         yield from _in_range(POROSITY, 'porosity', *_extremes(rig.nominal_map('porosity')))
+
+
+def _measured_depths(rig: Rig) -> Iterator[Remark]:
+    if not isinstance(rig.depth_m, DepthPoints):
+        return
+    places: dict[tuple[float, float], float] = {}
+    for x, z, depth in rig.depth_m.points:
+        place = f'({x:g}, {z:g}) m'
+        if not (
+            -NEAR * rig.width_m <= x <= (1 + NEAR) * rig.width_m
+            and -NEAR * rig.height_m <= z <= (1 + NEAR) * rig.height_m
+        ):
+            size = f'the rig of {rig.width_m:g} m x {rig.height_m:g} m'
+            yield Remark(
+                'depth_m.points', place, f'it lies outside {size}', 'write x, z, depth in m'
+            )
+            return
+        if places.setdefault((x, z), depth) != depth:
+            yield Remark('depth_m.points', place, 'it has two depths', 'keep one of them')
+            return
 
 
 def _shape(rig: Rig) -> Iterator[Remark]:
@@ -220,6 +245,10 @@ def _control(rig: Rig) -> Iterator[Remark]:
             f'no well can reach it below the sum of {control.max_total_rate_ml_h:g} ml/h',
             'exchange the two limits or correct one',
         )
+    if control.fuzziness_m > max(rig.width_m, rig.height_m):
+        size = f'the rig is {max(rig.width_m, rig.height_m):g} m long'
+        shown = f'{control.fuzziness_m:g} m'
+        yield Remark('control.fuzziness_m', shown, size, 'the whole rig then counts as the zone')
     if not control.wells:
         yield Remark('control.wells', '[]', 'the twin may set no well', 'name the control wells')
     zones = {'control.disallowed_zone_m': control.disallowed_zone_m}
@@ -237,6 +266,8 @@ def _outline(rig: Rig, key: str, corners: Any) -> Iterator[Remark]:
         polygon = np.array(corners, dtype=float).reshape(-1, 2)
     except (TypeError, ValueError):
         return  # the reader of the parameter refuses it
+    if len(polygon) < LEAST_CORNERS:
+        return
     size = f'the rig of {rig.width_m:g} m x {rig.height_m:g} m'
     if crosses_itself(polygon):
         why = 'the outline crosses itself'

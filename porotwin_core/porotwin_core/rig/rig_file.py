@@ -15,7 +15,6 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points
 from porotwin_core.rig.description import PROPERTIES, SAND_KEYS, Rig
-from porotwin_core.rig.known_keys import KNOWN_KEYS
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.rig.sand_drawing import (
     draw_image,
@@ -78,6 +77,8 @@ def _content(path: Path) -> Any:
         raise InputError(f'{path}: no such file; name a rig.yaml or a folder with one') from None
     except UnicodeDecodeError:
         raise InputError(f'{path}: not a text in UTF-8; save it as UTF-8') from None
+    except RecursionError:
+        raise InputError(f'{path}: its sections are nested too deeply; correct it') from None
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
 
@@ -108,7 +109,7 @@ def _described(data: Any, path: Path) -> Rig:
     try:
         rig = Rig.model_validate(data)
     except pydantic.ValidationError as error:
-        raise InputError(one_line(path, error, keys=KNOWN_KEYS)) from None
+        raise InputError(one_line(path, error)) from None
     maps: dict[str, FloatArray] = {
         name: _read_map(path, name, value)
         for name in PROPERTIES
@@ -177,7 +178,7 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
         }
         rig = Rig.model_validate({**others, **quantities, **references})
     except pydantic.ValidationError as error:
-        raise InputError(one_line('rig description', error, keys=KNOWN_KEYS)) from None
+        raise InputError(one_line('rig description', error)) from None
     return rig.with_maps(maps)
 
 

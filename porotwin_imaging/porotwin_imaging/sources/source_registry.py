@@ -8,9 +8,10 @@ from porotwin_imaging.sources.camera_source import SourceKind
 
 DEFAULT_SOURCE = 'device'
 """The source of an address without a name, such as /dev/video0."""
-_NAMED_ADDRESS = re.compile(r'(?P<name>[a-z][a-z0-9_]*):(?!//)(?P<address>.+)', re.DOTALL)
+WEB_SOURCE = 'snapshot'
+"""The source of an address that begins with http:// or https://."""
+_NAMED_ADDRESS = re.compile(r'(?P<name>[a-z][a-z0-9_]*):(?!//)(?P<address>.*)', re.DOTALL)
 """NAME:ADDRESS; a URL such as rtsp://camera is an address without a name."""
-
 
 SOURCES: dict[str, SourceKind] = discovered(
     __package__,
@@ -30,13 +31,16 @@ def source_at(text: str) -> tuple[SourceKind, str]:
     """
     named = _NAMED_ADDRESS.fullmatch(text)
     if named is None:
-        if not text:
+        if not text.strip():
             raise InputError(f'no camera source; give one of {described_sources()}')
-        return SOURCES[DEFAULT_SOURCE], text
+        is_web = text.startswith(('http://', 'https://'))
+        return SOURCES[WEB_SOURCE if is_web else DEFAULT_SOURCE], text
     if named['name'] not in SOURCES:
         raise InputError(
             f"no camera source is named '{named['name']}'; give one of {described_sources()}"
         )
+    if not named['address']:
+        raise InputError(f"no camera source is '{text}' alone; give one of {described_sources()}")
     return SOURCES[named['name']], named['address']
 
 

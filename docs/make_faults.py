@@ -1,0 +1,73 @@
+"""Write docs/faults.md: the faults of the fault suite, and the documented state of each.
+
+    python docs/make_faults.py            # writes docs/faults.md
+    python docs/make_faults.py --check    # exit status 1 if docs/faults.md is out of date
+
+The table comes from tests/faults; ./porotwin test injects each of its faults into a running twin.
+"""
+
+import sys
+from itertools import groupby
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / 'docs' / 'faults.md'
+sys.path.insert(0, str(ROOT / 'tests'))
+
+from faults.fault import Fault, all_faults  # noqa: E402  the folder of tests is no package
+from faults.stage import CYCLES, PHOTO_INTERVAL_S  # noqa: E402
+
+HEAD = f"""\
+# Faults
+
+Everything here was tried: `./porotwin test` starts a twin, injects one fault after the other, and checks
+the columns of these tables. `docs/make_faults.py` writes this page from that suite (`tests/faults`).
+
+Every fault shows within {CYCLES} cycles ({CYCLES} x {PHOTO_INTERVAL_S:g} s). After the remedy the next photographs lead
+to setpoints again, within {CYCLES} cycles too. No setpoint ever follows from a photograph or message that
+is called bad here, and every setpoint keeps the limits of `rig.yaml`.
+
+`./porotwin bench faults` is the long version: it kills each node at 100 random moments, watches the
+memory of all nodes for 24 hours of simulated time, and gives damaged files to every reader.
+"""
+
+
+def row(fault: Fault) -> str:
+    """Return the row of a fault."""
+    signs = '; '.join(_cell(str(sign)) for sign in fault.signs) or 'does not show'
+    return f'| {fault.injected} | {signs} | {fault.does} | {fault.mends} |'
+
+
+def _cell(text: str) -> str:
+    return text.replace('|', '\\|')
+
+
+def page() -> str:
+    """Return the whole document."""
+    parts = [HEAD]
+    for group, faults in groupby(all_faults(), key=lambda fault: fault.group):
+        parts.append(
+            '\n'.join(
+                [
+                    f'## {group}\n',
+                    '| fault | how it shows | what the twin does | what mends it |',
+                    '| --- | --- | --- | --- |',
+                    *(row(fault) for fault in faults),
+                    '',
+                ]
+            )
+        )
+    return '\n'.join(parts)
+
+
+def main() -> int:
+    """Write the page, or with --check compare it with the file."""
+    text = page()
+    if '--check' in sys.argv[1:]:
+        return int(PAGE.read_text(encoding='utf-8') != text)
+    PAGE.write_text(text, encoding='utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,229 @@
+"""One picture of a rig: sands, wells, zones, and the photograph with the corners drawn over it."""
+
+import textwrap
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use('Agg')
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+
+from porotwin_cli.rig_check import CheckedRig
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_imaging.geometry import Geometry
+
+DPI = 120
+"""Resolution of the picture [dots per inch]."""
+
+WIDTH_IN = 10.0
+"""Width of the picture [inches]."""
+
+SAND = plt.get_cmap('YlOrBr')
+"""Colours of the sands: light is fine, dark is coarse, as in most rigs."""
+
+SHADES = (0.10, 0.65)
+"""Part of the colours that is used."""
+
+ZONE, OPEN, CHART = '#b03a2e', '#2471a3', '#1e8449'
+ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
+CORNERS = ('upper left', 'lower left', 'lower right', 'upper right')
+LABEL_BOX = {'facecolor': 'white', 'alpha': 0.7, 'lw': 0, 'pad': 1}
+LINES_SHOWN = 8
+"""Most remarks below the picture; the command prints all."""
+
+LINE_CHARACTERS = 125
+"""Characters of a line below the picture."""
+
+LINE_IN = 0.19
+"""Height of such a line [inches]."""
+
+
+def check_picture(path: Path, checked: CheckedRig) -> None:
+    """Draw `checked` into the PNG file `path`."""
+    lines = _lines(checked)
+    heights = [WIDTH_IN * 0.86 * _flat(checked.rig.height_m / checked.rig.width_m)]
+    if checked.photograph is not None:
+        rows, columns = checked.photograph.shape[:2]
+        heights.append(WIDTH_IN * 0.86 * _flat(rows / columns))
+    text = LINE_IN * (len(lines) + 1)
+    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.9 * len(heights) + text))
+    figure.set_layout_engine('constrained')
+    axes = figure.subplots(len(heights) + 1, 1, squeeze=False, height_ratios=[*heights, text])[:, 0]
+    _draw_rig(axes[0], checked.rig)
+    if checked.photograph is not None:
+        _draw_photograph(axes[1], checked)
+    axes[-1].axis('off')
+    axes[-1].text(0.0, 1.0, '\n'.join(lines), va='top', fontsize=8, transform=axes[-1].transAxes)
+    figure.savefig(path, dpi=DPI, bbox_inches='tight')
+
+
+def _flat(ratio: float) -> float:
+    """Return height over width, within what a page shows."""
+    return min(max(ratio, 0.2), 1.5)
+
+
+def _lines(checked: CheckedRig) -> list[str]:
+    rows = [str(remark) for remark in checked.remarks] or ['nothing odd']
+    more = len(rows) - LINES_SHOWN
+    rows = rows[:LINES_SHOWN] + ([f'and {more} more'] if more > 0 else [])
+    if checked.cost is not None:
+        rows.append(f'one prediction on {checked.grid}: {checked.cost}')
+    return [line for row in rows for line in textwrap.wrap(row, LINE_CHARACTERS)]
+
+
+def _draw_rig(axis: Axes, rig: Rig) -> None:
+    permeability = np.atleast_2d(np.asarray(rig.nominal_map('permeability_m2'), dtype=float))
+    logarithm = np.log10(permeability)
+    low, high = float(logarithm.min()), float(logarithm.max())
+    span = max(high - low, 1e-9)
+    shade = SHADES[0] + (SHADES[1] - SHADES[0]) * (logarithm - low) / span
+    if high - low < 1e-9:
+        shade = np.full_like(shade, np.mean(SHADES))
+    extent = (0.0, rig.width_m, 0.0, rig.height_m)
+    axis.imshow(SAND(shade), origin='lower', extent=extent, interpolation='nearest')
+    handles = _sand_handles(rig, low, span)
+    _draw_depth(axis, rig)
+    _draw_sides(axis, rig)
+    for zone in _zones(rig):
+        axis.fill(*zone.T, facecolor='none', edgecolor=ZONE, hatch='//', lw=0, alpha=0.6)
+        axis.plot(*np.vstack([zone, zone[:1]]).T, color=ZONE, lw=1.2)
+    for name, well in rig.wells.items():
+        role = _role(rig, name)
+        axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=ROLES[role]))
+        axis.plot(well.x_m, well.z_m, 'o', mfc='none', mec=ROLES[role], ms=11)
+        axis.annotate(name, (well.x_m, well.z_m), (8, 6), textcoords='offset points', fontsize=8)
+    axis.set(xlabel='x [m]', ylabel='z [m]')
+    axis.set_title(f'{rig.name}: {rig.width_m:g} m x {rig.height_m:g} m, {_depth_words(rig)}')
+    margin = 0.02 * rig.width_m
+    axis.set_xlim(-margin, rig.width_m + margin)
+    axis.set_ylim(-margin, rig.height_m + margin)
+    axis.legend(
+        handles=[*handles, *_role_handles(rig)], fontsize=7, loc='upper left',
+        bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def _sand_handles(rig: Rig, low: float, span: float) -> list[Patch]:
+    def patch(permeability: float, label: str) -> Patch:
+        part = (np.log10(permeability) - low) / span if span > 1e-9 else 0.5
+        shade = SHADES[0] + (SHADES[1] - SHADES[0]) * float(part)
+        return Patch(facecolor=SAND(shade), edgecolor='grey', label=label)
+
+    if rig.sands:
+        return [
+            patch(
+                k := sand.permeability_m2 or rig.permeability_of(sand.hydraulic_conductivity_m_s),
+                f'{name}: {k:.3g} m$^2$, porosity {sand.porosity:g}',
+            )
+            for name, sand in rig.sands.items()
+        ]
+    values = np.unique(rig.nominal_map('permeability_m2'))
+    chosen = values if len(values) <= 6 else values[[0, len(values) // 2, -1]]
+    return [patch(float(k), f'{k:.3g} m$^2$') for k in chosen]
+
+
+def _role_handles(rig: Rig) -> list[Line2D]:
+    roles = dict.fromkeys(_role(rig, name) for name in rig.wells)
+    handles = [
+        Line2D([], [], marker='o', ls='', mfc='none', mec=ROLES[role], label=f'well: {role}')
+        for role in roles
+    ]
+    if _zones(rig):
+        handles.append(Line2D([], [], color=ZONE, label='zone of the objective'))
+    handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
+    return handles
+
+
+def _role(rig: Rig, name: str) -> str:
+    control = rig.control
+    if control is None:
+        return 'other'
+    if name in control.wells:
+        return 'control'
+    if name in control.fixed:
+        return 'fixed'
+    return 'producer' if name == control.producer else 'other'
+
+
+def _zones(rig: Rig) -> list[np.ndarray]:
+    if rig.control is None:
+        return []
+    parameters = rig.control.objective.parameters
+    zones = [parameters[key] for key in parameters if key.endswith('zone_m')]
+    return [np.array(zone, dtype=float) for zone in (rig.control.disallowed_zone_m, *zones) if zone]
+
+
+def _depth_words(rig: Rig) -> str:
+    depth = np.asarray(rig.nominal_map('depth_m')) * 1e3
+    return f'depth {depth.min():.3g} mm' + (
+        f' to {depth.max():.3g} mm' if depth.max() > depth.min() else ''
+    )
+
+
+def _draw_depth(axis: Axes, rig: Rig) -> None:
+    depth = np.asarray(rig.nominal_map('depth_m'))
+    if depth.ndim == 0 or min(depth.shape) < 2 or depth.max() == depth.min():
+        return
+    grid = rig.grid(depth.shape[1], depth.shape[0])
+    lines = axis.contour(grid.x, grid.z, depth * 1e3, colors='black', linewidths=0.4, alpha=0.6)
+    axis.clabel(lines, fmt='%.3g mm', fontsize=6)
+
+
+def _draw_sides(axis: Axes, rig: Rig) -> None:
+    width, height = rig.width_m, rig.height_m
+    sides = {
+        'bottom': ([0, width], [0, 0]),
+        'top': ([0, width], [height, height]),
+        'left': ([0, 0], [0, height]),
+        'right': ([width, width], [0, height]),
+    }
+    for side, (x, z) in sides.items():
+        is_open = getattr(rig.boundaries, side) == 'open'
+        axis.plot(
+            np.array(x), np.array(z), color=OPEN if is_open else 'black', lw=4 if is_open else 1.5
+        )
+
+
+def _draw_photograph(axis: Axes, checked: CheckedRig) -> None:
+    rig, camera = checked.rig, checked.rig.camera
+    assert camera is not None
+    assert checked.photograph is not None
+    axis.imshow(checked.photograph)
+    corners = np.array(camera.corners_px)
+    axis.plot(*np.vstack([corners, corners[:1]]).T, color=ZONE, lw=1.0)
+    for name, corner in zip(CORNERS, camera.corners_px, strict=True):
+        axis.plot(*corner, '+', color=ZONE, ms=14, mew=2)
+        axis.annotate(
+            name,
+            corner,
+            fontsize=8,
+            color=ZONE,
+            ha='left' if 'left' in name else 'right',
+            va='top' if 'upper' in name else 'bottom',
+            bbox=LABEL_BOX,
+        )
+    if camera.colour_checker_px is not None:
+        chart = np.array(camera.colour_checker_px)
+        axis.plot(*np.vstack([chart, chart[:1]]).T, color=CHART, lw=1.2)
+    try:
+        geometry = Geometry.of(rig)
+    except InputError:
+        return
+    for name, well in rig.wells.items():
+        column, row = geometry.to_pixels(np.array(well.x_m), np.array(well.z_m))
+        place = (float(column), float(row))
+        axis.plot(*place, 'o', mfc='none', mec='white', ms=11, mew=4)
+        axis.plot(*place, 'o', mfc='none', mec=ROLES[_role(rig, name)], ms=11, mew=2)
+        axis.annotate(name, place, (8, 6), textcoords='offset points', fontsize=8, bbox=LABEL_BOX)
+    for zone in _zones(rig):
+        outline = np.vstack([zone, zone[:1]])
+        axis.plot(*geometry.to_pixels(outline[:, 0], outline[:, 1]), color=ZONE, lw=1.2)
+    axis.set(xlabel='column [px]', ylabel='row [px]')
+    axis.set_title('the rig in the first baseline photograph')

@@ -1,0 +1,64 @@
+"""./porotwin check: what is odd about a rig or a recording, and what a prediction costs."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, say
+
+
+def command(
+    path: Annotated[Path, typer.Argument(help='rig.yaml, experiment folder or MCAP bag.')],
+    output: Annotated[Path, typer.Option(help='Picture to draw, PNG.')] = Path('check.png'),
+    grid: Annotated[
+        str, typer.Option(help='Columns x rows, such as 187x112. Default: cells of 5 mm.')
+    ] = '',
+    preset: Annotated[str, typer.Option(help='Preset: accurate, fast or upwind.')] = 'fast',
+    photo_interval_s: Annotated[
+        float, typer.Option(help='Time between photographs, for the cost [s].', min=0.1)
+    ] = 30.0,
+    as_json: Json = False,
+) -> None:
+    """Check a rig or a recording before work begins.
+
+    It lists odd and impossible values, each with its reason and remedy, tells the cost of a
+    prediction and draws one picture. Exit status 2: it cannot be run; 0: it can.
+
+    Example: ./porotwin check rig.yaml --output check.png
+    """
+    from porotwin_cli.check_picture import check_picture
+    from porotwin_cli.rig_check import check
+
+    checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
+    check_picture(output, checked)
+    if as_json:
+        print_json(
+            {
+                'path': path,
+                'kind': checked.kind,
+                'rig': checked.rig.name,
+                'runs': checked.runs,
+                'remarks': [dataclasses.asdict(remark) for remark in checked.remarks],
+                'grid': str(checked.grid),
+                'preset': preset,
+                'cost': None if checked.cost is None else dataclasses.asdict(checked.cost),
+                'picture': output,
+            }
+        )
+    else:
+        for remark in checked.remarks:
+            print(f'{"impossible" if remark.refused else "odd"}: {remark}')
+        if checked.cost is not None:
+            print(f'one prediction over {photo_interval_s:g} s on {checked.grid}: {checked.cost}')
+        print(f'{_verdict(checked.runs, len(checked.remarks))}; picture: {output}')
+    if not checked.runs:
+        say(f'porotwin: {path}: cannot be run; correct the impossible values')
+        raise typer.Exit(2)
+
+
+def _verdict(runs: bool, count: int) -> str:
+    if not runs:
+        return 'this cannot be run'
+    return 'this can be run, but look at the odd values' if count else 'nothing odd'

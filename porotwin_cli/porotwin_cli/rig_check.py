@@ -1,0 +1,208 @@
+"""Checks a rig or a recording: what is odd or impossible about it, and what a prediction costs."""
+
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.plausibility import Remark
+from porotwin_core.rig import Rig, read_rig
+from porotwin_core.rig.grid_oddities import remarks_about_grid
+from porotwin_core.rig.oddities import remarks_about
+from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_imaging.geometry import Geometry
+from porotwin_recording.bag import read_bag
+from porotwin_recording.bag_reader import is_bag
+from porotwin_recording.experiment_folder import FILES, folder_data
+from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
+from porotwin_recording.photos import Photo
+from porotwin_recording.recorded_data import RecordedData
+from porotwin_solver.effects import apply_effects
+from porotwin_solver.observation_operator import ObservationOperator
+from porotwin_solver.physics import nominal_physics
+from porotwin_solver.prediction_cost import (
+    PredictionCost,
+    prediction_cost,
+    slowness_of_this_machine,
+)
+
+Kind = Literal['rig', 'experiment folder', 'bag']
+
+OUTSIDE_PHOTOGRAPH = 0.02
+"""Distance of a corner beyond the edge of a photograph that is odd, over its width."""
+
+FAR_OUTSIDE = 0.5
+"""The same distance from which the corners cannot belong to this photograph."""
+
+SMALL_IN_PHOTOGRAPH = 0.1
+"""Part of a photograph below which the rig is suspiciously small in it."""
+
+
+@dataclass(frozen=True)
+class CheckedRig:
+    """The result of a check.
+
+    path, kind: what was checked.
+    rig: its description.
+    grid: the grid for the cost.
+    remarks: all remarks, the impossible values first.
+    cost: of a prediction to the next photograph; None where none can be made.
+    data: the recording, if there is one.
+    photograph: the pixels (rows, columns, 3) of the first baseline photograph, if there is one.
+    """
+
+    path: Path
+    kind: Kind
+    rig: Rig
+    grid: Grid
+    remarks: tuple[Remark, ...]
+    cost: PredictionCost | None
+    data: RecordedData | None = None
+    photograph: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def runs(self) -> bool:
+        """Whether work with it makes sense."""
+        return not any(remark.refused for remark in self.remarks)
+
+
+def check(
+    path: Path, *, grid: str = '', preset: str = 'fast', interval: float = 30.0
+) -> CheckedRig:
+    """Check a `rig.yaml`, a folder with one, an experiment folder, or a bag.
+
+    Args:
+        path: what to check.
+        grid: columns x rows, such as 187x112; by default square cells of 5 mm.
+        preset: preset of the prediction.
+        interval: time to predict, from one photograph to the next [s].
+
+    Raises:
+        InputError: it cannot be read at all.
+    """
+    rig, found, data, kind = _read(path)
+    remarks = list(found)
+    if data is not None:
+        remarks += [*remarks_about_recording(data), *remarks_about_maps(data)]
+        remarks += [
+            Remark('recording', '', text, 'see the log of the run') for text in data.remarks
+        ]
+    cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
+    photograph = None
+    if not any(remark.refused for remark in remarks):
+        remarks += remarks_about_grid(cells, rig)
+    if not any(remark.refused for remark in remarks):
+        remarks += _uses(rig, cells)
+        photograph, pixels = _photographs(rig, data)
+        remarks += pixels
+    runs = not any(remark.refused for remark in remarks)
+    cost = _cost(rig, cells, preset, interval) if runs else None
+    ordered = tuple(sorted(remarks, key=lambda remark: not remark.refused))
+    return CheckedRig(path, kind, rig, cells, ordered, cost, data, photograph)
+
+
+def _read(path: Path) -> tuple[Rig, tuple[Remark, ...], RecordedData | None, Kind]:
+    if path.suffix == '.mcap' or (
+        path.is_dir() and not (path / 'rig.yaml').is_file() and is_bag(path)
+    ):
+        data = read_bag(path, None)
+        return data.rig, remarks_about(data.rig), data, 'bag'
+    rig, remarks = read_rig(path)
+    others = [name for name in FILES if name != 'rig.yaml' and (path / name).is_file()]
+    if not path.is_dir() or not others:
+        return rig, remarks, None, 'rig'
+    try:
+        return rig, remarks, folder_data(path, rig), 'experiment folder'
+    except InputError as error:
+        return rig, (*remarks, _as_remark('recording', error)), None, 'experiment folder'
+
+
+def _as_remark(key: str, error: InputError) -> Remark:
+    """Return the message of a refusal as a remark."""
+    why, _, remedy = str(error).rpartition('; ')
+    return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
+
+
+def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
+    """Yield the refusals of those who use the rig: controller, model, imaging."""
+    uses: dict[str, Callable[[], object]] = {
+        'effects': lambda: apply_effects(
+            nominal_physics(rig, grid), ObservationOperator(), rig.effects
+        )
+    }
+    if rig.control is not None:
+        uses['control'] = lambda: (Limits.of(rig).safe(), make_objective(rig, grid))
+    if rig.camera is not None:
+        uses['camera'] = lambda: Geometry.of(rig)
+    for key, use in uses.items():
+        try:
+            use()
+        except InputError as error:
+            yield _as_remark(key, error)
+
+
+def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost | None:
+    if not rig.wells:
+        return None
+    slowness = slowness_of_this_machine(rig, preset)
+    return prediction_cost(rig, grid, preset=preset, duration=interval, slowness=slowness)
+
+
+def _photographs(rig: Rig, data: RecordedData | None) -> tuple[np.ndarray | None, list[Remark]]:
+    """Return the first baseline photograph and the remarks about all photographs."""
+    photos = data.photos if data is not None else ()
+    if not photos:
+        return None, []
+    if rig.camera is None:
+        why = 'there are photographs, but no place of the rig in them'
+        return None, [Remark('camera', '', why, 'add camera.corners_px to rig.yaml', refused=True)]
+    remarks: list[Remark] = []
+    sizes = {photo.name: _size(photo) for photo in photos}
+    unreadable = [name for name, size in sizes.items() if size is None]
+    if unreadable:
+        why = 'it is no readable picture'
+        remarks.append(
+            Remark('photographs', unreadable[0], why, 'copy it again or remove its line')
+        )
+    known = {size for size in sizes.values() if size is not None}
+    if len(known) > 1:
+        shown = ', '.join(f'{width} x {height} px' for width, height in sorted(known))
+        why = 'the photographs have several sizes'
+        remarks.append(Remark('photographs', shown, why, 'corners_px fit one size only'))
+    baseline = next((photo for photo in photos if photo.role == 'baseline'), photos[0])
+    size = sizes[baseline.name]
+    if size is None:
+        return None, remarks
+    remarks += _corners_in(rig, baseline.name, size)
+    with Image.open(io.BytesIO(baseline.read())) as picture:
+        return np.asarray(picture.convert('RGB')), remarks
+
+
+def _size(photo: Photo) -> tuple[int, int] | None:
+    try:
+        with Image.open(io.BytesIO(photo.read())) as picture:
+            return picture.size
+    except (UnidentifiedImageError, OSError):
+        return None
+
+
+def _corners_in(rig: Rig, name: str, size: tuple[int, int]) -> Iterator[Remark]:
+    """Yield the remarks about the corners of the rig in a photograph of `size` [px]."""
+    assert rig.camera is not None
+    corners, extent = np.array(rig.camera.corners_px), np.array(size)
+    beyond = float(np.max(np.maximum(-corners, corners - extent)))
+    shown = f'{name} of {size[0]} x {size[1]} px'
+    key, remedy = 'camera.corners_px', 'were they read in a copy of another size? correct them'
+    if beyond > OUTSIDE_PHOTOGRAPH * size[0]:
+        why = f'a corner lies {beyond:.0f} px outside {shown}'
+        yield Remark(key, '', why, remedy, refused=beyond > FAR_OUTSIDE * size[0])
+    part = float(np.prod(np.ptp(corners, axis=0)) / np.prod(extent))
+    if part < SMALL_IN_PHOTOGRAPH:
+        yield Remark(key, '', f'the rig covers {part:.0%} of {shown}', remedy)

@@ -1,0 +1,98 @@
+"""./porotwin check."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from cli_examples import porotwin
+from typer.testing import CliRunner
+
+from porotwin_cli.app import app
+from porotwin_cli.rig_check import check
+from porotwin_cli.workspace import ROOT, small_rig
+
+
+def changed(folder: Path, **keys: object) -> Path:
+    """Write the small rig with other values of some keys."""
+    data = yaml.safe_load(small_rig().read_text()) | keys
+    (folder / 'rig.yaml').write_text(yaml.safe_dump(data))
+    return folder / 'rig.yaml'
+
+
+def told(path: Path) -> str:
+    """Return all remarks about `path` as one text."""
+    return '\n'.join(map(str, check(path).remarks))
+
+
+def test_the_small_rig_is_drawn_and_not_odd(tmp_path: Path) -> None:
+    result = porotwin('check', small_rig(), '--output', tmp_path / 'check.png')
+    assert result.returncode == 0, result.stderr
+    assert 'one prediction over 30 s on 187x112: 20,944 cells' in result.stdout
+    assert 'nothing odd' in result.stdout
+    assert (tmp_path / 'check.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_what_is_impossible_is_listed_with_status_2(tmp_path: Path) -> None:
+    rig = changed(tmp_path, permeability_m2=665.0, depth_m=10.0, porosity=0.15)
+    picture = str(tmp_path / 'check.png')
+    result = CliRunner().invoke(app, ['check', str(rig), '--json', '--output', picture])
+    assert result.exit_code == 2
+    answer = json.loads(result.stdout)
+    assert answer['runs'] is False
+    assert answer['cost'] is None
+    refused = {remark['key'] for remark in answer['remarks'] if remark['refused']}
+    assert refused == {'depth_m', 'permeability_m2'}
+    assert set(answer['remarks'][0]) == {'key', 'value', 'why', 'remedy', 'refused'}
+    assert Path(picture).is_file()
+
+
+def test_what_is_odd_is_listed_with_status_0(tmp_path: Path) -> None:
+    checked = check(changed(tmp_path, porosity=0.15), grid='187x30')
+    assert checked.runs
+    assert [remark.key for remark in checked.remarks] == ['porosity', 'grid']
+    assert checked.cost is not None
+
+
+@pytest.mark.parametrize(
+    ('keys', 'named'),
+    [
+        ({'effects': [{'name': 'magic', 'parameters': {}}]}, "'magic'"),
+        ({'control': {'wells': ['control1'], 'producer': 'producer'}}, 'disallowed_zone_m'),
+    ],
+)
+def test_the_users_of_a_rig_are_asked(keys: dict[str, object], named: str, tmp_path: Path) -> None:
+    assert named in told(changed(tmp_path, **keys))
+
+
+def test_an_impossible_grid_is_named() -> None:
+    checked = check(small_rig(), grid='100000x5')
+    assert not checked.runs
+    assert '0.00934 mm x 112 mm' in str(checked.remarks[0])
+
+
+def test_an_experiment_is_checked_with_its_photographs(experiment: Path, tmp_path: Path) -> None:
+    checked = check(experiment)
+    assert (checked.kind, checked.remarks) == ('experiment folder', ())
+    assert checked.photograph is not None
+    picture = str(tmp_path / 'check.png')
+    result = CliRunner().invoke(app, ['check', str(experiment), '--output', picture])
+    assert result.exit_code == 0, result.output
+
+
+def test_mistakes_of_an_experiment_are_all_listed(experiment: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'experiment'
+    shutil.copytree(experiment, folder)
+    data = yaml.safe_load((folder / 'rig.yaml').read_text())
+    data['camera']['corners_px'] = [[4 * c, 4 * r] for c, r in data['camera']['corners_px']]
+    (folder / 'rig.yaml').write_text(yaml.safe_dump(data))
+    assert 'were they read in a copy of another size?' in told(folder)
+    (folder / 'rates.csv').write_text('time_s;well;rate_ml_h;concentration\n')
+    assert 'it uses semicolons' in told(folder)
+
+
+def test_a_bag_is_checked() -> None:
+    checked = check(ROOT / 'bags' / 'sample')
+    assert checked.kind == 'bag'
+    assert checked.runs

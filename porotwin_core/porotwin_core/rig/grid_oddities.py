@@ -1,0 +1,69 @@
+"""Looks for grids that cannot be computed, or on which a rig is not resolved."""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from porotwin_core.grid import Grid
+from porotwin_core.plausibility import Remark
+from porotwin_core.rig.description import Rig
+
+MOST_CELLS = 1_000_000
+"""Most cells of a grid: minutes for one prediction, gigabytes for the factorised flow."""
+
+ODD_ASPECT = 3.0
+"""Longer over shorter side of a cell above which a plume spreads unequally."""
+
+MOST_ASPECT = 50.0
+"""Longer over shorter side of a cell above which time steps and flow are hopeless."""
+
+SMALLEST_CELL_M = 2e-4
+"""Side of a cell below which sand is no continuum [m]: one grain of fine sand."""
+
+LEAST_CELLS_BETWEEN = 3
+"""Fewest cells between two wells, and across a zone, that resolve what lies there."""
+
+
+def remarks_about_grid(grid: Grid, rig: Rig) -> tuple[Remark, ...]:
+    """Return the remarks about a grid over `rig`, impossible ones first."""
+    found = [*_cells(grid, rig), *_resolution(grid, rig)]
+    return tuple(sorted(found, key=lambda remark: not remark.refused))
+
+
+def _cells(grid: Grid, rig: Rig) -> Iterator[Remark]:
+    better = f'{rig.default_grid()} has square cells of 5 mm'
+    count = grid.nx * grid.nz
+    if count > MOST_CELLS:
+        why = f'{count:,} cells are more than the {MOST_CELLS:,} that a computer can hold'
+        yield Remark('grid', str(grid), why, better, refused=True)
+    aspect = max(grid.dx / grid.dz, grid.dz / grid.dx)
+    if aspect > ODD_ASPECT:
+        why = f'its cells measure {1e3 * grid.dx:.3g} mm x {1e3 * grid.dz:.3g} mm'
+        yield Remark('grid', str(grid), why, better, refused=aspect > MOST_ASPECT)
+    if min(grid.dx, grid.dz) < SMALLEST_CELL_M:
+        why = f'its cells are smaller than a grain: {1e3 * min(grid.dx, grid.dz):.2g} mm'
+        yield Remark('grid', str(grid), why, better)
+
+
+def _resolution(grid: Grid, rig: Rig) -> Iterator[Remark]:
+    better = f'take more cells; {rig.default_grid()} has square cells of 5 mm'
+    close = [
+        (_cells_between(grid, first.x_m - second.x_m, first.z_m - second.z_m), one, other)
+        for (one, first), (other, second) in itertools.combinations(rig.wells.items(), 2)
+    ]
+    cells, one, other = min(close, default=(math.inf, '', ''))
+    if cells < LEAST_CELLS_BETWEEN:
+        why = f"only {cells:.1f} cells lie between the wells '{one}' and '{other}'"
+        yield Remark('grid', str(grid), why, better)
+    if rig.control is not None and rig.control.disallowed_zone_m:
+        corners = np.array(rig.control.disallowed_zone_m)
+        extent = np.ptp(corners, axis=0) / np.array([grid.dx, grid.dz])
+        if extent.min() < LEAST_CELLS_BETWEEN:
+            why = f'only {extent.min():.1f} cells lie across the disallowed zone'
+            yield Remark('grid', str(grid), why, better)
+
+
+def _cells_between(grid: Grid, dx: float, dz: float) -> float:
+    return math.hypot(dx / grid.dx, dz / grid.dz)

@@ -1,0 +1,77 @@
+"""Tests of the rules about who may send."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.senders import (
+    Sender,
+    callers,
+    check_only_guard_calls,
+    check_only_guard_publishes,
+    only,
+)
+
+
+@dataclass
+class Endpoint:
+    node_name: str
+    endpoint_gid: list[int]
+    node_namespace: str = '/porotwin'
+
+
+class Graph:
+    """A node that knows who writes to which topic."""
+
+    def __init__(self, **writers: str) -> None:
+        self.writers = writers
+        self.asked: list[tuple[str, bool]] = []
+
+    def get_namespace(self) -> str:
+        return '/porotwin'
+
+    def resolve_topic_name(self, name: str) -> str:
+        return f'/porotwin/{name}'
+
+    def resolve_service_name(self, name: str) -> str:
+        return f'/porotwin/{name}'
+
+    def get_publishers_info_by_topic(self, topic: str, *, no_mangle: bool) -> list[Any]:
+        self.asked.append((topic, no_mangle))
+        names = self.writers['topic' if topic == '/porotwin/wells/setpoint' else 'service']
+        return [Endpoint(name, [number]) for number, name in enumerate(names.split())]
+
+
+def test_the_guard_alone_may_publish_and_call() -> None:
+    graph: Any = Graph(topic='guard', service='guard guard')
+    check_only_guard_publishes(graph)
+    check_only_guard_calls(graph)
+    assert graph.asked == [
+        ('/porotwin/wells/setpoint', False),
+        ('rq/porotwin/asset/controlRequest', True),
+    ]
+
+
+def test_another_sender_is_named() -> None:
+    graph: Any = Graph(topic='guard rogue', service='hub')
+    with pytest.raises(InputError, match='/porotwin/rogue publishes wells/setpoint too, and only'):
+        check_only_guard_publishes(graph)
+    with pytest.raises(InputError, match='/porotwin/hub calls asset/control too'):
+        check_only_guard_calls(graph)
+
+
+def test_two_senders_of_one_name_are_refused() -> None:
+    assert only([], '/hub', 'calls') is None
+    assert only([Sender('/hub', '01')], '/hub', 'calls') == Sender('/hub', '01')
+    with pytest.raises(InputError, match='2 nodes /hub: each calls; if one has just died'):
+        only([Sender('/hub', '01'), Sender('/hub', '02')], '/hub', 'calls')
+
+
+def test_a_program_without_a_name_is_a_stranger(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('porotwin_core.senders.NAME_PATIENCE_S', 0.0)
+    graph: Any = Graph(service='_NODE_NAME_UNKNOWN_')
+    assert callers(graph, 'asset/control')[0].node.endswith('_NODE_NAME_UNKNOWN_')
+    with pytest.raises(InputError, match='a program without a name calls asset/control'):
+        check_only_guard_calls(graph)

@@ -1,0 +1,116 @@
+"""Checks whether the light of a photograph can be compared with its baseline.
+
+Tracer darkens sand and never brightens it. Cells that stay brighter than the baseline after the
+drift of light was removed show a reflection, a flash or another exposure. A plume there would look
+paler than it is, or vanish, so these cells have no value.
+
+A photograph with another exposure needs the colour chart. Without it, darker light cannot be told
+from tracer everywhere.
+"""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.light_drift import LightDrift
+from porotwin_imaging.settings import DEFAULTS, LightSettings
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_WINDOW = 3
+"""Cells across the window in which brightness is averaged: one cell is noise."""
+_REACH = 7
+"""Cells across the surroundings of brighter cells that are left out as well."""
+_LEAST_COLOUR = 0.02
+"""Mean difference of the channels, relative to the light, below which a photograph is grey."""
+
+
+def lit_as_baseline(
+    residual: Array,
+    visible: Mask,
+    settings: LightSettings = DEFAULTS.light,
+) -> tuple[Mask, list[str]]:
+    """Return the visible cells (nz, nx) that are not brighter than the baseline, and remarks.
+
+    Args:
+        residual: log ratio to the baseline without the drift of light, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        settings: thresholds.
+
+    Raises:
+        InputError: too much of the sand is brighter.
+    """
+    grey = np.where(visible, residual.mean(axis=2), 0.0).astype(np.float32)
+    weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))
+    smooth = cv2.blur(grey, (_WINDOW, _WINDOW)) / np.maximum(weight, 1.0 / _WINDOW**2)
+    brighter = visible & (smooth > settings.most_brighter)
+    share = float(brighter.sum() / max(1, visible.sum()))
+    if share > settings.most_brighter_share:
+        raise InputError(
+            f'photograph is brighter than its baseline on {100 * share:.0f} % of the sand, which '
+            'tracer cannot cause: another exposure, a flash or a lamp; set exposure and lamps as '
+            'for the baseline'
+        )
+    if not brighter.any():
+        return visible, []
+    left_out = cv2.dilate(brighter.astype(np.uint8), np.ones((_REACH, _REACH), np.uint8)) > 0
+    lost = float((left_out & visible).sum() / max(1, visible.sum()))
+    remark = f'{100 * lost:.1f} % of the sand is near a reflection or lamp: left out'
+    return visible & ~left_out, [remark]
+
+
+def refuse_unknown_light(
+    log_ratio: Array, visible: Mask, drift: LightDrift, *, chart_seen: bool
+) -> None:
+    """Refuse a photograph whose light neither the colour chart nor sand without tracer shows.
+
+    Args:
+        log_ratio: log ratio to the baseline, shape (nz, nx, 3).
+        visible: cells that show their sand, shape (nz, nx).
+        drift: the drift of light that was found.
+        chart_seen: whether the colour chart was found.
+
+    Raises:
+        InputError: the light is unknown.
+    """
+    if chart_seen or drift.background > 0.0 or not visible.any():
+        return
+    factor = float(np.exp(np.median(log_ratio[visible].mean(axis=1))))
+    raise InputError(
+        f'photograph has {factor:.2g} times the light of its baseline and the colour chart is not '
+        'seen, so tracer cannot be told from light; set exposure and lamps as for the baseline'
+    )
+
+
+def exposure_remarks(
+    checker_gain: Array | None, settings: LightSettings = DEFAULTS.light
+) -> list[str]:
+    """Return a remark if the colour chart corrected another exposure.
+
+    `checker_gain` is the log gain (3,) at the chart, None if it is not seen.
+    """
+    if checker_gain is None or abs(float(checker_gain.mean())) <= settings.search_range:
+        return []
+    factor = float(np.exp(checker_gain.mean()))
+    return [f'{factor:.2g} times the light of the baseline: corrected by the colour chart']
+
+
+def refuse_grey(state: Array, baseline: Array) -> None:
+    """Raise InputError if the photograph has no colours but the baseline has.
+
+    `state` and `baseline` are linear light of the cells, shape (nz, nx, 3).
+    """
+    if _colour(state) < _LEAST_COLOUR < _colour(baseline) / 2:
+        raise InputError(
+            'photograph is grey, its baseline coloured; set the camera to colour again'
+        )
+
+
+def _colour(light: Array) -> float:
+    """Return the mean difference between the channels, relative to the light."""
+    mean = float(light.mean())
+    return float(np.ptp(light, axis=2).mean()) / mean if mean > 0 else 0.0

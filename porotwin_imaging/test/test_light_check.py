@@ -1,0 +1,94 @@
+"""Photographs in another light are corrected, left out in part, or refused; none erases a plume."""
+
+import cv2
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.baseline import Baseline, make_baseline
+from porotwin_imaging.photo_to_map import concentration_map
+
+
+@pytest.fixture(scope='module')
+def truth(make_plume, true_shape) -> np.ndarray:
+    return make_plume(true_shape, 0.4, 0.25, 0.12)
+
+
+@pytest.fixture(scope='module')
+def without_chart(laboratory, calibration, empty_photograph) -> Baseline:
+    rig = laboratory.rig
+    camera = rig.camera.model_copy(update={'colour_checker_px': None})
+    rig = rig.model_copy(update={'camera': camera})
+    return make_baseline(rig, rig.grid(90, 50), [empty_photograph], calibration=calibration)
+
+
+@pytest.mark.parametrize('gain', [0.25, 0.5, 1.5, 2.0])
+def test_the_chart_corrects_another_exposure(
+    baseline, laboratory, truth, relative_error, gain: float
+) -> None:
+    found = concentration_map(laboratory.photograph(truth, gain=gain), baseline)
+    assert np.isfinite(found.values).mean() > 0.97
+    assert relative_error(found.values, truth) < 0.06
+    (line,) = found.status
+    assert line == f'{gain:.2g} times the light of the baseline: corrected by the colour chart'
+
+
+@pytest.mark.parametrize('gain', [0.02, 0.25, 0.5, 1.5, 2.0, 3.0, 6.0])
+def test_without_a_chart_another_exposure_is_refused(
+    without_chart, laboratory, truth, gain: float
+) -> None:
+    with pytest.raises(InputError, match=r'times the light of its baseline|over-exposed|brighter'):
+        concentration_map(laboratory.photograph(truth, gain=gain), without_chart)
+
+
+@pytest.mark.parametrize('factor', [1.5, 2.0, 3.0])
+def test_brighter_pixels_are_refused(baseline, laboratory, truth, factor: float) -> None:
+    pixels = cv2.imdecode(np.frombuffer(laboratory.photograph(truth), np.uint8), cv2.IMREAD_COLOR)
+    data = cv2.imencode('.jpg', cv2.convertScaleAbs(pixels, alpha=factor))[1].tobytes()
+    with pytest.raises(InputError, match=r'over-exposed|times the light of its baseline'):
+        concentration_map(data, baseline)
+
+
+def test_a_flash_is_refused_and_a_small_reflection_left_out(
+    baseline, laboratory, truth, make_jpeg, relative_error
+) -> None:
+    light = laboratory.scene(truth)
+    rows, columns = np.mgrid[: light.shape[0], : light.shape[1]]
+    distance = np.hypot(columns - 620, rows - 300)
+    flash = light * (1.0 + 1.0 * np.exp(-((distance / 150) ** 2)))[..., None]
+    with pytest.raises(InputError, match=r'is brighter than its baseline on .* of the sand'):
+        concentration_map(make_jpeg(flash), baseline)
+    reflection = light * (1.0 + 0.6 * np.exp(-((distance / 30) ** 2)))[..., None]
+    found = concentration_map(make_jpeg(reflection), baseline)
+    assert any('is near a reflection or lamp: left out' in line for line in found.status)
+    assert found.suspicious
+    assert 0.85 < np.isfinite(found.values).mean() < 0.99
+    assert relative_error(found.values, truth) < 0.05
+
+
+def test_a_clipped_part_is_left_out_with_its_share(
+    baseline, laboratory, truth, make_jpeg, relative_error
+) -> None:
+    light = laboratory.scene(truth)
+    light[150:600, 650:730, 2] = 1.0  # one channel only
+    found = concentration_map(make_jpeg(light), baseline)
+    assert any('% of the sand is over-exposed: left out' in line for line in found.status)
+    assert np.isnan(found.values[:, 69:75]).all()
+    assert relative_error(found.values, truth) < 0.05
+
+
+def test_a_grey_photograph_is_refused(baseline, laboratory, truth) -> None:
+    grey = cv2.imdecode(np.frombuffer(laboratory.photograph(truth), np.uint8), cv2.IMREAD_GRAYSCALE)
+    with pytest.raises(InputError, match='photograph is grey, its baseline coloured'):
+        concentration_map(cv2.imencode('.jpg', grey)[1].tobytes(), baseline)
+
+
+def test_a_baseline_says_that_it_is_over_exposed(laboratory, no_tracer, make_jpeg) -> None:
+    rig = laboratory.rig
+    light = laboratory.scene(no_tracer)
+    light[300:360, 300:400] = 1.0
+    remarks = make_baseline(rig, rig.grid(90, 50), [make_jpeg(light)]).remarks
+    assert any('% of the rig is over-exposed: tracer is not seen there' in line for line in remarks)
+    light[150:600, 300:700] = 1.0
+    with pytest.raises(InputError, match=r'baseline is over-exposed on .* of the rig'):
+        make_baseline(rig, rig.grid(90, 50), [make_jpeg(light)])

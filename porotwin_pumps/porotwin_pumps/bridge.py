@@ -1,0 +1,211 @@
+"""The bridge between setpoints and pumps: it sets, watches and measures them.
+
+It goes to the safe rates by itself when a setpoint ends without a successor, when a pump fails,
+and at the end. It knows neither ROS nor any protocol.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_core.safe_rates import safe_rates
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_pumps.protocols.pump_protocol import Pump, PumpError
+
+RETRY_PERIOD_S = 5.0
+"""Time between two attempts to reach a pump that failed [s]."""
+
+SHORTEST_MEASUREMENT_S = 1.0
+"""Shortest time over which a rate is measured [s]: volumes have steps of a microlitre."""
+
+OpenPumpFn = Callable[[], Pump]
+"""Opens a pump; raises PumpError if it does not answer."""
+
+
+@dataclass
+class _Channel:
+    """The pump of one well: opened when it is needed, and again after a fault."""
+
+    open: OpenPumpFn
+    pump: Pump | None = None
+    told_ml_h: float = 0.0
+    fault: str = ''
+    base_ml: float = field(default=0.0)
+    """Volume at the begin of the measurement."""
+
+    def set_rate(self, rate_ml_h: float) -> None:
+        """Set the pump, if it is not set so already."""
+        if self.pump is not None and rate_ml_h == self.told_ml_h:
+            return
+        try:
+            self.pump = self.pump or self.open()
+            self.pump.set_rate(rate_ml_h)
+            self.base_ml = self.pump.volume_ml()
+        except PumpError as error:
+            self.fail(error)
+        else:
+            self.told_ml_h, self.fault = rate_ml_h, ''
+
+    def fail(self, error: PumpError) -> None:
+        self.pump, self.fault = None, str(error)
+
+    def check(self) -> None:
+        """Note a fault if the pump does not do as it was told."""
+        try:
+            if self.pump is not None:
+                self.pump.check()
+        except PumpError as error:
+            self.fail(error)
+
+    def pumped_ml(self) -> float | None:
+        """Return the volume since the last call or setting, None if the pump does not tell."""
+        try:
+            if self.pump is None:
+                return None
+            volume = self.pump.volume_ml()
+        except PumpError as error:
+            self.fail(error)
+            return None
+        pumped, self.base_ml = volume - self.base_ml, volume
+        return pumped
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Mean rates [m^3/s] over the last `duration` [s]."""
+
+    duration: float
+    rates: dict[str, WellRate]
+
+
+class PumpBridge:
+    """All pumps of a rig; times [s] are by a clock that nobody sets."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        openers: Mapping[str, OpenPumpFn],
+        *,
+        max_rates_ml_h: Mapping[str, float],
+        now: float,
+    ) -> None:
+        """Reach all pumps and set the safe rates.
+
+        Args:
+            rig: the rig, with a control section.
+            openers: opens the pump of a well, by well.
+            max_rates_ml_h: greatest rate of every pump [ml/h].
+            now: the time.
+        """
+        self._producer = rig.control.producer if rig.control else None
+        self._safe = {well: safe_rates(rig)[well] for well in openers}
+        self._limits_ml_h = dict(max_rates_ml_h)
+        self._channels = {well: _Channel(open_pump) for well, open_pump in openers.items()}
+        self._rates: dict[str, WellRate] = {}
+        self._until: float | None = None
+        self._since = now
+        self._tried = now
+        self._whole = True
+        """Whether all pumps worked since the measurement began."""
+        self._go_safe()
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """The pumps that do not work, by well, each with one line."""
+        return {well: item.fault for well, item in self._channels.items() if item.fault}
+
+    def command(self, rates: WellRates, *, until: float, now: float) -> None:
+        """Set `rates` [m^3/s], which hold until the time `until` [s].
+
+        Raises:
+            InputError: a well has no pump, or its pump is too small; nothing has changed.
+            PumpError: a pump does not work; the others are at safe rates.
+        """
+        for well, rate in rates.items():
+            if well not in self._channels and rate.rate != 0.0:
+                raise InputError(f"well '{well}' has no pump; see the file of the pumps")
+            if well in self._channels and not (
+                abs(to_ml_h(rate.rate)) <= self._limits_ml_h[well] * (1.0 + 1e-9)
+            ):
+                raise InputError(
+                    f"well '{well}': {to_ml_h(rate.rate):g} ml/h; "
+                    f'its pump runs at up to {self._limits_ml_h[well]:g} ml/h'
+                )
+        self._until = until
+        self._apply({well: rates.get(well, WellRate()) for well in self._channels})
+        self._begin_measurement(now)
+        if self.faults:
+            self._until = None
+            self._go_safe()
+            raise PumpError(self._fault_line())
+
+    def tick(self, now: float) -> str | None:
+        """Watch the pumps and the end of the setpoint; return a line if something has happened."""
+        if self._until is not None and now > self._until:
+            self._until = None
+            self._go_safe()
+            return 'the setpoint has ended and none followed; the pumps run at the safe rates'
+        failed = set(self.faults)
+        for item in self._channels.values():
+            item.check()
+        if set(self.faults) - failed:
+            self._until = None
+            self._go_safe()
+            return self._fault_line()
+        if failed and now - self._tried >= RETRY_PERIOD_S:
+            self._tried = now
+            self._go_safe()
+            if not self.faults:
+                return 'all pumps work again, at the safe rates'
+        return None
+
+    def measure(self, now: float) -> Measurement | None:
+        """Return the mean rates since the last call or setting.
+
+        None stands for a time that is too short, or in which a pump did not work.
+        """
+        duration = now - self._since
+        if duration < SHORTEST_MEASUREMENT_S:
+            return None
+        pumped = {well: item.pumped_ml() for well, item in self._channels.items()}
+        whole, self._since = self._whole and None not in pumped.values(), now
+        self._whole = not self.faults
+        if not whole:
+            return None
+        rates = {}
+        for well, volume_ml in pumped.items():
+            assert volume_ml is not None
+            rate = from_ml_h(volume_ml * 3600.0 / duration)
+            rates[well] = WellRate(rate, self._rates[well].concentration if rate > 0.0 else 0.0)
+        return Measurement(duration, rates)
+
+    def go_safe(self, now: float) -> None:
+        """Set the safe rates, for the end of the program."""
+        self._until = None
+        self._go_safe()
+        self._begin_measurement(now)
+
+    def _begin_measurement(self, now: float) -> None:
+        self._since, self._whole = now, not self.faults
+        for item in self._channels.values():
+            item.pumped_ml()
+
+    def _fault_line(self) -> str:
+        lines = [f"the pump of '{well}': {fault}" for well, fault in self.faults.items()]
+        return f'{"; ".join(lines)}; the other pumps run at the safe rates'
+
+    def _go_safe(self) -> None:
+        """Set the safe rates; without a producer nothing is put in."""
+        self._apply(self._safe)
+        if self._producer in self.faults:
+            still = {well: WellRate() for well, rate in self._safe.items() if rate.rate > 0.0}
+            self._apply({**self._rates, **still})
+        self._whole = False
+
+    def _apply(self, rates: Mapping[str, WellRate]) -> None:
+        """Set all pumps: first those that take water out, then those that put it in."""
+        for well in sorted(rates, key=lambda name: rates[name].rate):
+            self._channels[well].set_rate(to_ml_h(rates[well].rate))
+        self._rates = dict(rates)

@@ -1,0 +1,59 @@
+"""The contract of a pump's protocol: what a pump can do, and how a protocol is announced.
+
+A protocol is one module in this folder. It has a class with the methods of `Pump`, and announces
+it: `PROTOCOL = PumpProtocol(name='new_era', open=open_pump)`. docs/pumps.md describes the rest.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+
+class PumpError(Exception):
+    """A pump does not do as it is told; one line that says what it did instead."""
+
+
+class Pump(Protocol):
+    """One pump. Rates in [ml/h] and volumes in [ml] are positive into the rig."""
+
+    def set_rate(self, rate_ml_h: float) -> None:
+        """Run at `rate_ml_h` until told otherwise, and read back that the pump does.
+
+        Raises:
+            PumpError: it does not.
+        """
+        ...
+
+    def check(self) -> None:
+        """Return if the pump still does as it was told last.
+
+        Raises:
+            PumpError: it does not.
+        """
+        ...
+
+    def volume_ml(self) -> float:
+        """Return the volume pumped since the rate was set, into the rig less out of it [ml].
+
+        Raises:
+            PumpError: the pump does not tell.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class PumpProtocol:
+    """The announcement of a protocol.
+
+    Attributes:
+        name: its name in the file of the pumps, also the name of the module.
+        open: `open(line, address, **options)` returns the pump at `address` on a serial line; it
+            raises InputError for a wrong option and PumpError for a pump that does not answer.
+        baud: default speed of the line [bit/s].
+        options: keyword arguments of `open` with their meanings; each is a number.
+    """
+
+    name: str
+    open: Callable[..., Pump]
+    baud: int
+    options: dict[str, str]

@@ -1,0 +1,89 @@
+"""A serial line: one question at a time, each with an answer or a timeout."""
+
+import errno
+import os
+import termios
+from typing import Any
+
+ANSWER_TIMEOUT_S = 0.5
+"""Longest wait for the next byte [s]: a pump answers within a tenth of it."""
+
+LONGEST_ANSWER = 256
+"""Bytes after which an answer is no answer: pumps send short lines."""
+
+
+class LineError(Exception):
+    """A serial line is gone, or nobody answers on it; one line."""
+
+
+class SerialLine:
+    """The line at `path`; several pumps with different addresses may share it."""
+
+    def __init__(self, path: str, baud: int, *, timeout_s: float = ANSWER_TIMEOUT_S) -> None:
+        """Name the line; the first question opens it, and the first one after a fault."""
+        self.path = path
+        self._baud = baud
+        self._timeout_s = timeout_s
+        self._port: Any = None
+
+    def _opened(self) -> Any:
+        if self._port is not None:
+            return self._port
+        try:
+            import serial  # here, so that a graph without pumps runs without it
+        except ImportError:
+            raise LineError('pyserial is missing; pip install pyserial') from None
+        try:
+            # exclusive: two programs that talk on one line confuse every pump
+            self._port = serial.Serial(
+                self.path,
+                self._baud,
+                timeout=self._timeout_s,
+                write_timeout=self._timeout_s,
+                exclusive=True,
+            )
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            number = getattr(error, 'errno', None)
+            reason = os.strerror(number) if number else str(error)
+            if number == errno.EAGAIN:
+                reason = 'another program uses it'
+            raise LineError(f'{self.path}: cannot be opened ({reason}); check the cable') from None
+        return self._port
+
+    def ask(self, question: bytes, *, end: bytes) -> bytes:
+        """Return the answer to `question` with its last byte `end`.
+
+        Bytes that came before the question are dropped: they answer an older one. After a fault the
+        line is opened again with the next question.
+
+        Raises:
+            LineError: the line is gone, or no whole answer came in time.
+        """
+        port = self._opened()
+        try:
+            port.reset_input_buffer()
+            port.write(question)
+            answer = self._read_until(port, end)
+        except (OSError, termios.error) as error:
+            self.close()
+            raise LineError(f'{self.path}: the line is gone ({error})') from None
+        if not answer.endswith(end):
+            said = f'only {answer!r} came' if answer else 'nothing came'
+            raise LineError(f'{self.path}: no answer within {self._timeout_s:g} s, {said}')
+        return answer
+
+    @staticmethod
+    def _read_until(port: Any, end: bytes) -> bytes:
+        answer = b''
+        while not answer.endswith(end) and len(answer) < LONGEST_ANSWER:
+            byte = port.read(1)
+            if not byte:
+                break
+            answer += byte
+        return answer
+
+    def close(self) -> None:
+        """Close the line."""
+        if self._port is not None:
+            self._port.close()
+            self._port = None

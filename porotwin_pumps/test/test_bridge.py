@@ -1,0 +1,200 @@
+"""Tests of the bridge: rates, expiry, faults and measurements, with pumps of a few lines."""
+
+from pathlib import Path
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate
+from porotwin_pumps.bridge import RETRY_PERIOD_S, PumpBridge
+from porotwin_pumps.protocols.pump_protocol import PumpError
+
+RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
+SAFE_ML_H = {'injector': 500.0, 'producer': -500.0, 'control1': 0.0, 'control2': 0.0,
+             'control3': 0.0}  # fmt: skip
+
+
+class FakePump:
+    """A pump that does as it is told unless `broken`; it delivers `share` of its rate."""
+
+    def __init__(self) -> None:
+        self.rate_ml_h = 0.0
+        self.volume = 0.0
+        self.broken = False
+        self.share = 1.0
+        self.settings = 0
+
+    def _answer(self) -> None:
+        if self.broken:
+            raise PumpError('it does not answer')
+
+    def set_rate(self, rate_ml_h: float) -> None:
+        self._answer()
+        self.rate_ml_h = rate_ml_h
+        self.settings += 1
+
+    def check(self) -> None:
+        self._answer()
+
+    def volume_ml(self) -> float:
+        self._answer()
+        return self.volume
+
+    def run(self, seconds: float) -> None:
+        self.volume += self.share * self.rate_ml_h * seconds / 3600.0
+
+
+class Bench:
+    """A bridge with fake pumps and a clock."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+        self.pumps = {well: FakePump() for well in RIG.wells}
+
+        def opener(well: str):
+            def open_pump() -> FakePump:
+                self.pumps[well].check()
+                return self.pumps[well]
+
+            return open_pump
+
+        self.bridge = PumpBridge(
+            RIG,
+            {well: opener(well) for well in RIG.wells},
+            max_rates_ml_h=dict.fromkeys(RIG.wells, 1500.0),
+            now=self.now,
+        )
+
+    def pass_time(self, seconds: float) -> None:
+        self.now += seconds
+        for pump in self.pumps.values():
+            pump.run(seconds)
+
+    def command(self, control1: float = 100.0, validity: float = 90.0) -> None:
+        self.bridge.command(setpoint(control1), until=self.now + validity, now=self.now)
+
+    def ml_h(self) -> dict[str, float]:
+        return {well: round(pump.rate_ml_h, 6) for well, pump in self.pumps.items()}
+
+
+def setpoint(control1: float) -> dict[str, WellRate]:
+    ml_h = {**SAFE_ML_H, 'control1': control1, 'producer': -500.0 - control1}
+    return {
+        well: WellRate(from_ml_h(rate), 1.0 if well == 'injector' else 0.0)
+        for well, rate in ml_h.items()
+    }
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_safe_rates_hold_before_the_first_setpoint(bench: Bench) -> None:
+    assert bench.ml_h() == SAFE_ML_H
+
+
+def test_a_setpoint_is_pumped_until_it_ends(bench: Bench) -> None:
+    bench.command(100.0)
+    assert bench.ml_h() == {**SAFE_ML_H, 'control1': 100.0, 'producer': -600.0}
+    bench.pass_time(89.0)
+    assert bench.bridge.tick(bench.now) is None
+    bench.pass_time(2.0)
+    assert 'has ended and none followed' in str(bench.bridge.tick(bench.now))
+    assert bench.ml_h() == SAFE_ML_H
+    assert bench.bridge.tick(bench.now) is None
+
+
+def test_a_pump_whose_rate_stays_is_not_touched(bench: Bench) -> None:
+    before = {well: pump.settings for well, pump in bench.pumps.items()}
+    bench.command(100.0)
+    bench.command(100.0)
+    changed = {w for w, pump in bench.pumps.items() if pump.settings > before[w]}
+    assert changed == {'control1', 'producer'}
+    assert bench.pumps['control1'].settings == before['control1'] + 1
+
+
+def test_a_setpoint_beyond_a_pump_changes_nothing(bench: Bench) -> None:
+    bench.command(100.0)
+    for wrong in (
+        {**setpoint(100.0), 'control1': WellRate(from_ml_h(1501.0))},
+        {**setpoint(100.0), 'nowhere': WellRate(from_ml_h(1.0))},
+    ):
+        with pytest.raises(InputError):
+            bench.bridge.command(wrong, until=bench.now + 90.0, now=bench.now)
+    assert bench.ml_h()['control1'] == 100.0
+
+
+def test_a_pump_that_fails_sends_the_others_to_their_safe_rates(bench: Bench) -> None:
+    bench.command(100.0)
+    bench.pumps['control2'].broken = True
+    line = bench.bridge.tick(bench.now)
+    assert line is not None
+    assert line.startswith("the pump of 'control2': it does not answer; the other pumps run")
+    assert bench.ml_h() == SAFE_ML_H
+    with pytest.raises(PumpError, match="the pump of 'control2'"):
+        bench.command(100.0)
+    assert bench.ml_h() == SAFE_ML_H
+
+
+def test_nothing_is_put_in_while_the_producer_fails(bench: Bench) -> None:
+    bench.command(100.0)
+    bench.pumps['producer'].broken = True
+    assert "'producer'" in str(bench.bridge.tick(bench.now))
+    assert all(rate == 0.0 for well, rate in bench.ml_h().items() if well != 'producer')
+    bench.pumps['producer'].broken = False
+    bench.pass_time(RETRY_PERIOD_S)
+    assert bench.bridge.tick(bench.now) == 'all pumps work again, at the safe rates'
+    assert bench.ml_h() == SAFE_ML_H
+    assert bench.bridge.faults == {}
+
+
+def test_a_pump_that_never_answered_is_a_fault_and_is_tried_again() -> None:
+    bench = Bench()
+    bench.pumps['control3'].broken = True
+    bench.command_failed = None
+    with pytest.raises(PumpError):
+        bench.bridge.tick(bench.now)
+        bench.command(100.0)
+    bench.pumps['control3'].broken = False
+    bench.pass_time(RETRY_PERIOD_S)
+    assert 'all pumps work again' in str(bench.bridge.tick(bench.now))
+    bench.command(100.0)
+    assert bench.ml_h()['control1'] == 100.0
+
+
+def test_delivered_rates_are_measured_between_settings(bench: Bench) -> None:
+    bench.pumps['producer'].share = 0.99
+    bench.command(100.0)
+    assert bench.bridge.measure(bench.now) is None
+    bench.pass_time(30.0)
+    measured = bench.bridge.measure(bench.now)
+    assert measured is not None
+    assert measured.duration == pytest.approx(30.0)
+    ml_h = {well: to_ml_h(rate.rate) for well, rate in measured.rates.items()}
+    expected = {**SAFE_ML_H, 'control1': 100.0, 'producer': -594.0}
+    assert ml_h == pytest.approx(expected)
+    assert measured.rates['injector'].concentration == 1.0
+    bench.pass_time(10.0)
+    bench.command(200.0)
+    bench.pass_time(10.0)
+    second = bench.bridge.measure(bench.now)
+    assert second is not None
+    assert to_ml_h(second.rates['control1'].rate) == pytest.approx(200.0)
+
+
+def test_no_rates_are_measured_while_a_pump_fails(bench: Bench) -> None:
+    bench.command(100.0)
+    bench.pass_time(10.0)
+    bench.pumps['control1'].broken = True
+    bench.bridge.tick(bench.now)
+    bench.pass_time(10.0)
+    assert bench.bridge.measure(bench.now) is None
+
+
+def test_at_the_end_the_safe_rates_are_set(bench: Bench) -> None:
+    bench.command(100.0)
+    bench.bridge.go_safe(bench.now)
+    assert bench.ml_h() == SAFE_ML_H

@@ -1,0 +1,151 @@
+"""Tests of the files of a bag: several, missing, compressed, and of other formats."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+import zstandard
+from bag_examples import write_setpoints
+from recording_examples import STRING
+
+from porotwin_core.errors import InputError
+from porotwin_recording.bag_folder import METADATA, is_bag
+from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.bag_writer import BagWriter
+from porotwin_recording.recording import open_recording
+
+
+def write_parts(folder: Path, count: int = 3) -> Path:
+    """Write a rosbag2 folder with `count` files, ten messages in each."""
+    for part in range(count):
+        with BagWriter(folder, extend=True) as bag:
+            bag.add_topic('/words', STRING)
+            for number in range(10):
+                bag.write('/words', b'%d' % number, log_time=10 * part + number)
+    return folder
+
+
+def change_metadata(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    metadata = yaml.safe_load((folder / METADATA).read_text())
+    change(metadata['rosbag2_bagfile_information'])
+    (folder / METADATA).write_text(yaml.safe_dump(metadata))
+
+
+def times(folder: Path) -> list[int]:
+    return [message.log_time for message in BagReader(folder).messages()]
+
+
+def test_all_files_of_a_folder_are_one_bag(tmp_path: Path) -> None:
+    bag = BagReader(write_parts(tmp_path / 'run', count=11))
+    assert [message.log_time for message in bag.messages()] == list(range(110))
+    assert bag.remarks == []
+    assert bag.message_count == bag.topics['/words'].message_count == 110
+
+
+def test_a_missing_file_costs_its_messages(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run')
+    (folder / 'run_1.mcap').unlink()
+    bag = BagReader(folder)
+    assert [message.log_time for message in bag.messages()] == [*range(10), *range(20, 30)]
+    (remark,) = bag.remarks
+    assert "names 'run_1.mcap', which is not there; its 10 messages are missing" in remark
+
+
+def test_a_file_of_something_else_costs_its_messages(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run')
+    (folder / 'run_2.mcap').write_bytes(b'nothing')
+    bag = BagReader(folder)
+    assert [message.log_time for message in bag.messages()] == list(range(20))
+    assert 'not an MCAP file' in bag.remarks[0]
+
+
+@pytest.mark.parametrize(
+    'text', ['nothing: here', '[', '- ' * 5000, 'rosbag2_bagfile_information: 3', '\x00', '']
+)
+def test_wrong_metadata_are_no_loss(tmp_path: Path, text: str) -> None:
+    folder = write_parts(tmp_path / 'run')
+    (folder / METADATA).write_text(text)
+    bag = BagReader(folder)
+    assert [message.log_time for message in bag.messages()] == list(range(30))
+    assert 'not the metadata of a bag' in bag.remarks[0]
+
+
+def test_a_file_that_the_metadata_do_not_name_is_joined(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run')
+    change_metadata(folder, lambda found: found['relative_file_paths'].pop())
+    bag = BagReader(folder)
+    assert [message.log_time for message in bag.messages()] == list(range(30))
+    assert 'run_2.mcap joined' in bag.remarks[0]
+    (folder / METADATA).unlink()
+    assert times(folder) == list(range(30))
+
+
+def test_a_folder_in_which_no_file_is_left_is_named(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run', count=1)
+    (folder / 'run_0.mcap').unlink()
+    with pytest.raises(InputError, match=r"names 'run_0.mcap', which is not there"):
+        BagReader(folder)
+
+
+def test_files_compressed_by_ros2_bag_are_read(tmp_path: Path) -> None:
+    folder = write_parts(tmp_path / 'run', count=2)
+    for file in folder.glob('*.mcap'):
+        packed = zstandard.ZstdCompressor().compress(file.read_bytes())
+        file.with_name(f'{file.name}.zstd').write_bytes(packed)
+        file.unlink()
+
+    def compressed(found: dict[str, Any]) -> None:
+        found.update(compression_mode='FILE', compression_format='zstd')
+        found['relative_file_paths'] = [f'{name}.zstd' for name in found['relative_file_paths']]
+
+    change_metadata(folder, compressed)
+    assert times(folder) == list(range(20))
+    assert is_bag(folder)
+    (folder / METADATA).unlink()
+    assert times(folder) == list(range(20))
+    file = folder / 'run_1.mcap.zstd'
+    file.write_bytes(file.read_bytes()[:-20])
+    bag = BagReader(folder)
+    assert list(bag.messages())
+    assert f'{file}: cannot be unpacked by zstd' in bag.remarks[0]
+
+
+def test_messages_compressed_by_ros2_bag_are_read(tmp_path: Path) -> None:
+    packed = zstandard.ZstdCompressor().compress(b'hello')
+    with BagWriter(tmp_path / 'run', compress=False) as bag:
+        bag.add_topic('/words', STRING)
+        bag.write('/words', packed, log_time=1)
+        bag.write('/words', b'no zstd', log_time=2)
+    change_metadata(
+        tmp_path / 'run',
+        lambda found: found.update(compression_mode='MESSAGE', compression_format='zstd'),
+    )
+    messages = BagReader(tmp_path / 'run').messages()
+    assert next(messages).data == b'hello'
+    with pytest.raises(InputError, match='a compressed message is damaged'):
+        next(messages)
+
+
+@pytest.mark.parametrize('name', ['run.bag', 'run.db3', 'run.db3.zstd', 'folder/run_0.db3'])
+def test_other_formats_are_named_with_the_remedy(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(b'SQLite format 3\0')
+    path = file.parent if name.startswith('folder') else file
+    with pytest.raises(InputError, match="bag; convert it with 'rosbags-convert --src"):
+        open_recording(path)
+
+
+def test_an_unknown_compression_and_storage_are_named(tmp_path: Path) -> None:
+    write_setpoints(tmp_path / 'run')
+    change_metadata(
+        tmp_path / 'run',
+        lambda found: found.update(compression_mode='file', compression_format='lzma'),
+    )
+    with pytest.raises(InputError, match='is compressed by lzma; convert it'):
+        BagReader(tmp_path / 'run')
+    change_metadata(tmp_path / 'run', lambda found: found.update(storage_identifier='sqlite3'))
+    with pytest.raises(InputError, match='is a sqlite3 bag; convert it with'):
+        BagReader(tmp_path / 'run')

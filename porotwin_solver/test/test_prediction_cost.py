@@ -1,0 +1,52 @@
+"""Tests of the estimate: its substeps are those that the model takes, on every grid and preset."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.grid import Grid
+from porotwin_solver.engine import LONGEST_STEP, State
+from porotwin_solver.local_time_steps import tape_length
+from porotwin_solver.model import Model
+from porotwin_solver.prediction_cost import (
+    in_words,
+    prediction_cost,
+    slowness_of_this_machine,
+    working_rates,
+)
+from porotwin_solver.solver_bench import bench_rig
+
+RIG = bench_rig()
+
+
+@pytest.mark.parametrize('text', ['47x28', '94x56', '187x56'])
+@pytest.mark.parametrize('preset', ['fast', 'accurate'])
+def test_the_substeps_are_those_of_the_model(text: str, preset: str) -> None:
+    grid = Grid.parse(text, RIG.width_m, RIG.height_m)
+    engine = Model(RIG, grid, preset=preset).engine
+    state = State.equilibrium(np.zeros(engine.grid.shape))
+    true = tape_length(engine.coefficients(state, working_rates(RIG), LONGEST_STEP).levels)
+    cost = prediction_cost(RIG, grid, preset=preset, duration=10 * LONGEST_STEP)
+    assert cost.cells == engine.grid.nx * engine.grid.nz
+    assert cost.steps == 10
+    assert cost.substeps / cost.steps == pytest.approx(true, rel=0.25)
+
+
+def test_the_cost_grows_with_time_and_cells_and_slowness() -> None:
+    def seconds(text: str, duration: float, slowness: float = 1.0) -> float:
+        grid = Grid.parse(text, RIG.width_m, RIG.height_m)
+        return prediction_cost(RIG, grid, duration=duration, slowness=slowness).seconds
+
+    assert seconds('94x56', 6000.0) == pytest.approx(10 * seconds('94x56', 600.0))
+    assert seconds('374x224', 600.0) > 6 * seconds('187x112', 600.0)
+    assert seconds('94x56', 600.0, 3.0) == pytest.approx(3 * seconds('94x56', 600.0))
+
+
+def test_this_machine_is_timed() -> None:
+    assert slowness_of_this_machine(RIG) > 0
+
+
+@pytest.mark.parametrize(
+    ('seconds', 'words'), [(0.0234, '0.02 s'), (34.4, '34 s'), (600.0, '10 min'), (9e4, '25 h')]
+)
+def test_a_duration_is_told_in_a_unit_that_fits(seconds: float, words: str) -> None:
+    assert in_words(seconds) == words
