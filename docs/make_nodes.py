@@ -1,9 +1,10 @@
 """Write docs/nodes.md: the topics, services, actions and parameters of every node.
 
-    python docs/make_nodes.py            # writes docs/nodes.md and node_parameters.json
+    python docs/make_nodes.py            # writes docs/nodes.md and what follows from it
     python docs/make_nodes.py --check    # exit status 1 if one of them is out of date
 
-node_parameters.json holds the parameters for the checks of parameter files.
+node_parameters.json holds the parameters for the checks of parameter files, porotwin.policy.xml the
+rights of every node (make_policy.py).
 
 The tables come from the running nodes: each node is started here, asked for its interfaces, and
 ended. tests/test_documents.py runs the check.
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from make_policy import POLICY, policy
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.context import Context
 from rclpy.node import Node
@@ -190,7 +192,7 @@ def started(make: type[Node], given: dict[str, Any]) -> Node:
 
 
 def documents() -> dict[Path, str]:
-    """Return the texts of both files."""
+    """Return the texts of all files."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     sections, all_rules = [], {}
     with tempfile.TemporaryDirectory() as folder:
@@ -199,8 +201,10 @@ def documents() -> dict[Path, str]:
             node = started(make, needed.get(executable, needed['default']))
             sections.append(section(executable, node))
             all_rules[node.get_name()] = rules(node)
+    page = '\n'.join([HEAD, *sections])
     return {
-        PAGE: '\n'.join([HEAD, *sections]),
+        PAGE: page,
+        POLICY: policy(page),
         RULES: json.dumps(all_rules, indent=1, sort_keys=True) + '\n',
     }
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from porotwin_cli.graph_watch import GraphWatch
+from porotwin_cli.page_told import tell_page
 from porotwin_cli.rehearsal import calibration_run, train_costa
 from porotwin_cli.run_account import TrueTracer, read_account, summary
 from porotwin_cli.run_pictures import course_picture, plume_picture
@@ -27,7 +28,7 @@ from porotwin_hub.graph import (
 )
 from porotwin_hub.processes import GraphProcesses
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_page.address import listen
+from porotwin_page.address import listen, settled
 from porotwin_recording.concentration import open_maps
 from porotwin_rig.camera import camera_before
 from porotwin_rig.pumps import Pumps
@@ -43,6 +44,9 @@ PRODUCER_DELIVERY = 0.99
 
 PREPARATION_S = 35.0
 """Calibration of the camera, start of the nodes and pictures on two cores [s]."""
+
+PREPARATION = 'the demo, which calibrates the camera and trains COSTA first'
+"""What the page waits for before the graph runs."""
 
 TRAINING_S = 50.0
 """Training of COSTA on two cores [s]."""
@@ -135,12 +139,13 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         preset=settings.preset,
         photo_interval_s=PHOTO_INTERVAL_S,
         record=folder / 'bag',
-        page=settings.page,
+        page=settled(settings.page) if settings.page else '',
+        page_token=folder / 'page_token' if settings.page else None,
         use_sim_time=True,
     )
-    with claim_domain(), GraphProcesses(page_node(graph), folder, say=say) as page:
-        if settings.page:
-            say(f'page: http://{settings.page}')
+    page_nodes = _page_from_the_start(graph)
+    with claim_domain(), GraphProcesses(page_nodes, folder, say=say) as page:
+        tell_page(graph.page, graph.page_token)
         calibration, model = _prepare_camera_and_model(rig_file, folder, settings)
         graph = replace(graph, calibration=calibration, model=model)
         _run_loop(graph, folder, settings)
@@ -148,6 +153,14 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
             say(f'the page did not run: {why}')
     figures = _account(load_rig(rig_file), folder)
     return {**figures, 'duration_s': time.monotonic() - started}
+
+
+def _page_from_the_start(graph: GraphSettings) -> list[NodeDescription]:
+    """Return the page, which says what is prepared before the other nodes run."""
+    return [
+        replace(node, parameters={**node.parameters, 'preparation': PREPARATION})
+        for node in page_node(graph)
+    ]
 
 
 def _prepare_rig(folder: Path, photo_width: int) -> Path:

@@ -4,6 +4,7 @@ import signal
 import threading
 from pathlib import Path
 
+from porotwin_cli.page_told import tell_page
 from porotwin_cli.terminal import say
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -65,8 +66,7 @@ def run_until_stopped(settings: GraphSettings, folder: Path) -> None:
     signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph uses it for SIGTERM as well
     source = settings.photos or settings.camera or './porotwin replay'
     say(f'twin of {settings.rig}, photographs from {source}')
-    if settings.page:
-        say(f'page: http://{settings.page}')
+    tell_page(settings.page, settings.page_token)
     say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
     with GraphProcesses(live_graph(settings), folder, say=say, show=SHOWN) as graph:
         while not stop.wait(POLL_S):

@@ -18,6 +18,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 
 from porotwin_core.errors import InputError
+from porotwin_core.senders import LEASE_S, publishers
 
 RELEASE_S = 5.0
 """Longest wait for the end of a process on this machine that is just being stopped [s]."""
@@ -25,15 +26,17 @@ RELEASE_S = 5.0
 DISCOVERY_S = 1.0
 """Time in which nodes on other machines are discovered [s]."""
 
-LEASE_S = 25.0
-"""Time after which discovery forgets a killed process [s]: Fast DDS takes 20 s."""
+GHOST_S = LEASE_S + RELEASE_S
+"""Time after which discovery has forgotten a killed process for sure [s]."""
 
 PERIOD_S = 0.1
 """Time between two looks [s]."""
 
-PARTICIPANT_BYTES = 8
-"""Bytes of a DDS identity that name the process: vendor, host, process and a random number. The
-rest counts its participants; a process gets a new one when the last node of the old one is gone."""
+PARTICIPANT_DIGITS = 24
+"""Hexadecimal digits of a DDS identity that name the participant: one process has one."""
+
+EVERY_NODES_TOPIC = '/parameter_events'
+"""A topic that every node publishes."""
 
 _claims: dict[str, 'Claim'] = {}
 
@@ -41,14 +44,21 @@ _claims: dict[str, 'Claim'] = {}
 class Claim:
     """The right to a node's full name in a domain, held until the process ends.
 
-    `own` is the identity of this process in DDS, `ghosts` are those of its dead predecessors.
+    `known` are the identities in DDS of the node itself and of the ghosts of its predecessors.
     """
 
-    def __init__(self, lock: int, own: str, ghosts: frozenset[str]) -> None:
+    def __init__(self, lock: int, ghosts: frozenset[str]) -> None:
         """Keep the open file `lock`, which holds the lock."""
-        self.lock = lock
-        self.own = own
-        self.ghosts = ghosts
+        self._lock = lock
+        self.known = ghosts
+
+    def adopt(self, node: Node) -> None:
+        """Note the identity of `node`, which bears the claimed name, for its successor, too."""
+        own = _identity(node)
+        os.ftruncate(self._lock, 0)
+        os.pwrite(self._lock, own.encode('ascii'), 0)
+        self.known |= {own}
+        _claims[node.get_fully_qualified_name()] = self
 
 
 def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
@@ -59,8 +69,10 @@ def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
     """
 
     def make() -> Node:
-        claim_name(name)
-        return make_node()
+        claim = claim_name(name)
+        node = make_node()
+        claim.adopt(node)
+        return node
 
     return make
 
@@ -76,14 +88,10 @@ def claim_name(name: str) -> Claim:
         full_name = probe.get_fully_qualified_name()
         lock = _locked(full_name, probe.context.get_domain_id())
         ghosts = frozenset(os.pread(lock, 4096, 0).decode('ascii', 'ignore').split())
-        own = _own_identity(probe)
-        _wait_for_others(probe, full_name, ghosts | {own})
+        _wait_for_others(probe, full_name, ghosts | {_identity(probe)})
     finally:
         probe.destroy_node()
-    os.ftruncate(lock, 0)
-    os.pwrite(lock, own.encode('ascii'), 0)
-    _claims[full_name] = Claim(lock, own, ghosts)
-    return _claims[full_name]
+    return Claim(lock, ghosts)
 
 
 def another_lives(node: Node) -> str:
@@ -94,7 +102,7 @@ def another_lives(node: Node) -> str:
     """
     full_name = node.get_fully_qualified_name()
     claim = _claims.get(full_name)
-    if claim is None or not _identities(node, full_name) - claim.ghosts - {claim.own}:
+    if claim is None or _identities(node, full_name) <= claim.known:
         return ''
     return _refusal(full_name)
 
@@ -132,13 +140,13 @@ def _locked(full_name: str, domain: int) -> int:
             return lock
 
 
-def _own_identity(probe: Node) -> str:
-    """Return the identity of this process: that of a topic which nobody else can have."""
-    topic = f'{probe.get_name()}_{os.getpid()}_{time.monotonic_ns()}'
-    publisher = probe.create_publisher(ParameterEvent, topic, 1)
-    (own,) = _participants(probe, publisher.topic_name)
-    probe.destroy_publisher(publisher)
-    return own[1]
+def _identity(node: Node) -> str:
+    """Return the identity of `node`, from a topic that nobody else publishes."""
+    topic = f'{node.get_name()}_{os.getpid()}_{time.monotonic_ns()}'
+    publisher = node.create_publisher(ParameterEvent, topic, 1)
+    (own,) = publishers(node, topic)
+    node.destroy_publisher(publisher)
+    return own.identity[:PARTICIPANT_DIGITS]
 
 
 def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None:
@@ -153,23 +161,15 @@ def _wait_for_others(probe: Node, full_name: str, known: frozenset[str]) -> None
         if not _identities(probe, full_name) - known:
             if waited >= DISCOVERY_S:
                 return
-        elif waited >= LEASE_S:
+        elif waited >= GHOST_S:
             raise InputError(_refusal(full_name))
         time.sleep(PERIOD_S)
 
 
 def _identities(node: Node, full_name: str) -> set[str]:
     """Return the identities of all processes that have a node `full_name`, also of ghosts."""
-    # every node publishes this topic
-    return {own for name, own in _participants(node, '/parameter_events') if name == full_name}
-
-
-def _participants(node: Node, topic: str) -> list[tuple[str, str]]:
-    """Return the full name and the identity of every node that publishes `topic`."""
-    return [
-        (
-            f'{info.node_namespace.rstrip("/")}/{info.node_name}',
-            bytes(info.endpoint_gid)[:PARTICIPANT_BYTES].hex(),
-        )
-        for info in node.get_publishers_info_by_topic(topic)
-    ]
+    return {
+        sender.identity[:PARTICIPANT_DIGITS]
+        for sender in publishers(node, EVERY_NODES_TOPIC)
+        if sender.node == full_name
+    }

@@ -1,21 +1,71 @@
-"""One node of a name per domain."""
+"""Tests of the claim to a node's name: one process per domain, and no lock-out by a ghost."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
-import rclpy
-from rclpy.node import Node
 
-from porotwin_core.single_instance import another_lives, claim_name
+pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 pytestmark = pytest.mark.graph
 
+PATIENCE = 60.0
+"""Longest wait for a process [s]."""
 
-def test_a_node_does_not_take_itself_for_another(domain: int) -> None:
-    """The probe ends before the node is made, so the node has another participant."""
-    rclpy.init(domain_id=domain)
+SCRIPT = """
+from rclpy.node import Node
+from porotwin_core.node import run
+from porotwin_core.single_instance import another_lives, only_one
+
+class Thing(Node):
+    def __init__(self):
+        super().__init__('thing')
+        self.create_timer(1.0, lambda: print('made', another_lives(self), flush=True))
+
+run(only_one(Thing, 'thing'))
+"""
+
+
+@contextmanager
+def thing(*arguments: str, domain: int) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        [sys.executable, '-c', SCRIPT, '--ros-args', *arguments],
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     try:
-        claim_name('lonely')
-        node = Node('lonely')
-        assert another_lives(node) == ''
-        node.destroy_node()
+        yield process
     finally:
-        rclpy.try_shutdown()
+        process.kill()
+        process.communicate(timeout=PATIENCE)
+
+
+def first_line(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+def test_a_second_node_of_a_name_is_refused_unless_it_is_elsewhere(domain: int) -> None:
+    with thing(domain=domain) as first:
+        assert first_line(first) == 'made'
+        with thing(domain=domain) as second, thing('-r', '__ns:=/other', domain=domain) as other:
+            output, errors = second.communicate(timeout=PATIENCE)
+            assert (second.returncode, output) == (2, '')
+            assert errors.startswith('error: another node /thing runs in this ROS domain; stop it')
+            assert len(errors.splitlines()) == 1
+            assert first_line(other) == 'made'
+
+
+def test_a_restarted_node_is_not_locked_out_by_its_ghost(domain: int) -> None:
+    with thing(domain=domain) as first:
+        assert first_line(first) == 'made'
+        first.send_signal(signal.SIGKILL)
+        first.wait(PATIENCE)
+    with thing(domain=domain) as second:
+        assert first_line(second) == 'made'

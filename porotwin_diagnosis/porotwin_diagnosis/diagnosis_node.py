@@ -18,6 +18,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
@@ -25,12 +26,16 @@ from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, writ
 from porotwin_msgs.action import Diagnose
 from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
 from porotwin_recording.recording import open_recording
+from porotwin_solver.presets import PRESETS
 
 NICENESS = 10
 """Increase of the process's nice value: the diagnosis uses only time that the twin leaves."""
 
 FIRST_ESTIMATE = 0.02
 """Least fraction of the work for an estimate of the remaining time; before, it means nothing."""
+
+MOST_WORKERS = 64
+"""Simulations at a time; more than any laboratory machine has cores."""
 
 THREADS = 3
 """One thread diagnoses, one listens to topics, one refuses a second goal."""
@@ -52,12 +57,16 @@ class DiagnosisNode(Node):
         super().__init__('diagnosis', **kwargs)
         rig = declare_rig(self)
         grid = declare_grid(self, rig)
-        self._preset = declare(self, 'preset', 'accurate', 'preset whose gap is diagnosed')
-        self._workers = declare(self, 'workers', 1, 'simulations at a time')
+        self._preset = declare(
+            self, 'preset', 'accurate', 'preset whose gap is diagnosed', choices=PRESETS
+        )
+        self._workers = declare(
+            self, 'workers', 1, 'simulations at a time', at_least=1, at_most=MOST_WORKERS
+        )
         self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')
         self._lock = threading.Lock()
         self._busy = threading.Lock()
-        self._run = LiveRun(rig, grid)
+        self._run = LiveRun(rig, grid, _existing_folder(self._output))
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
@@ -98,11 +107,10 @@ class DiagnosisNode(Node):
     ) -> None:
         try:
             rates = conversions.rates_from_msg(message.wells)
+            with self._lock:
+                keep(rates)
         except InputError as error:
             self.get_logger().error(f'{source} ignored: {error}')
-            return
-        with self._lock:
-            keep(rates)
 
     def _on_clean(self, message: CleanState) -> None:
         with self._lock:
@@ -187,6 +195,21 @@ class DiagnosisNode(Node):
         return folder
 
 
+def _existing_folder(path: str) -> Path | None:
+    """Return the folder `path`, made if needed; None for an empty path.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    if not path:
+        return None
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f'{path}: {error.strerror}; name another folder for output') from None
+    return Path(path)
+
+
 def _refusal(error: Exception) -> Diagnose.Result:
     return Diagnose.Result(outcome=conversions.refusal(error))
 
@@ -213,7 +236,7 @@ class _Feedback:
 def main() -> None:
     """Run the node at a low priority."""
     os.nice(NICENESS)  # before any thread starts, because each inherits the value
-    run(DiagnosisNode, threads=THREADS)
+    run(only_one(DiagnosisNode, 'diagnosis'), threads=THREADS)
 
 
 if __name__ == '__main__':

@@ -23,7 +23,7 @@ def test_a_found_effect_is_said_in_words_with_its_interval(denser, tmp_path):
     text, verdict_said = page(denser, tmp_path)
     assert verdict_said.startswith('<b>Porosity</b>: the porosity is 12 % lower than nominal')
     assert 'confidence 90 %' in verdict_said
-    assert text.count('data:image/png;base64,') == 3
+    assert text.count('data:image/png;base64,') == 4
     assert '0.873 … 0.887' in text
     assert 'weigh the water that fills the rig' in text
 
@@ -48,19 +48,44 @@ def test_the_remainder_of_an_unexplained_gap_is_drawn(denser, tmp_path):
     worst = denser.evidence.findings.singles[1]
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
     text, _ = page(replace(denser, verdict=verdict), tmp_path)
-    assert text.count('data:image/png;base64,') == 4
+    assert text.count('data:image/png;base64,') == 5
     assert 'The remainder' in text
 
 
 def test_a_camera_effect_has_no_place_where_it_arises(denser, tmp_path):
     text, _ = page(naming(denser, 'clock', {'offset': -60.0}), tmp_path)
     assert 'this map names no place in the rig, because the gap is made by the camera' in text
-    assert 'Left: where the gap arises' not in text
+    assert 'means nothing here' in text
+    assert 'Where the gap arises' not in text
+    assert 'hot spots' not in text
+    assert text.count('data:image/png;base64,') == 3
+
+
+def test_where_it_arises_stands_on_the_first_screen(denser, tmp_path):
+    text, _ = page(naming(denser, 'leak', {'x': 0.33, 'z': 0.3, 'rate': -20.0}), tmp_path)
+    first = text.split('<div class="first placed">')[1].split('</figure>')[0]
+    assert 'At x = 0.330 m, z = 0.300 m.' in first
+    assert 'Where the gap arises' in first
+    assert 'Light blue: the place of the named effect.' in first
+
+
+def test_without_a_gap_there_is_no_map_of_where_it_arises(denser, tmp_path):
+    verdict = Verdict('none', 0.9, denser.evidence.findings.null, (), (), {})
+    text, _ = page(replace(denser, verdict=verdict), tmp_path)
+    assert '<div class="first"><table class="answer">' in text
+    assert 'Where the gap arises' not in text
+
+
+def test_wide_tables_and_pictures_scroll_by_themselves(denser, tmp_path):
+    text, _ = page(denser, tmp_path)
+    assert text.count('<div class="wide"><img') == text.count('<img')
+    assert text.count('<div class="wide"><table>') == text.count('<table>')
+    assert '@media print' in text
 
 
 def test_each_of_several_recordings_has_its_errors_and_its_course(denser, tmp_path):
     text, _ = page(twice(denser), tmp_path)
-    assert text.count('data:image/png;base64,') == 5
+    assert text.count('data:image/png;base64,') == 6
     assert '<th class="n">gap closed</th>' in text
 
 

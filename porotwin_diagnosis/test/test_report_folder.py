@@ -34,7 +34,7 @@ def test_wrong_porosity_is_named_and_the_rig_corrected(denser_sand, tmp_path):
     assert stated['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88, abs=0.01)
     assert stated['where']['centre'] is None
     page = (folder / 'report.html').read_text()
-    assert page.count('data:image/png;base64,') == 3
+    assert page.count('data:image/png;base64,') == 4
     assert 'http' not in page.replace('http-equiv', '')
     assert_fields_agree(folder / 'fields.nc', stated['error'], falls_to=0.6)
     corrected = load_rig(folder / 'rig.yaml')

@@ -15,6 +15,8 @@ def test_parameters_are_stated_in_units_of_the_laboratory():
 def test_an_interval_is_written_to_two_digits_of_its_width():
     entry = {'value': 0.0494, 'low': 0.0471, 'high': 0.0518, 'unit': 'm'}
     assert interval('heterogeneity', 'radius', entry) == ('49.4 mm', '47.1 … 51.8 mm')
+    turned = {'value': -0.0004, 'low': -0.03, 'high': 0.03}
+    assert interval('registration', 'rotation', turned)[0].startswith('0.0')
     assert interval('rate', 'well', {'value': 'a<b'}) == ('a&lt;b', '')
 
 

@@ -6,17 +6,39 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.plausibility import plausible_rate_ml_h
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
-from porotwin_hub.objective import pore_volume
 from porotwin_hub.rates_in_force import KnownRates, balanced
 
 LEAST_SEEN_SHARE = 0.1
 """Share of the rig that a map shows at least. From a hand before the camera no setpoint follows."""
 
-PORE_VOLUMES_PER_HOUR = 100.0
-"""Rate that no rig stands [pore volumes/h]: all its water would be exchanged in 36 s."""
+
+class StateNumbers:
+    """Follows the numbers of states, which count up by one from each state of one node to the next.
+
+    A number that does not follow is a state of another node, or states were lost. Two that follow
+    each other are believed again, and so is a count that begins anew.
+    """
+
+    def __init__(self) -> None:
+        """Begin before the first state."""
+        self._last: int | None = None
+        self._strange: int | None = None
+
+    def doubt(self, number: int) -> str:
+        """Return why the state `number` may come from another node, or an empty string."""
+        expected = (None, number - 1)
+        if number == 0 or self._last in expected or self._strange == number - 1:
+            self._last, self._strange = number, None
+            return ''
+        self._strange = number
+        return (
+            f'its number is {number} after {self._last}; states were lost, or a second node '
+            'publishes asset/new_state'
+        )
 
 
 class Door:
@@ -27,8 +49,7 @@ class Door:
         self._grid = grid
         self._wells = set(rig.wells)
         self._balancing_well = rig.control.producer if rig.control and rig.closed else None
-        pores = float(pore_volume(rig, grid).sum())
-        self._largest_rate = PORE_VOLUMES_PER_HOUR * pores / 3600.0
+        _, self._largest_ml_h = plausible_rate_ml_h(rig.pore_volume)
 
     def check_state(self, concentration: FloatArray, grid: Grid) -> None:
         """Return if a map (nz, nx) on `grid` can be a state of the rig.
@@ -60,10 +81,10 @@ class Door:
             if name not in self._wells:
                 known = ', '.join(sorted(self._wells))
                 raise InputError(f"well '{name}' is not in rig.yaml; known: {known}")
-            if abs(well.rate) > self._largest_rate:
+            if abs(to_ml_h(well.rate)) > self._largest_ml_h:
                 raise InputError(
-                    f"well '{name}': {to_ml_h(well.rate):.4g} ml/h, but {PORE_VOLUMES_PER_HOUR:g} "
-                    f'pore volumes per hour are {to_ml_h(self._largest_rate):.4g} ml/h; send m^3/s'
+                    f"well '{name}': {to_ml_h(well.rate):.4g} ml/h, but this rig stands at most "
+                    f'{self._largest_ml_h:.4g} ml/h; send m^3/s'
                 )
         if self._balancing_well is not None:
             rates = balanced(rates, self._balancing_well)

@@ -57,6 +57,9 @@ class GraphSettings:
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
+    page_token: Path | None = _option(
+        None, 'file with the token of confirmations on the page, made if missing; none: a new token'
+    )
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
     use_sim_time: bool = _option(False, 'take the time from /clock')
@@ -172,6 +175,8 @@ def page_node(settings: GraphSettings) -> list[NodeDescription]:
         'use_sim_time': settings.use_sim_time,
         'address': settings.page,
     }
+    if settings.page_token is not None:
+        parameters['token_file'] = str(settings.page_token)
     return [NodeDescription('page', 'porotwin_page', 'page_node', parameters)]
 
 

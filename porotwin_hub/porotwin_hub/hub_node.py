@@ -20,10 +20,11 @@ from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import Rig
+from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.controller import Controller
-from porotwin_hub.door import Door
+from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
@@ -97,6 +98,7 @@ class HubNode(Node):
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
         self._door = Door(rig, self._grid)
+        self._numbers = StateNumbers()
         self._known_limits = Limits.of(rig) if rig.control is not None else None
         self._simulated = bool(self.get_parameter('use_sim_time').value)
         interval = declare(
@@ -130,8 +132,7 @@ class HubNode(Node):
             most_age=math.inf if self._simulated else photographs.most_age,
         )
         self._twin = twin
-        # then its setpoint would have expired; simulated time waits for the twin
-        self._longest_work_s = math.inf if self._simulated else twin.validity
+        self._longest_cycle = math.inf if self._simulated else twin.validity
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
         self._make_topics()
@@ -245,7 +246,7 @@ class HubNode(Node):
             rates = conversions.rates_from_msg(message.wells)
             known = self._door.known_rates(start, end, rates)
         except InputError as error:
-            self.get_logger().error(f'measured rates ignored: {error}')
+            self._refuse(f'measured rates ignored: {error}')
             return
         if not self._inbox.is_near(end):
             self.get_logger().warning(
@@ -254,6 +255,10 @@ class HubNode(Node):
                 throttle_duration_sec=REPORT_S,
             )
         self._inbox.add_rates(known)
+
+    def _refuse(self, line: str) -> None:
+        self.get_logger().error(line)
+        self._diagnostics.report(DiagnosticStatus.WARN, line)
 
     def _on_clean_state(self, message: CleanState) -> None:
         stamp = conversions.time_from_msg(message.header.stamp)
@@ -264,10 +269,11 @@ class HubNode(Node):
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             self._door.check_state(concentration, grid)
         except InputError as error:
-            self.get_logger().error(f'state {message.sequence} ignored: {error}')
+            self._refuse(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
-        self._inbox.add_state(ArrivedState(message.sequence, stamp, concentration, message))
+        doubt = self._numbers.doubt(message.sequence)
+        self._inbox.add_state(ArrivedState(message.sequence, stamp, concentration, message, doubt))
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
@@ -284,7 +290,7 @@ class HubNode(Node):
                 if self._changed.is_set():
                     self._changed.clear()
                     self._twin.change_controller(self._controller_in_use())
-                with self._diagnostics.busy(f'state {sequence}', self._longest_work_s):
+                with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)
             except Exception as error:
@@ -304,10 +310,11 @@ class HubNode(Node):
         """Return why no setpoint may follow from any state now, or an empty string."""
         if another := another_lives(self):
             return another
-        if self.count_publishers('asset/new_state') > 1:
+        names = {sender.node for sender in publishers(self, 'asset/new_state')}
+        if len(names) > 1:
             return (
-                'several nodes publish asset/new_state; stop all but one, or set ROS_DOMAIN_ID to '
-                'another number to run two twins'
+                f'{" and ".join(sorted(names))} publish asset/new_state; stop one, or set '
+                'ROS_DOMAIN_ID to another number to run two twins'
             )
         if not self._simulated and self.count_publishers('/clock'):
             return 'a node publishes /clock: a replay; start the hub with use_sim_time for it'

@@ -41,13 +41,15 @@ class ArrivedState(Generic[Envelope]):
     """A state of the asset.
 
     `sequence` is its number, `stamp` the time of its photograph [s], `concentration` its map
-    (nz, nx) [-]. The `envelope` (the message) is passed on untouched.
+    (nz, nx) [-]. The `envelope` (the message) is passed on untouched. A `doubt` about its origin
+    counts as a doubt about its stamp.
     """
 
     sequence: int
     stamp: float
     concentration: FloatArray
     envelope: Envelope
+    doubt: str = ''
 
 
 @dataclass(frozen=True)
@@ -190,6 +192,8 @@ class Inbox(Generic[Envelope]):
 
     def _judged(self, state: ArrivedState[Envelope]) -> ReadyState[Envelope]:
         arrival = self.now()
+        if state.doubt:
+            return ReadyState(state, arrival, Judgement(0.0, state.doubt))
         if self._judge is None:
             return ReadyState(state, arrival)
         return ReadyState(state, arrival, self._judge(state.stamp, arrival))

@@ -140,7 +140,7 @@ def _sections(name: str, content: Any) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _flat(prefix: str, content: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
-    """Return the parameters of a section; those of inner sections have a point in the name."""
+    """Return the parameters of a section; inner sections add their name and a point."""
     for key, value in content.items():
         if isinstance(value, dict):
             yield from _flat(f'{prefix}{key}.', value)

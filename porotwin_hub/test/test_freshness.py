@@ -145,7 +145,7 @@ def test_a_clock_that_drifts_keeps_control() -> None:
     assert all(acted_on(*fast)[LEARNING_PHOTOGRAPHS:])
 
 
-# --- no setpoint ever follows from an old photograph --------------------------------------
+# --- no setpoint ever follows from an old photograph ---------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from porotwin_core.conversions import header_at, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
+from porotwin_core.single_instance import only_one
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
@@ -145,8 +146,8 @@ class ImagingNode(Node):
 
 
 def main() -> None:
-    """Run the node."""
-    run(ImagingNode)
+    """Run the node, unless another one is there."""
+    run(only_one(ImagingNode, 'imaging'))
 
 
 if __name__ == '__main__':

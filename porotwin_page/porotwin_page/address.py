@@ -1,28 +1,70 @@
-"""The address HOST:PORT of the page, and its listening socket."""
+"""The address of the page: HOST:PORT, its listening socket, and the addresses to open."""
 
 import errno
+import fcntl
 import ipaddress
+import re
 import socket
+import struct
 
 from porotwin_core.errors import InputError
 
+DEFAULT_HOST = '127.0.0.1'
+"""Host of an address without one: this machine only."""
+
 MAX_PORT = 65535
 """Largest TCP port."""
+
+LARGEST_USER_PORT_REFUSED = 1023
+"""Ports up to this one need the rights of an administrator on Linux."""
+
+EXAMPLE = '127.0.0.1:8765 (this machine only) or 0.0.0.0:8765 (also for phones)'
+
+ALL_INTERFACES = ('0.0.0.0', '::', '0')
+"""Hosts that stand for all addresses of this machine."""
+
+_NAME = re.compile(r'[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?')
+_INTERFACE_ADDRESS = 0x8915
+"""Request SIOCGIFADDR of Linux: the IPv4 address of a network interface."""
 
 
 def parse(address: str) -> tuple[str, int]:
     """Return host and port of an address such as `127.0.0.1:8765` or `[::1]:8765`.
 
-    Port 0 selects any free port.
+    A port alone, `8765` or `:8765`, is an address of this machine only. Port 0 is any free port.
 
     Raises:
         InputError: `address` is not of this form.
     """
-    host, _, port = address.rpartition(':')
-    host = host.removeprefix('[').removesuffix(']')
-    if not host or not port.isdecimal() or int(port) > MAX_PORT:
-        raise InputError(f"page address '{address}': write HOST:PORT, like 127.0.0.1:8765")
+    text = address.strip()
+    host, _, port = text.rpartition(':')
+    bracketed = host.startswith('[') and host.endswith(']')
+    host = host[1:-1] if bracketed else host or DEFAULT_HOST
+    if not (port.isascii() and port.isdecimal()) or int(port) > MAX_PORT:
+        raise InputError(
+            f"page address '{address}': its port must be a number from 0 to {MAX_PORT}; "
+            f'write HOST:PORT, like {EXAMPLE}'
+        )
+    if not (_is_ipv6(host) if bracketed else _NAME.fullmatch(host)):
+        hint = f'; did you mean [{host}]:{port}?' if _is_ipv6(host) else ''
+        raise InputError(
+            f"page address '{address}': '{host}' is no name or address of a machine{hint}; "
+            f'write HOST:PORT, like {EXAMPLE}'
+        )
     return host, int(port)
+
+
+def _is_ipv6(host: str) -> bool:
+    try:
+        ipaddress.IPv6Address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def written(host: str, port: int) -> str:
+    """Return host and port as one text; an IPv6 address is in brackets."""
+    return f'[{host}]:{port}' if ':' in host else f'{host}:{port}'
 
 
 def is_local(host: str) -> bool:
@@ -36,20 +78,83 @@ def is_local(host: str) -> bool:
 def listen(address: str) -> socket.socket:
     """Return a socket that listens at `address`.
 
+    The address of all IPv6 interfaces, `[::]`, also takes IPv4.
+
     Raises:
-        InputError: the port is in use, or the host does not belong to this machine.
+        InputError: the address is wrong, in use, not allowed, or not one of this machine.
     """
     host, port = parse(address)
     family = socket.AF_INET6 if ':' in host else socket.AF_INET
+    both = host == '::' and socket.has_dualstack_ipv6()
     try:
-        return socket.create_server((host, port), family=family)
+        return socket.create_server((host, port), family=family, dualstack_ipv6=both)
     except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            raise InputError(
-                f'page address {address} is in use, perhaps by another page; choose another with '
-                '--page HOST:PORT (parameter address)'
-            ) from None
-        raise InputError(
-            f"page address {address}: {error.strerror or error}; choose one of this machine's with "
-            '--page HOST:PORT (parameter address)'
-        ) from None
+        raise InputError(_refusal(written(host, port), port, error)) from None
+
+
+def _refusal(address: str, port: int, error: OSError) -> str:
+    remedy = '--page HOST:PORT (parameter address)'
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f'page address {address} is in use, perhaps by another page; choose another with '
+            f'{remedy}'
+        )
+    if error.errno == errno.EACCES and port <= LARGEST_USER_PORT_REFUSED:
+        return (
+            f'page address {address}: only an administrator may use port {port}; choose one above '
+            f'{LARGEST_USER_PORT_REFUSED} with {remedy}'
+        )
+    return (
+        f"page address {address}: {error.strerror or error}; choose one of this machine's, like "
+        f'{EXAMPLE}, with {remedy}'
+    )
+
+
+def settled(address: str) -> str:
+    """Return `address` with host and port, after a check that it is free; port 0 is replaced.
+
+    Raises:
+        InputError: as `listen`.
+    """
+    with listen(address) as listening:
+        return written(parse(address)[0], listening.getsockname()[1])
+
+
+def interface_addresses() -> list[str]:
+    """Return the IPv4 addresses of this machine's network interfaces, without its own loopback."""
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        for _, name in socket.if_nameindex():
+            request = struct.pack('256s', name.encode()[:15])
+            try:
+                answer = fcntl.ioctl(probe.fileno(), _INTERFACE_ADDRESS, request)
+            except OSError:
+                continue  # an interface without an IPv4 address
+            found.append(socket.inet_ntoa(answer[20:24]))
+    return [host for host in dict.fromkeys(found) if not is_local(host)]
+
+
+def reachable_hosts(host: str) -> list[str]:
+    """Return the hosts under which a page at `host` is found.
+
+    A page of all interfaces is found under `127.0.0.1` here, and under every address of this
+    machine's interfaces from elsewhere.
+    """
+    if host not in ALL_INTERFACES:
+        return [host]
+    return [DEFAULT_HOST, *interface_addresses()]
+
+
+def page_lines(address: str, token: str) -> list[str]:
+    """Return one line for people for every address under which the page can be opened.
+
+    Args:
+        address: HOST:PORT, as `settled` returns it.
+        token: the token that confirmations need; a browser keeps it from the address.
+    """
+    host, port = parse(address)
+    lines = []
+    for number, found in enumerate(reachable_hosts(host)):
+        title = 'page' if number == 0 else 'page from a phone'
+        lines.append(f'{title}: http://{written(found, port)}/#token={token}')
+    return lines

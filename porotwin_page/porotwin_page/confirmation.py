@@ -1,13 +1,45 @@
-"""The operator's confirmation of a setpoint, as a browser sends it."""
+"""The operator's confirmation of rates, as a browser sends it.
 
+A browser names the rate of every well, so that what it shows is what is recorded. Numbers that no
+pump of the rig delivers are refused. Numbers that are odd are a question to the operator first.
+"""
+
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from porotwin_core.errors import InputError
-from porotwin_core.units import from_ml_h
+from porotwin_core.plausibility import plausible_rate_ml_h
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
+
+PLAUSIBLE_FACTOR = 10.0
+"""A rate above all that rig.yaml pumps together, times this, is a mistake of typing."""
+
+LEAST_BOUND_ML_H = 1000.0
+"""Bound of plausible rates for a rig whose wells are all off [ml/h]."""
+
+ROUND_OFF_ML_H = 1e-3
+"""A browser receives rates with six digits; smaller differences are none [ml/h]."""
+
+BALANCE_ML_H = 0.0501
+"""Round-off of one rate at a pump's display of 0.1 ml/h; allowed once per well [ml/h]."""
+
+LONGEST_VALUE = 40
+"""Characters of a wrong value that a refusal repeats."""
+
+KEYS = ('sequence', 'orders', 'rates_ml_h', 'sure')
+
+ORDERS = ('setpoint', 'safe')
+"""What a browser shows as rates to set: the setpoint, or the safe rates after its expiry."""
+
+
+class ConfirmationDoubt(Exception):  # noqa: N818  it is a question to the operator
+    """The rates are odd; the message asks the operator. `sure` in a confirmation answers yes."""
 
 
 @dataclass(frozen=True)
@@ -16,52 +48,176 @@ class Confirmation:
 
     Attributes:
         sequence: number of the setpoint.
-        rates: wells whose rates [m^3/s] differ from the setpoint.
+        rates: rates of all wells [m^3/s].
+        safe: whether the browser showed the safe rates, because the setpoint had expired.
     """
 
     sequence: int
     rates: WellRates
+    safe: bool = False
+
+
+def decoded(body: bytes) -> Any:
+    """Return the JSON value in the body of a request.
+
+    Raises:
+        InputError: it is no JSON, names a key twice, or has a number that is none.
+    """
+    try:
+        return json.loads(
+            body.decode('utf-8'), parse_constant=_no_number, object_pairs_hook=_unique_keys
+        )
+    except InputError:
+        raise
+    except (ValueError, RecursionError):
+        raise InputError('confirmation: not JSON; send an object of sequence, rates_ml_h') from None
+
+
+def _no_number(text: str) -> Any:
+    raise InputError(f'confirmation: {text} is not a number of ml/h')
+
+
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise InputError(f"confirmation: key '{_short(key)}' stands there twice")
+        found[key] = value
+    return found
+
+
+def parse(data: Any, snapshot: GraphSnapshot) -> Confirmation:
+    """Return the confirmation in `data`, checked against setpoints and rig of `snapshot`.
+
+    Args:
+        data: decoded JSON {"sequence": number, "orders": "setpoint" or "safe",
+            "rates_ml_h": {well: rate}, "sure": true or false} with the rates of all wells; `orders`
+            (default: setpoint) and `sure` (default: false) may be missing.
+        snapshot: holds the setpoints that the operator may have seen.
+
+    Raises:
+        InputError: one line that names the fault.
+        ConfirmationDoubt: the rates are odd and `sure` is not true.
+    """
+    if not isinstance(data, dict):
+        raise InputError('confirmation: send a JSON object with sequence and rates_ml_h')
+    unknown = set(data) - set(KEYS)
+    if unknown:
+        raise InputError(
+            f"confirmation: unknown key '{_short(min(unknown))}'; send {', '.join(KEYS)}"
+        )
+    sure = data.get('sure', False)
+    if not isinstance(sure, bool):
+        raise InputError(f'sure {_short(sure)}: send true or false')
+    orders = data.get('orders', ORDERS[0])
+    if orders not in ORDERS:
+        raise InputError(f'orders {_short(repr(orders))}: send one of {", ".join(ORDERS)}')
+    setpoint = _setpoint(snapshot, data.get('sequence'))
+    rates = _rates(data.get('rates_ml_h'), setpoint, snapshot)
+    doubts = _doubts(rates, snapshot.rig)
+    if doubts and not sure:
+        raise ConfirmationDoubt(f'{" ".join(doubts)} Are these the rates at the pumps?')
+    return Confirmation(setpoint.sequence, rates, safe=orders == ORDERS[1])
+
+
+def _short(value: object) -> str:
+    try:
+        text = str(value)
+    except ValueError:  # a whole number of thousands of digits
+        return 'with too many digits'
+    return text if len(text) <= LONGEST_VALUE else f'{text[:LONGEST_VALUE]}…'
 
 
 def _setpoint(snapshot: GraphSnapshot, sequence: object) -> Setpoint:
     if isinstance(sequence, bool) or not isinstance(sequence, int):
-        raise InputError(f'sequence {sequence!r}: send the whole number of a setpoint')
+        raise InputError(f'sequence {_short(repr(sequence))}: send the whole number of a setpoint')
     for setpoint in snapshot.setpoints:
         if setpoint.sequence == sequence:
             return setpoint
     newest = (
         f'the newest is {snapshot.setpoints[-1].sequence}' if snapshot.setpoints else 'none yet'
     )
-    raise InputError(f'setpoint {sequence} is no longer shown; {newest}')
+    raise InputError(f'setpoint {_short(sequence)} is no longer shown; {newest}')
 
 
-def parse(data: Any, snapshot: GraphSnapshot) -> Confirmation:
-    """Return the confirmation in `data`, checked against the setpoints of `snapshot`.
-
-    Args:
-        data: decoded JSON {"sequence": number, "rates_ml_h": {well: rate}}; the rates are optional.
-        snapshot: holds the setpoints that the operator may have seen.
-
-    Raises:
-        InputError: one line that names the fault.
-    """
-    if not isinstance(data, dict):
-        raise InputError('confirmation: send a JSON object with sequence and rates_ml_h')
-    unknown = set(data) - {'sequence', 'rates_ml_h'}
-    if unknown:
-        raise InputError(f"confirmation: unknown key '{min(unknown)}'; send sequence, rates_ml_h")
-    setpoint = _setpoint(snapshot, data.get('sequence'))
-    given = data.get('rates_ml_h', {})
+def _rates(given: object, setpoint: Setpoint, snapshot: GraphSnapshot) -> dict[str, WellRate]:
     if not isinstance(given, dict):
-        raise InputError('rates_ml_h: send an object of rates by well')
-    rates: dict[str, WellRate] = {}
-    for well, rate in given.items():
+        raise InputError('rates_ml_h: send an object with the rate of every well')
+    for well in given:
         if well not in setpoint.rates:
             known = ', '.join(setpoint.rates)
             raise InputError(
-                f"well '{well}' is not in setpoint {setpoint.sequence}; known: {known}"
+                f"well '{_short(well)}' is not in setpoint {setpoint.sequence}; known: {known}"
             )
-        if isinstance(rate, bool) or not isinstance(rate, int | float) or not math.isfinite(rate):
-            raise InputError(f"well '{well}': rate {rate!r} is not a number of ml/h")
-        rates[well] = WellRate(from_ml_h(rate), setpoint.rates[well].concentration)
-    return Confirmation(setpoint.sequence, rates)
+    missing = [well for well in setpoint.rates if well not in given]
+    if missing:
+        raise InputError(f'rates_ml_h: no rate of {", ".join(missing)}; send that of every well')
+    bound = plausible_bound_ml_h(setpoint.rates, snapshot.rig)
+    orders = (setpoint.rates, snapshot.safe_rates)
+    return {
+        well: _rate(well, given[well], bound, [order[well] for order in orders if well in order])
+        for well in setpoint.rates
+    }
+
+
+def _rate(well: str, value: object, bound: float, orders: list[WellRate]) -> WellRate:
+    """Return the rate of a well; a value that was ordered is that order, to the last digit."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
+        raise InputError(f"well '{well}': rate {_short(repr(value))} is not a number of ml/h")
+    if abs(value) > bound:
+        raise InputError(
+            f"well '{well}': {value:g} ml/h is beyond this rig, whose rates lie within "
+            f'{bound:g} ml/h; type it again'
+        )
+    for order in orders:
+        if abs(to_ml_h(order.rate) - value) <= ROUND_OFF_ML_H:
+            return order
+    return WellRate(from_ml_h(value), orders[0].concentration)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
+
+
+def plausible_bound_ml_h(rates: WellRates, rig: Rig | None) -> float:
+    """Return the largest plausible size of a rate [ml/h].
+
+    It is ten times what all wells pump together, by the limits of `rig` or else by `rates`
+    [m^3/s], and never more than the sand of the rig stands.
+    """
+    together = math.fsum(abs(to_ml_h(rate.rate)) for rate in rates.values()) / 2
+    if rig is not None and rig.control is not None:
+        fixed = math.fsum(abs(well.rate_ml_h) for well in rig.control.fixed.values())
+        together = fixed + rig.control.max_total_rate_ml_h
+    bound = max(PLAUSIBLE_FACTOR * together, LEAST_BOUND_ML_H)
+    return bound if rig is None else min(bound, plausible_rate_ml_h(rig.pore_volume)[1])
+
+
+def _doubts(rates: Mapping[str, WellRate], rig: Rig | None) -> list[str]:
+    """Return a sentence for everything odd about `rates` [m^3/s] on `rig`."""
+    if rig is None or rig.control is None:
+        return []
+    control = rig.control
+    shown = {well: to_ml_h(rate.rate) for well, rate in rates.items()}
+    injecting = {*control.wells, *(name for name, w in control.fixed.items() if w.rate_ml_h > 0)}
+    doubts = [
+        f'{well} injects, but {shown[well]:.1f} ml/h takes out.'
+        for well in rates
+        if well in injecting and shown[well] < 0
+    ]
+    doubts += [
+        f'{well} is above its limit of {control.max_rate_ml_h:g} ml/h.'
+        for well in control.wells
+        if shown.get(well, 0.0) > control.max_rate_ml_h + BALANCE_ML_H
+    ]
+    if control.producer is not None and shown.get(control.producer, 0.0) > 0:
+        doubts.append(f'{control.producer} takes out, but a rate without minus injects.')
+    net = math.fsum(shown.values())
+    balanced = rig.closed or control.producer is not None
+    if balanced and abs(net) > BALANCE_ML_H * max(1, len(rates)):
+        more = 'goes in than out' if net > 0 else 'comes out than goes in'
+        doubts.append(f'The rates do not balance: {abs(net):.1f} ml/h more {more}.')
+    return doubts

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from porotwin_core.rig import Rig
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.header import header_view
-from porotwin_page.json_values import Json, rates_ml_h
-from porotwin_page.panel import Moment, Panel
+from porotwin_page.json_values import Json, finite, rates_ml_h
+from porotwin_page.panel import MapPanel, Moment, Panel
 
 
 def rig_view(rig: Rig) -> Json:
@@ -22,13 +22,29 @@ def rig_view(rig: Rig) -> Json:
     }
 
 
+def past_view(snapshot: GraphSnapshot, panels: Mapping[str, Panel]) -> Json:
+    """Return number, time and maps of an earlier state, which `snapshot` holds as its newest."""
+    state = snapshot.observed
+    moment = Moment(None, 0.0)
+    return {
+        'sequence': state.sequence if state else None,
+        'time_s': finite(state.map.time, 15) if state else None,
+        'rates_ml_h': rates_ml_h(snapshot.setpoint.rates) if snapshot.setpoint else {},
+        'panels': {
+            name: panel.content(snapshot, moment)
+            for name, panel in panels.items()
+            if isinstance(panel, MapPanel)
+        },
+    }
+
+
 def event_view(snapshot: GraphSnapshot, moment: Moment, panels: Mapping[str, Panel]) -> Json:
     """Return everything but the curves: header, rig, rates, interruptions, contents of panels."""
     return {
         'start_s': snapshot.start,
         'header': header_view(snapshot, moment.steady),
         'rig': rig_view(snapshot.rig) if snapshot.rig else None,
-        'rates_ml_h': rates_ml_h(snapshot.setpoint.rates) if snapshot.setpoint else {},
+        'rates_ml_h': rates_ml_h(snapshot.orders(moment.graph)),
         'marks': [{'time_s': mark.time, 'reason': mark.reason} for mark in snapshot.marks],
         'panels': {name: panel.content(snapshot, moment) for name, panel in panels.items()},
     }

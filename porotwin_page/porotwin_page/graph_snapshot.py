@@ -6,16 +6,19 @@ one snapshot, so it never mixes two moments.
 
 import math
 import statistics
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from enum import Enum
+from enum import Enum, StrEnum
 
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
+from porotwin_core.safe_rates import safe_rates
 from porotwin_core.wells import WellRates
+from porotwin_page.packed_rates import PackedRates
 
-HISTORY_LENGTH = 2000
-"""Cycles in the curves: more than 16 hours of a photograph every 30 s."""
+HISTORY_LENGTH = 1440
+"""Cycles in the curves: 12 hours of a photograph every 30 s, below 1 MB."""
 
 # Bounds of everything else, so that memory does not grow with the length of a run.
 SETPOINTS_KEPT = 20
@@ -24,6 +27,8 @@ NODES_KEPT = 64
 ARRIVALS_KEPT = 8
 FORECASTS_KEPT = 3
 REMARKS_KEPT = 6
+LOG_KEPT = 200
+"""Lines of the log of setpoints: more than an hour of setpoints with confirmations."""
 
 TIME_TOLERANCE = 0.5
 """Largest difference between the times of one photograph in several messages [s]."""
@@ -80,6 +85,8 @@ class Setpoint:
         rates: commanded rates [m^3/s].
         reason: one line for people.
         arrival: when it arrived, on the graph's clock [s]; None if that clock had not started.
+        clock: when it arrived, on this machine's clock [s since 1970].
+        doubt: why its rates are no order, in one line; empty for an order.
     """
 
     sequence: int
@@ -88,9 +95,50 @@ class Setpoint:
     rates: WellRates
     reason: str
     arrival: float | None = None
+    clock: float = math.nan
+    doubt: str = ''
+
+    def remaining(self, now: float | None) -> float | None:
+        """Return the remaining validity [s], counted from the arrival; negative after its end.
+
+        Args:
+            now: present time on the graph's clock [s]; None if it has not started.
+
+        Returns:
+            None without a clock.
+        """
+        if now is None or self.arrival is None:
+            return None
+        return self.arrival + (self.valid_until - self.time) - now
 
 
-@dataclass(frozen=True)
+class Event(StrEnum):
+    """What happened to the rates; the values are names on the page."""
+
+    SETPOINT = 'setpoint'
+    EXPIRED = 'expired'
+    REPORTED = 'reported'
+    """A person reported the rates at the pumps, on this page or elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """A line of the log of setpoints.
+
+    Attributes:
+        clock: when it happened, on this machine's clock [s since 1970].
+        event: what happened.
+        sequence: number of the setpoint; None for a report that names none.
+        rates: the rates that were commanded or reported [m^3/s]; the safe rates after an expiry.
+    """
+
+    clock: float
+    event: Event
+    sequence: int | None
+    rates: WellRates
+
+
+@dataclass(frozen=True, slots=True)
 class CyclePoint:
     """The report of one cycle, a point of the curves; NaN where there is no number.
 
@@ -137,6 +185,8 @@ class Level(Enum):
     """The node runs but has not reported yet."""
     WARN = 'warn'
     ERROR = 'error'
+    SILENT = 'silent'
+    """Another node says that this one no longer reports."""
 
 
 @dataclass(frozen=True)
@@ -146,14 +196,16 @@ class Health:
     Attributes:
         level: its health.
         message: one line.
-        arrival: when it arrived, on this machine's steady clock [s].
+        arrival: when the node itself reported last, on this machine's steady clock [s].
         present: whether the graph shows the node; None if it never did.
+        gap: time between its last two reports [s]; 0 before the second one.
     """
 
     level: Level
     message: str
     arrival: float
     present: bool | None = None
+    gap: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -162,6 +214,7 @@ class GraphSnapshot:
 
     Attributes:
         rig: description of the rig.
+        preparation: what happens before the graph runs, in words; empty if nothing does.
         observed: the newest state.
         difference: newest observed map minus its forecast (nz, nx) [-].
         predicted: newest physics-based forecasts.
@@ -170,7 +223,11 @@ class GraphSnapshot:
         set_rates: rates [m^3/s] that a person has reported; None if nobody did.
         measured: newest rates at the pumps [m^3/s].
         pumps_report: whether the pumps measure, so that nobody has to report.
-        confirmed: number of the setpoint that this page confirmed last.
+        confirmed: number of the setpoint that was confirmed last on this page, and whether the
+            safe rates were confirmed, because it had expired.
+        expired: number of the setpoint whose expiry is in the log; None if it is not over.
+        log: newest setpoints, expiries and reports of rates.
+        alarm: what is wrong with the publishers of setpoints, in one line; empty if nothing is.
         history: points of the curves.
         history_end: number of points ever added; `history` ends with number `history_end` - 1.
         history_start: number of the first point of this experiment.
@@ -178,11 +235,13 @@ class GraphSnapshot:
         finished: why the experiment is over; None while it runs.
         health: last report of every node by name.
         arrivals: when the newest states arrived, on this machine's steady clock [s].
+        states: number of states of the experiment so far.
         start: time of the first photograph of the experiment [s].
         maps_made: number of maps ever added.
     """
 
     rig: Rig | None = None
+    preparation: str = ''
     observed: ObservedState | None = None
     difference: FloatArray | None = None
     predicted: tuple[Map, ...] = ()
@@ -191,7 +250,10 @@ class GraphSnapshot:
     set_rates: WellRates | None = None
     measured: WellRates | None = None
     pumps_report: bool = False
-    confirmed: int | None = None
+    confirmed: tuple[int, bool] | None = None
+    expired: int | None = None
+    log: tuple[LogLine, ...] = ()
+    alarm: str = ''
     history: tuple[CyclePoint, ...] = ()
     history_end: int = 0
     history_start: int = 0
@@ -199,8 +261,32 @@ class GraphSnapshot:
     finished: str | None = None
     health: dict[str, Health] = field(default_factory=dict)
     arrivals: tuple[float, ...] = ()
+    states: int = 0
     start: float | None = None
     maps_made: int = 0
+
+    @property
+    def safe_rates(self) -> WellRates:
+        """The rates [m^3/s] to set after the end of a setpoint; empty if they are not known."""
+        if self.rig is None or self.rig.control is None:
+            return {}
+        return safe_rates(self.rig)
+
+    def orders(self, graph: float | None) -> WellRates:
+        """Return the rates to set [m^3/s]: the setpoint's, or the safe ones after its end.
+
+        Args:
+            graph: present time on the graph's clock [s]; None if it has not started.
+
+        Returns:
+            Nothing before the first setpoint; the expired rates if the safe ones are not known.
+        """
+        setpoint = self.setpoint
+        if setpoint is None:
+            return {}
+        remaining = setpoint.remaining(graph)
+        expired = remaining is not None and remaining <= 0
+        return (expired and self.safe_rates) or setpoint.rates
 
     @property
     def setpoint(self) -> Setpoint | None:
@@ -244,6 +330,11 @@ def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
     return replace(now, rig=rig)
 
 
+def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:
+    """Return the snapshot with words on what happens before the graph runs."""
+    return replace(now, preparation=preparation)
+
+
 def _numbered(now: GraphSnapshot, map_: Map) -> tuple[GraphSnapshot, Map]:
     number = now.maps_made + 1
     return replace(now, maps_made=number), replace(map_, number=number)
@@ -260,18 +351,17 @@ def _minus_forecast(observed: Map, now: GraphSnapshot) -> FloatArray | None:
 def with_observed_state(now: GraphSnapshot, state: ObservedState) -> GraphSnapshot:
     """Return the snapshot with a new state and its difference from the forecast.
 
-    A state that is older than the last one begins a new experiment: a bag was restarted, or a
-    clock was set back.
+    A state that is older than the last one changes nothing else: one photograph with a wrong time
+    must not drop the curves.
     """
     time = state.map.time
-    if now.observed is not None and time < now.observed.map.time:
-        now = with_new_experiment(now, time)
     now, map_ = _numbered(now, state.map)
     return replace(
         now,
         observed=replace(state, map=map_),
         difference=_minus_forecast(map_, now),
         arrivals=(*now.arrivals, state.arrival)[-ARRIVALS_KEPT:],
+        states=now.states + 1,
         start=time if now.start is None else now.start,
         finished=None,
     )
@@ -301,33 +391,91 @@ def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:
     history = now.history
     if history and history[-1].time == setpoint.time and not history[-1].rates:
         history = (*history[:-1], replace(history[-1], rates=setpoint.rates))
+    now = _with_line(now, setpoint.clock, Event.SETPOINT, setpoint.sequence, setpoint.rates)
     return replace(
         now,
         history=history,
         setpoints=(*kept, setpoint)[-SETPOINTS_KEPT:],
         confirmed=None if restarted else now.confirmed,
+        expired=None,
     )
 
 
-def with_measured(now: GraphSnapshot, rates: WellRates, *, by_person: bool) -> GraphSnapshot:
-    """Return the snapshot with rates [m^3/s] that a person reported or the pumps measured."""
+def _with_line(
+    now: GraphSnapshot, clock: float, event: Event, sequence: int | None, rates: WellRates
+) -> GraphSnapshot:
+    line = LogLine(clock, event, sequence, rates)
+    return replace(now, log=(*now.log, line)[-LOG_KEPT:])
+
+
+def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> GraphSnapshot:
+    """Return the snapshot at a time; the log has a line when the newest setpoint has expired.
+
+    Args:
+        now: the snapshot before.
+        graph: time on the graph's clock [s]; None if it has not started.
+        clock: time on this machine's clock [s since 1970].
+    """
+    setpoint = now.setpoint
+    if setpoint is None or now.expired == setpoint.sequence:
+        return now
+    remaining = setpoint.remaining(graph)
+    if remaining is None or remaining > 0:
+        return now
+    now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_rates)
+    return replace(now, expired=setpoint.sequence)
+
+
+def with_alarm(now: GraphSnapshot, alarm: str) -> GraphSnapshot:
+    """Return the snapshot with a line on the publishers of setpoints; empty if all is well."""
+    return replace(now, alarm=alarm)
+
+
+def with_measured(
+    now: GraphSnapshot, rates: WellRates, *, by_person: bool, clock: float = math.nan
+) -> GraphSnapshot:
+    """Return the snapshot with rates [m^3/s] that a person reported or the pumps measured.
+
+    Args:
+        now: the snapshot before.
+        rates: the rates of all wells [m^3/s].
+        by_person: whether a person reported them.
+        clock: time on this machine's clock [s since 1970].
+    """
     if by_person:
+        now = _with_line(now, clock, Event.REPORTED, None, rates)
         return replace(now, set_rates=rates, measured=rates)
     return replace(now, measured=rates, pumps_report=True)
 
 
-def with_confirmation(now: GraphSnapshot, sequence: int) -> GraphSnapshot:
-    """Return the snapshot in which the setpoint with this number is confirmed."""
-    return replace(now, confirmed=sequence)
+def with_confirmation(now: GraphSnapshot, sequence: int, *, safe: bool = False) -> GraphSnapshot:
+    """Return the snapshot in which the setpoint with this number is confirmed.
+
+    `safe` tells whether it had expired, so that the safe rates were confirmed.
+    """
+    return replace(now, confirmed=(sequence, safe))
 
 
 def with_cycle(now: GraphSnapshot, point: CyclePoint) -> GraphSnapshot:
     """Return the snapshot with a new point of the curves; the oldest is dropped if it is full."""
-    if now.history and point.time < now.history[-1].time:
-        now = replace(now, history=(), history_start=now.history_end, marks=())
     rates = next((s.rates for s in reversed(now.setpoints) if s.time == point.time), {})
-    history = (*now.history, replace(point, rates=rates, remarks=point.remarks[:REMARKS_KEPT]))
+    newest = replace(
+        point,
+        rates=rates,
+        remarks=point.remarks[:REMARKS_KEPT],
+        correction_status=sys.intern(point.correction_status),
+    )
+    history = (*_packed(now.history), newest)
     return replace(now, history=history[-HISTORY_LENGTH:], history_end=now.history_end + 1)
+
+
+def _packed(history: tuple[CyclePoint, ...]) -> tuple[CyclePoint, ...]:
+    """Return the points with the last one in little memory: only the newest remarks are shown."""
+    if not history:
+        return ()
+    last = history[-1]
+    before = history[-2].rates if len(history) > 1 else None
+    return (*history[:-1], replace(last, rates=PackedRates(last.rates, before), remarks=()))
 
 
 def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
@@ -336,12 +484,13 @@ def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
     Rig, pumps and nodes remain. So does the first photograph of the new experiment, which may
     arrive before this message.
     """
-    is_first = now.observed is not None and now.observed.map.time == now.start
-    if is_first and now.start is not None and abs(now.start - time) <= TIME_TOLERANCE:
+    shown = now.observed
+    begun = shown is not None and abs(shown.map.time - time) <= TIME_TOLERANCE
+    if begun and now.states == 1:
         return now
     return replace(
         now,
-        observed=None,
+        observed=shown if begun else None,
         difference=None,
         predicted=(),
         corrected=(),
@@ -350,7 +499,8 @@ def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
         marks=(),
         finished=None,
         arrivals=(),
-        start=None,
+        states=int(begun),
+        start=time if begun else None,
     )
 
 
@@ -370,9 +520,17 @@ def _newest_nodes(health: dict[str, Health]) -> dict[str, Health]:
 
 
 def with_health(now: GraphSnapshot, name: str, report: Health) -> GraphSnapshot:
-    """Return the snapshot with the report of a node."""
+    """Return the snapshot with the report of a node, or with another's report on its silence."""
     before = now.health.get(name)
-    report = replace(report, present=before.present if before else None)
+    if before is not None:
+        reported = before.level is not Level.QUIET
+        silent = report.level is Level.SILENT
+        report = replace(
+            report,
+            present=before.present,
+            arrival=before.arrival if silent else report.arrival,
+            gap=report.arrival - before.arrival if reported and not silent else before.gap,
+        )
     return replace(now, health=_newest_nodes({**now.health, name: report}))
 
 

@@ -1,14 +1,11 @@
 """The header of the page: rig, newest photograph, end of the experiment, worst node."""
 
 from porotwin_page.graph_snapshot import GraphSnapshot, ObservedState
-from porotwin_page.health import nodes_view, worst_view
+from porotwin_page.health import DEFAULT_INTERVAL, nodes_view, worst_view
 from porotwin_page.json_values import Json, finite
 
 STALE_AFTER_INTERVALS = 3
 """Intervals without a photograph after which the page warns."""
-
-DEFAULT_INTERVAL = 30.0
-"""Time between photographs until the second one arrives [s]."""
 
 
 def photo_view(snapshot: GraphSnapshot, state: ObservedState, steady: float) -> Json:

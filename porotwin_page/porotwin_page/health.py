@@ -6,33 +6,66 @@ from porotwin_page.json_values import Json, finite
 LONGEST_TEXT = 60
 """Characters of the worst report in the header of the page."""
 
-_ORDER = {'error': 0, 'warn': 1}
-_SYMBOLS = {'error': '✖', 'warn': '▲'}
+SILENT_AFTER_S = 10.0
+"""Nodes report every second; after this time without a report a node is silent [s]."""
+
+SILENT_GAPS = 3.0
+"""A node that reports less often is silent after so many times the time between its reports."""
+
+SILENT_INTERVALS = 2.0
+"""Intervals between photographs after which every node is silent."""
+
+DEFAULT_INTERVAL = 30.0
+"""Time between photographs until the second one arrives [s]."""
+
+_ORDER = {'error': 0, 'silent': 1, 'warn': 2}
+_SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
 
 
-def node_view(name: str, report: Health, steady: float, *, finished: bool) -> Json:
+def silent_after(report: Health, interval: float) -> float:
+    """Return the time [s] without a report after which a node is silent.
+
+    Args:
+        report: its last report.
+        interval: time between photographs [s].
+    """
+    expected = max(SILENT_AFTER_S, SILENT_GAPS * report.gap)
+    return min(expected, max(SILENT_AFTER_S, SILENT_INTERVALS * interval))
+
+
+def node_view(
+    name: str, report: Health, steady: float, *, finished: bool, interval: float = DEFAULT_INTERVAL
+) -> Json:
     """Return the line of one node.
 
-    A node that has left the graph is an error, unless the experiment is over.
+    A node that has left the graph is an error, unless the experiment is over. A node that no longer
+    reports is silent, whoever says so.
 
     Args:
         name: name of the node.
         report: its last report.
         steady: present time on this machine's steady clock [s].
         finished: whether the experiment is over.
+        interval: time between photographs [s].
     """
     if report.present is False:
-        level, message = ('quiet', 'ended') if finished else ('error', 'not running')
-        return {'name': name, 'level': level, 'message': message, 'age_s': None}
-    age = None if report.level is Level.QUIET else finite(steady - report.arrival, 3)
-    return {'name': name, 'level': report.level.value, 'message': report.message, 'age_s': age}
+        word, reason = ('quiet', 'ended') if finished else ('error', 'not running')
+        return {'name': name, 'level': word, 'message': reason, 'age_s': None}
+    if report.level is Level.QUIET:
+        return {'name': name, 'level': 'quiet', 'message': report.message, 'age_s': None}
+    age = steady - report.arrival
+    level, message = report.level, report.message
+    if level is not Level.SILENT and age > silent_after(report, interval):
+        level, message = Level.SILENT, f'silent; last said: {message}'
+    return {'name': name, 'level': level.value, 'message': message, 'age_s': finite(age, 3)}
 
 
 def nodes_view(snapshot: GraphSnapshot, steady: float) -> list[Json]:
     """Return the lines of all nodes, errors and warnings first; `steady` as in `node_view`."""
     finished = snapshot.finished is not None
+    interval = snapshot.photo_interval or DEFAULT_INTERVAL
     lines = [
-        node_view(name, report, steady, finished=finished)
+        node_view(name, report, steady, finished=finished, interval=interval)
         for name, report in snapshot.health.items()
     ]
     return sorted(lines, key=lambda line: _ORDER.get(line['level'], len(_ORDER)))
@@ -46,5 +79,6 @@ def worst_view(nodes: list[Json]) -> Json:
             text = f'{affected[0]["name"]}: {affected[0]["message"]}'
             text = text if len(text) <= LONGEST_TEXT else f'{text[: LONGEST_TEXT - 2]}…'
             others = f' (+{len(affected) - 1})' if len(affected) > 1 else ''
-            return {'level': level, 'text': f'{_SYMBOLS[level]} {text}{others}'}
+            shown = 'error' if level == 'silent' else level
+            return {'level': shown, 'text': f'{_SYMBOLS[level]} {text}{others}'}
     return {'level': 'ok', 'text': f'✔ {len(nodes)} nodes' if nodes else ''}

@@ -3,13 +3,14 @@
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from porotwin_core import conversions, qos
+from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.rig import load_rig
@@ -25,22 +26,35 @@ from porotwin_msgs.msg import (
 )
 from porotwin_msgs.srv import ConfirmRates
 from porotwin_page import address, graph_snapshot
+from porotwin_page.access import Access, new_token, parse_hosts, token_in
 from porotwin_page.confirmation import Confirmation
-from porotwin_page.server import ConfirmationUnavailable, PageApplication, ServerThread
+from porotwin_page.past_states import MOST_STATES, PastStates
+from porotwin_page.server import (
+    ConfirmationUnavailable,
+    PageApplication,
+    ServerThread,
+    StreamSettings,
+)
+from porotwin_page.setpoint_source import SetpointSource
 from porotwin_page.snapshot_store import SnapshotStore
 
 LEVELS = {
     DiagnosticStatus.OK: graph_snapshot.Level.OK,
     DiagnosticStatus.WARN: graph_snapshot.Level.WARN,
+    DiagnosticStatus.STALE: graph_snapshot.Level.SILENT,
 }
 NODES_PERIOD = 2.0
 """Period of the search for nodes in the graph [s]."""
 
-CONFIRM_TIMEOUT = 5.0
-"""Longest wait for the answer of the operator node [s]."""
+SETPOINT_TOPIC = 'wells/setpoint'
 
 SERVICE_TIMEOUT = 1.0
 """Longest wait for the service of the operator node [s]."""
+
+
+def _own_name(host: str) -> frozenset[str]:
+    """Return the name that the page listens at; addresses are compared with every connection."""
+    return frozenset() if host in address.ALL_INTERFACES else frozenset({host.lower()})
 
 
 class PageNode(Node):
@@ -57,23 +71,68 @@ class PageNode(Node):
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
-        address_text = declare(self, 'address', '127.0.0.1:8765', 'HOST:PORT to serve at')
+        preparation = declare(
+            self, 'preparation', '', 'what is prepared before the graph runs, in words'
+        )
+        self._store.update(graph_snapshot.with_preparation, preparation)
+        address_text = declare(
+            self, 'address', '127.0.0.1:8765', 'HOST:PORT to serve at; 0.0.0.0: for phones as well'
+        )
+        hosts = declare(self, 'hosts', '', 'other names of this machine in a browser, with commas')
+        token_file = declare(
+            self, 'token_file', '', 'file with the token of confirmations; empty: a new token'
+        )
+        self._confirm_timeout = declare(
+            self,
+            'confirm_timeout_s',
+            5.0,
+            'longest wait for the answer of the operator node [s]',
+            at_least=0.1,
+            at_most=60.0,
+            on_change=self._set_confirm_timeout,
+        )
+        browsers = declare(
+            self, 'browsers', 64, 'most browsers at a time', at_least=1, at_most=1000
+        )
+        states = declare(
+            self,
+            'states_kept',
+            MOST_STATES,
+            'earlier states for the time slider; 0: none',
+            at_least=0,
+            at_most=100_000,
+        )
         listening = address.listen(address_text)
+        host, port = address.parse(address_text)[0], listening.getsockname()[1]
+        token = token_in(Path(token_file)) if token_file else new_token()
+        access = Access(token, parse_hosts(hosts) | _own_name(host))
+        self._source = SetpointSource(senders.full_name(self, senders.GUARD))
+        self._past = PastStates(most=states)
         self._confirm_client = self.create_client(ConfirmRates, 'operator/confirm')
         self._diagnostics = Diagnostics(self)
         self._make_subscriptions()
-        self._application = PageApplication(self._store, self._confirm, self._graph_time)
+        self._application = PageApplication(
+            self._store,
+            self._confirm,
+            self._graph_time,
+            access,
+            past=self._past,
+            settings=StreamSettings(limit=browsers),
+        )
         self._server = ServerThread(self._application.make(), listening)
-        host, port = address.parse(address_text)[0], listening.getsockname()[1]
-        self._url = f'http://{f"[{host}]" if ":" in host else host}:{port}'
-        self.get_logger().info(f'page at {self._url}')
+        self._url = f'http://{address.written(host, port)}'
+        for line in address.page_lines(address.written(host, port), token):
+            self.get_logger().info(line)
         if not address.is_local(host):
             self.get_logger().warning(
-                'everyone who reaches this machine can see the page and confirm rates'
+                'everyone who reaches this machine can see the page; confirming needs the token'
             )
         # the graph's clock may stand still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(NODES_PERIOD, self._update_nodes, clock=steady)
+
+    def _set_confirm_timeout(self, value: float) -> None:
+        self._confirm_timeout = value
 
     def _make_subscriptions(self) -> None:
         for message_type, topic, callback, profile in (
@@ -82,7 +141,7 @@ class PageNode(Node):
             (CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD),
             (TracerField, 'tracer/predicted', self._on_predicted, qos.FIELD),
             (TracerField, 'tracer/corrected', self._on_corrected, qos.FIELD),
-            (Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT),
+            (Setpoint, SETPOINT_TOPIC, self._on_setpoint, qos.SETPOINT),
             (WellRates, 'wells/measured', self._on_measured, qos.FIELD),
             (CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10),
@@ -123,6 +182,12 @@ class PageNode(Node):
             remarks=tuple(message.remarks),
         )
         self._store.update(graph_snapshot.with_observed_state, state)
+        try:
+            self._past.add(self._store.snapshot)
+        except OSError as error:
+            self.get_logger().warning(
+                f'state {message.sequence} is left out of the time slider: {error}', once=True
+            )
 
     def _on_clean_state(self, message: CleanState) -> None:
         time_s = conversions.time_from_msg(message.header.stamp)
@@ -149,13 +214,17 @@ class PageNode(Node):
             rates=conversions.rates_from_msg(message.wells),
             reason=message.reason,
             arrival=self._graph_time(),
+            clock=time.time(),
+            doubt=self._doubt_on_publishers(),
         )
         self._store.update(graph_snapshot.with_setpoint, setpoint)
 
     def _on_measured(self, message: WellRates) -> None:
         rates = conversions.rates_from_msg(message.wells)
         by_person = message.start == message.header.stamp
-        self._store.update(graph_snapshot.with_measured, rates, by_person=by_person)
+        self._store.update(
+            graph_snapshot.with_measured, rates, by_person=by_person, clock=time.time()
+        )
 
     def _on_cycle(self, message: CycleReport) -> None:
         point = graph_snapshot.CyclePoint(
@@ -186,10 +255,16 @@ class PageNode(Node):
             if namespace == self.get_namespace() and not name.startswith('_')
         ]
         self._store.update(graph_snapshot.with_nodes, names, time.monotonic())
+        self._store.update(graph_snapshot.with_alarm, self._doubt_on_publishers())
+        self._store.update(graph_snapshot.with_graph_time, self._graph_time(), time.time())
         count = self._application.streams
         self._diagnostics.report(
             DiagnosticStatus.OK, f'{self._url}, {count} {"browser" if count == 1 else "browsers"}'
         )
+
+    def _doubt_on_publishers(self) -> str:
+        publishers = senders.publishers(self, SETPOINT_TOPIC)
+        return self._source.doubt([sender.node for sender in publishers], time.monotonic())
 
     def _confirm(self, given: Confirmation) -> str:
         """Call the operator node and return one line; runs in a thread of the server.
@@ -203,24 +278,25 @@ class PageNode(Node):
             raise ConfirmationUnavailable(
                 'nobody receives confirmations: the operator node is absent'
             )
-        answered = threading.Event()
+        answered, timeout = threading.Event(), self._confirm_timeout
         wells = conversions.rates_to_msg(given.rates)
         future = client.call_async(ConfirmRates.Request(sequence=given.sequence, wells=wells))
         future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(CONFIRM_TIMEOUT):
+        if not answered.wait(timeout):
             client.remove_pending_request(future)
             raise ConfirmationUnavailable(
-                f'the operator node did not answer within {CONFIRM_TIMEOUT:g} s; try again'
+                f'the operator node did not answer within {timeout:g} s; try again'
             )
         outcome = future.result().outcome
         if outcome.code != Outcome.OK:
             raise InputError(outcome.message)
-        self._store.update(graph_snapshot.with_confirmation, given.sequence)
+        self._store.update(graph_snapshot.with_confirmation, given.sequence, safe=given.safe)
         return f'setpoint {given.sequence} confirmed'
 
     def destroy_node(self) -> None:
         """Stop the server, then destroy the node."""
         self._server.close()
+        self._past.close()
         super().destroy_node()
 
 

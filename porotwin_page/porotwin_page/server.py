@@ -1,5 +1,8 @@
 """The server of the page: its files, the maps, a stream of events, and the confirmation.
 
+Reading is free for everyone who reaches the page under one of its names; a confirmation needs the
+token (see `access`).
+
 The stream of every browser takes the newest snapshot when it is ready for one. A slow browser
 skips snapshots and delays nobody; there is no queue.
 """
@@ -11,34 +14,45 @@ import socket
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
+import numpy as np
 from aiohttp import web
 
 from porotwin_core.errors import InputError
 from porotwin_page import confirmation
-from porotwin_page.confirmation import Confirmation
+from porotwin_page.access import Access, AccessRefused
+from porotwin_page.confirmation import Confirmation, ConfirmationDoubt
 from porotwin_page.curve_history import history_view
-from porotwin_page.event import event_view
+from porotwin_page.event import event_view, past_view
+from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.map_pictures import Theme
 from porotwin_page.panel import MapPanel, Moment, Panel
 from porotwin_page.panel_registry import all_panels
+from porotwin_page.past_states import PastStates
 from porotwin_page.snapshot_store import SnapshotStore
 from porotwin_page.web_files import document, web_files
 
 SECURITY_HEADERS = {
     'Content-Security-Policy': (
-        "default-src 'none'; img-src 'self' data:; connect-src 'self'; "
-        "style-src 'self' 'unsafe-inline'; script-src 'self'; frame-ancestors 'none'"
+        "default-src 'none'; img-src 'self' data:; connect-src 'self'; style-src 'self'; "
+        "script-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
     'X-Content-Type-Options': 'nosniff',
+    'Referrer-Policy': 'no-referrer',
+    'Cross-Origin-Resource-Policy': 'same-origin',
     'Cache-Control': 'no-store',
 }
 
-MAX_CONFIRMATION = 64 * 1024
-"""Largest request of a browser [bytes]."""
+MAX_CONFIRMATION = 16 * 1024
+"""Largest request of a browser [bytes]: rates of some hundred wells."""
+
+BODY_TIMEOUT_S = 10.0
+"""Longest time in which a browser may send a confirmation [s]."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 ConfirmFn = Callable[[Confirmation], str]
 """Passes a confirmation on; blocks and returns one line.
@@ -80,6 +94,8 @@ class PageApplication:
         store: holds the newest snapshot.
         confirm: passes confirmations on.
         clock: returns the time on the graph's clock [s].
+        access: the rules for requests.
+        past: holds earlier states; an empty one by default.
         panels: panels by name; all panels of the registry by default.
         settings: timing of the streams.
 
@@ -92,7 +108,9 @@ class PageApplication:
         store: SnapshotStore,
         confirm: ConfirmFn,
         clock: ClockFn,
+        access: Access,
         *,
+        past: PastStates | None = None,
         panels: Mapping[str, Panel] | None = None,
         settings: StreamSettings | None = None,
     ) -> None:
@@ -100,25 +118,44 @@ class PageApplication:
         self._store = store
         self._confirm = confirm
         self._clock = clock
+        self._access = access
+        self._past = PastStates(most=0) if past is None else past
         self._panels = all_panels() if panels is None else panels
         self._settings = settings or StreamSettings()
         self._run = uuid.uuid4().hex[:8]
 
     def make(self) -> web.Application:
         """Return the aiohttp application."""
-        application = web.Application(client_max_size=MAX_CONFIRMATION)
+        application = web.Application(
+            client_max_size=MAX_CONFIRMATION, middlewares=[self._check_host]
+        )
         application.on_response_prepare.append(self._add_headers)
         application.add_routes(
             [
                 web.get('/', self.page),
                 web.get('/{path:(?:web|panels)/[^/]+}', self.file),
                 web.get('/events', self.events),
+                web.get('/past', self.past),
                 web.get('/map/{panel}.png', self.map),
+                web.get('/values/{panel}', self.values),
                 web.get('/scale/{panel}.png', self.scale),
                 web.post('/confirm', self.confirm),
             ]
         )
         return application
+
+    @web.middleware
+    async def _check_host(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Refuse a request under a foreign name: a site whose name was rebound to this machine."""
+        transport = request.transport
+        reached = transport.get_extra_info('sockname') if transport is not None else None
+        try:
+            self._access.check_host(
+                request.headers.getall('Host', []), str(reached[0]) if reached else ''
+            )
+        except AccessRefused as refused:
+            return web.json_response({'error': str(refused)}, status=403)
+        return await handler(request)
 
     async def _add_headers(self, _: web.Request, response: web.StreamResponse) -> None:
         for name, value in SECURITY_HEADERS.items():
@@ -136,14 +173,46 @@ class PageApplication:
         text, content_type = found
         return web.Response(text=text, content_type=content_type)
 
+    async def past(self, request: web.Request) -> web.Response:
+        """Answer with the maps' contents of an earlier state."""
+        return web.json_response(past_view(self._snapshot_for(request), self._panels))
+
     async def map(self, request: web.Request) -> web.Response:
         """Answer with the map of a panel as PNG; 404 if there is none yet."""
         panel, theme = self._map_panel(request), _theme(request)
-        data = await asyncio.to_thread(panel.picture, self._store.snapshot, theme)
+        data = await asyncio.to_thread(panel.picture, self._snapshot_for(request), theme)
         if data is None:
-            name = request.match_info['panel']
-            raise web.HTTPNotFound(text=f'there is no {name} map yet\n')
+            raise self._no_map(request)
         return web.Response(body=data, content_type='image/png')
+
+    async def values(self, request: web.Request) -> web.Response:
+        """Answer with the values of a map: float32, little-endian, rows from the lowest upward.
+
+        The header X-Shape holds the numbers of rows and columns.
+        """
+        shown = self._map_panel(request).shown(self._snapshot_for(request))
+        if shown is None:
+            raise self._no_map(request)
+        rows, columns = shown.values.shape
+        return web.Response(
+            body=np.ascontiguousarray(shown.values, dtype='<f4').tobytes(),
+            content_type='application/octet-stream',
+            headers={'X-Shape': f'{rows} {columns}'},
+        )
+
+    def _no_map(self, request: web.Request) -> web.HTTPNotFound:
+        return web.HTTPNotFound(text=f'there is no {request.match_info["panel"]} map yet\n')
+
+    def _snapshot_for(self, request: web.Request) -> GraphSnapshot:
+        """Return the snapshot of the state that the query names; the newest without a query."""
+        given = request.query.get('state')
+        if given is None:
+            return self._store.snapshot
+        number = int(given) if given.isascii() and given.isdecimal() and len(given) < 16 else -1
+        found = self._past.snapshot(number, self._store.snapshot)
+        if found is None:
+            raise web.HTTPNotFound(text='this state is no longer kept\n')
+        return found
 
     async def scale(self, request: web.Request) -> web.Response:
         """Answer with the colour scale of a panel as PNG, from its lowest value on."""
@@ -174,42 +243,68 @@ class PageApplication:
     async def _stream(self, response: web.StreamResponse) -> None:
         settings = self._settings
         sent_revision, sent_at, points_sent = -1, -settings.heartbeat, -1
+        contents: dict[str, Any] = {}
         while True:
             revision = self._store.revision
             now = time.monotonic()
             if revision != sent_revision or now - sent_at >= settings.heartbeat:
-                text, points_sent = self._event(now, points_sent)
+                text, points_sent, contents = self._event(now, points_sent, contents)
                 async with asyncio.timeout(settings.send_timeout):
                     await response.write(f'data: {text}\n\n'.encode())
                 sent_revision, sent_at = revision, now
             await asyncio.sleep(settings.check_period)
 
-    def _event(self, steady: float, points_sent: int) -> tuple[str, int]:
-        """Return the newest event as JSON, and the number of points sent after it."""
+    def _event(
+        self, steady: float, points_sent: int, sent: dict[str, Any]
+    ) -> tuple[str, int, dict[str, Any]]:
+        """Return the newest event as JSON, the number of points sent, and all panels' contents.
+
+        The event has only those panels whose contents differ from the `sent` ones.
+        """
         snapshot = self._store.snapshot
         history = history_view(snapshot, self._panels, after=points_sent)
         event = event_view(snapshot, Moment(self._clock(), steady), self._panels)
-        event |= {'run': self._run, 'history': history}
-        return json.dumps(event, allow_nan=False, separators=(',', ':')), history['end']
+        contents = event['panels']
+        event |= {
+            'run': self._run,
+            'history': history,
+            'states': {'first': self._past.first, 'last': self._past.last},
+            'panels': {
+                name: content
+                for name, content in contents.items()
+                if name not in sent or sent[name] != content
+            },
+        }
+        text = json.dumps(event, allow_nan=False, separators=(',', ':'))
+        return text, history['end'], contents
 
     async def confirm(self, request: web.Request) -> web.Response:
         """Pass a confirmation on and answer with one line."""
-        origin = request.headers.get('Origin')
-        if request.content_type != 'application/json' or (
-            origin is not None and origin.partition('://')[2] != request.host
-        ):
-            # other sites in the same browser can send only other types or another origin
-            return web.json_response({'error': 'confirm from the page itself'}, status=403)
+        status, answer = await self._confirmation(request)
+        return web.json_response(answer, status=status)
+
+    async def _confirmation(self, request: web.Request) -> tuple[int, dict[str, str]]:
+        if request.content_type != 'application/json':
+            return 415, {'error': 'confirmation: send application/json'}
+        token = request.headers.get('Authorization', '').removeprefix('Bearer').strip()
         try:
-            given = confirmation.parse(await request.json(), self._store.snapshot)
-            message = await asyncio.to_thread(self._confirm, given)
-        except json.JSONDecodeError:
-            return web.json_response({'error': 'confirmation: not JSON'}, status=400)
+            self._access.check_change(request.headers.get('Origin'), request.host, token)
+            async with asyncio.timeout(BODY_TIMEOUT_S):
+                body = await request.read()
+            given = confirmation.parse(confirmation.decoded(body), self._store.snapshot)
+            return 200, {'message': await asyncio.to_thread(self._confirm, given)}
+        except AccessRefused as refused:
+            return 403, {'error': str(refused)}
+        except web.HTTPRequestEntityTooLarge:
+            return 413, {'error': f'confirmation: longer than {MAX_CONFIRMATION} bytes'}
+        except TimeoutError:
+            return 408, {'error': f'confirmation: not complete within {BODY_TIMEOUT_S:g} s'}
         except InputError as error:
-            return web.json_response({'error': str(error)}, status=400)
+            return 400, {'error': str(error)}
+        except ConfirmationDoubt as doubt:
+            return 409, {'question': str(doubt)}
         except ConfirmationUnavailable as error:
-            return web.json_response({'error': str(error)}, status=503)
-        return web.json_response({'message': message})
+            return 503, {'error': str(error)}
 
 
 def _theme(request: web.Request) -> Theme:

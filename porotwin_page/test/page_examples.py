@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from porotwin_core.rig import load_rig
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import WellRate, WellRates
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.graph_snapshot import (
     CyclePoint,
@@ -25,6 +25,7 @@ RIG_FILE = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'sm
 RIG = load_rig(RIG_FILE)
 GRID = RIG.grid(12, 7)
 START = 1_700_000_000.0
+TOKEN = 'k7mq-3xwd-p9ra'
 
 
 def rates(control1: float, control2: float = 0.0) -> dict[str, WellRate]:
@@ -38,6 +39,11 @@ def rates(control1: float, control2: float = 0.0) -> dict[str, WellRate]:
     }
     tracer = {'injector': 1.0}
     return {well: WellRate(from_ml_h(rate), tracer.get(well, 0.0)) for well, rate in values.items()}
+
+
+def ml_h(rates: WellRates) -> dict[str, float]:
+    """Return rates by well in ml/h, as a browser sends them."""
+    return {well: round(to_ml_h(rate.rate), 6) for well, rate in rates.items()}
 
 
 def map_at(time: float, value: float = 0.25) -> Map:
@@ -61,7 +67,9 @@ def observed_state(
 def setpoint(sequence: int, control1: float) -> Setpoint:
     """Return the setpoint for photograph `sequence`; it arrives when the photograph is taken."""
     time = START + 30.0 * (sequence - 1)
-    return Setpoint(sequence, time, time + 90.0, rates(control1), 'least tracer', arrival=time)
+    return Setpoint(
+        sequence, time, time + 90.0, rates(control1), 'least tracer', arrival=time, clock=time
+    )
 
 
 def point(sequence: int, error: float = 0.1) -> CyclePoint:

@@ -51,6 +51,11 @@ def test_rates_and_geometry_for_the_overlay_are_in_units_of_people() -> None:
     assert [well['name'] for well in event['rig']['wells']] == list(RIG.wells)
 
 
+def test_after_the_end_of_a_setpoint_the_map_shows_the_safe_rates() -> None:
+    event = event_view(two_cycles(), Moment(START + 300.0, 0.0), all_panels())
+    assert event['rates_ml_h']['producer'] == -500.0
+
+
 def test_interruptions_have_a_time_and_a_reason() -> None:
     now = snapshot.with_interruption(two_cycles(), snapshot.Mark(START + 45.0, 'missed'))
     event = event_view(now, Moment(None, 0.0), all_panels())

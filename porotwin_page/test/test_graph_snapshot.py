@@ -1,9 +1,12 @@
 """Tests of the snapshot: every message changes it as described, and its size is bounded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from page_examples import (
     GRID,
+    RIG,
     START,
     after,
     map_at,
@@ -15,7 +18,7 @@ from page_examples import (
 )
 
 from porotwin_page import graph_snapshot as snapshot
-from porotwin_page.graph_snapshot import GraphSnapshot, Health, Level, Map
+from porotwin_page.graph_snapshot import Event, GraphSnapshot, Health, Level, Map
 
 
 def test_a_state_is_compared_with_the_corrected_forecast_for_its_time() -> None:
@@ -80,12 +83,21 @@ def test_a_bag_that_starts_again_from_the_same_time_is_a_new_experiment() -> Non
     assert now.observed is None
 
 
-def test_a_photograph_from_before_the_last_begins_a_new_experiment() -> None:
-    replayed = snapshot.with_observed_state(
-        snapshot.with_observed_state(GraphSnapshot(), observed_state(5)), observed_state(1)
-    )
-    assert replayed.start == START
-    assert len(replayed.arrivals) == 1
+def test_the_first_photograph_of_a_bag_that_starts_again_may_arrive_before_its_start() -> None:
+    now = snapshot.with_observed_state(two_cycles(), observed_state(1))
+    now = snapshot.with_new_experiment(now, START)
+    assert now.history == ()
+    assert now.observed is not None
+    assert (now.observed.map.time, now.start, now.states) == (START, START, 1)
+
+
+def test_a_photograph_with_an_old_time_drops_nothing() -> None:
+    old = replace(observed_state(3), map=map_at(1000.0))
+    now = snapshot.with_observed_state(two_cycles(), old)
+    now = snapshot.with_cycle(now, replace(point(3), time=1000.0))
+    assert len(now.history) == 3
+    assert now.start == START
+    assert now.marks == two_cycles().marks
 
 
 def test_history_keeps_the_newest_cycles_and_counts_them_all() -> None:
@@ -117,6 +129,32 @@ def test_a_restarted_hub_ends_the_confirmation() -> None:
     now = snapshot.with_setpoint(now, setpoint(1, 50.0))
     assert now.confirmed is None
     assert [kept.sequence for kept in now.setpoints] == [1]
+
+
+def test_setpoints_expiries_and_reports_are_logged_with_clock_times() -> None:
+    now = snapshot.with_rig(two_cycles(), RIG)
+    now = snapshot.with_measured(now, rates(100.0), by_person=True, clock=START + 40.0)
+    for seconds in (119.0, 121.0, 123.0):
+        now = snapshot.with_graph_time(now, START + seconds, START + seconds)
+    logged = [(line.clock - START, line.event, line.sequence) for line in now.log]
+    assert logged == [
+        (0.0, Event.SETPOINT, 1),
+        (30.0, Event.SETPOINT, 2),
+        (40.0, Event.REPORTED, None),
+        (121.0, Event.EXPIRED, 2),
+    ]
+    assert now.log[-1].rates['producer'].rate == -now.log[-1].rates['injector'].rate
+    now = snapshot.with_setpoint(now, setpoint(3, 10.0))
+    assert snapshot.with_graph_time(now, None, 0.0).log[-1].event is Event.SETPOINT
+
+
+def test_another_nodes_word_on_a_silent_node_is_no_report_of_its_own() -> None:
+    now = after(
+        (snapshot.with_health, 'hub', Health(Level.OK, 'well', 10.0)),
+        (snapshot.with_health, 'hub', Health(Level.OK, 'well', 11.0)),
+        (snapshot.with_health, 'hub', Health(Level.SILENT, 'no report for 9 s', 20.0)),
+    )
+    assert now.health['hub'] == Health(Level.SILENT, 'no report for 9 s', 11.0, gap=1.0)
 
 
 def test_the_photo_interval_is_the_longer_of_recorded_and_measured() -> None:
@@ -155,6 +193,11 @@ def test_a_node_may_leave_the_graph_and_return() -> None:
         (
             'setpoints',
             snapshot.SETPOINTS_KEPT,
+            lambda now, k: snapshot.with_setpoint(now, setpoint(k, 1.0)),
+        ),
+        (
+            'log',
+            snapshot.LOG_KEPT,
             lambda now, k: snapshot.with_setpoint(now, setpoint(k, 1.0)),
         ),
         (

@@ -10,11 +10,13 @@ from typing import Any
 
 import pytest
 from aiohttp import ClientSession, ClientWebSocketResponse
-from page_examples import START, rates, two_cycles
+from page_examples import START, TOKEN, observed_state, rates, setpoint, two_cycles
 
 from porotwin_page import graph_snapshot as snapshot
+from porotwin_page.access import Access
 from porotwin_page.address import listen
 from porotwin_page.confirmation import Confirmation
+from porotwin_page.past_states import PastStates
 from porotwin_page.server import PageApplication, ServerThread
 from porotwin_page.snapshot_store import SnapshotStore
 
@@ -64,8 +66,9 @@ class Tab:
             self.faults.append(str(parameters))
         if answer.get('method') == 'Log.entryAdded':
             entry = parameters['entry']
-            is_lost_stream = entry.get('url', '').endswith('/events')
-            if entry['level'] == 'error' and not is_lost_stream:
+            # a lost stream, and a question of the server, which is status 409
+            expected = entry.get('url', '').endswith(('/events', '/confirm'))
+            if entry['level'] == 'error' and not expected:
                 self.faults.append(str(entry))
 
     async def value(self, script: str) -> Any:
@@ -124,17 +127,26 @@ class Scene:
         self.store.update(lambda _: two_cycles())
         self.store.update(snapshot.with_measured, rates(100.0), by_person=True)
         self.confirmed: list[Confirmation] = []
+        self.clock = START + 40.0
+        self.past = PastStates()
+        self.past.add(self.store.snapshot)
         with listen('127.0.0.1:0') as free:
             self.port = free.getsockname()[1]
         self.serve()
 
+    @property
+    def address(self) -> str:
+        return f'http://127.0.0.1:{self.port}'
+
     def serve(self) -> None:
-        application = PageApplication(self.store, self.confirm, lambda: START + 40.0)
+        application = PageApplication(
+            self.store, self.confirm, lambda: self.clock, Access(TOKEN), past=self.past
+        )
         self.server = ServerThread(application.make(), listen(f'127.0.0.1:{self.port}'))
 
     def confirm(self, given: Confirmation) -> str:
         self.confirmed.append(given)
-        self.store.update(snapshot.with_confirmation, given.sequence)
+        self.store.update(snapshot.with_confirmation, given.sequence, safe=given.safe)
         return f'setpoint {given.sequence} confirmed'
 
 
@@ -143,12 +155,13 @@ def in_browser(folder: Path, work: Callable[[Scene, Tab], Awaitable[None]]) -> N
         scene = Scene()
         try:
             async with browser(folder) as tab:
-                await tab.call('Page.navigate', url=f'http://127.0.0.1:{scene.port}/')
+                await tab.call('Page.navigate', url=f'{scene.address}/#token={TOKEN}')
                 await tab.until("document.querySelector('#live')?.textContent.startsWith('Stale')")
                 await work(scene, tab)
                 assert tab.faults == []
         finally:
             scene.server.close()
+            scene.past.close()
 
     asyncio.run(go())
 
@@ -189,11 +202,83 @@ def test_the_button_confirms_with_other_rates(tmp_path) -> None:
         )
         enter = {'key': 'Enter', 'code': 'Enter', 'windowsVirtualKeyCode': 13, 'text': '\r'}
         await tab.call('Input.dispatchKeyEvent', type='keyDown', **enter)
+        await tab.until("document.querySelector('#question-text').textContent.includes('balance')")
+        assert scene.confirmed == []
+        await tab.value("document.querySelector('#question-yes').click()")
         await tab.until("document.querySelector('#answer').textContent === 'setpoint 2 confirmed'")
         (given,) = scene.confirmed
         assert given.sequence == 2
-        assert given.rates == {'control1': rates(118.5)['control1']}
+        assert given.rates == {**rates(120.0), 'control1': rates(118.5)['control1']}
         await tab.until("document.querySelector('#done').textContent.includes('Confirmed')")
+
+    in_browser(tmp_path, work)
+
+
+def test_a_new_setpoint_replaces_the_old_one(tmp_path) -> None:
+    async def work(scene: Scene, tab: Tab) -> None:
+        scene.store.update(snapshot.with_setpoint, setpoint(3, 77.0))
+        await tab.until("document.querySelector('#rates').innerText.includes('77.0')")
+        await tab.until("document.querySelector('#done').textContent.startsWith('Done')")
+
+    in_browser(tmp_path, work)
+
+
+def test_the_safe_rates_are_confirmed_with_a_button_of_their_own(tmp_path) -> None:
+    async def work(scene: Scene, tab: Tab) -> None:
+        scene.clock = START + 200.0
+        scene.store.update(snapshot.with_measured, rates(120.0), by_person=True)
+        await tab.until("document.querySelector('#done').textContent.startsWith('I have set')")
+        shown = await tab.value("document.querySelector('#rates').innerText")
+        assert '−500.0' in shown
+        assert '120.0' in shown  # what it was
+        await tab.until("!document.querySelector('#done').disabled")
+        await tab.value("document.querySelector('#done').click()")
+        await tab.until("document.querySelector('#answer').textContent === 'setpoint 2 confirmed'")
+        (given,) = scene.confirmed
+        assert given.safe
+        assert given.rates == rates(0.0)
+
+    in_browser(tmp_path, work)
+
+
+def test_without_the_token_the_page_is_read_only_until_it_is_typed(tmp_path) -> None:
+    async def work(scene: Scene, tab: Tab) -> None:
+        await tab.value('sessionStorage.clear()')
+        await tab.call('Page.navigate', url=f'{scene.address}/')
+        await tab.until("document.querySelector('#token')?.hidden === false")
+        assert await tab.value("document.querySelector('#done').disabled")
+        await tab.value(
+            f"document.querySelector('#token-text').value = '{TOKEN}';"
+            "document.querySelector('#token button').click()"
+        )
+        await tab.until("document.querySelector('#token').hidden")
+        await tab.until("!document.querySelector('#done').disabled")
+
+    in_browser(tmp_path, work)
+
+
+def test_the_slider_shows_an_earlier_state_and_returns(tmp_path) -> None:
+    async def work(scene: Scene, tab: Tab) -> None:
+        scene.store.update(snapshot.with_observed_state, observed_state(3, value=0.7))
+        scene.past.add(scene.store.snapshot)
+        await tab.until("document.querySelector('#time-slider').max === '2'")
+        await tab.value(
+            "const s = document.querySelector('#time-slider'); s.value = 1;"
+            "s.dispatchEvent(new Event('input'))"
+        )
+        await tab.until("document.querySelector('#time-text').textContent.includes('photograph 2')")
+        await tab.until("document.querySelector('#observed .map img').src.includes('state=1')")
+        assert await tab.value("document.body.classList.contains('past')")
+        await tab.value(
+            "const box = document.querySelector('#observed .map').getBoundingClientRect();"
+            "document.querySelector('#observed .map').dispatchEvent(new PointerEvent('pointermove',"
+            '{clientX: box.left + 9, clientY: box.bottom - 9}))'
+        )
+        await tab.until(
+            "document.querySelector('#observed .reading').textContent.includes('0.450')"
+        )
+        await tab.value("document.querySelector('#time-now').click()")
+        await tab.until("!document.querySelector('#observed .map img').src.includes('state=')")
 
     in_browser(tmp_path, work)
 

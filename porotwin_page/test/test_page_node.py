@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from page_examples import GRID, RIG, RIG_FILE, map_at, rates
+from page_examples import GRID, RIG, RIG_FILE, TOKEN, map_at, ml_h, rates
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -91,7 +91,7 @@ def post(address: str, body: dict) -> tuple[int, dict]:
     request = urllib.request.Request(
         f'http://{address}/confirm',
         json.dumps(body).encode(),
-        {'Content-Type': 'application/json'},
+        {'Content-Type': 'application/json', 'Authorization': f'Bearer {TOKEN}'},
     )
     try:
         with urllib.request.urlopen(request, timeout=20) as response:
@@ -101,10 +101,13 @@ def post(address: str, body: dict) -> tuple[int, dict]:
 
 
 class Hub(Node):
-    """The rest of the graph: publishes data for the page and receives its confirmations."""
+    """The rest of the graph: publishes data for the page and receives its confirmations.
+
+    It has the name of the guard, the only node whose setpoints are orders.
+    """
 
     def __init__(self, context: rclpy.Context) -> None:
-        super().__init__('hub', namespace='/porotwin', context=context)
+        super().__init__('guard', namespace='/porotwin', context=context)
         self.requests: list[ConfirmRates.Request] = []
         self.publishers_by_topic = {
             topic: self.create_publisher(kind, topic, profile)
@@ -204,10 +207,11 @@ def hub() -> Iterator[Hub]:
     rclpy.shutdown(context=context)
 
 
-def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub) -> None:
+def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub, tmp_path) -> None:
     address = free_address()
+    (tmp_path / 'token').write_text(TOKEN)
     hub.send('rig/description', conversions.rig_to_msg(RIG))
-    with page(address):
+    with page(address, f'token_file:={tmp_path / "token"}'):
         until(lambda: newest_event(address)['rig'], 'the latched rig description')
         until(hub.all_topics_have_subscribers, 'subscriptions of the page to all topics')
         hub.publish_cycle(time.time())
@@ -239,14 +243,17 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub) -> None
         )
         assert health
 
-        status, answer = post(address, {'sequence': 3})
+        assert panels['pump_settings']['doubt'] == ''
+        assert shown['states'] == {'first': 1, 'last': 1}
+        as_shown = {'sequence': 3, 'rates_ml_h': ml_h(rates(120.0))}
+        status, answer = post(address, as_shown)
         assert status == 503
         assert 'the operator node is absent' in answer['error']
 
         hub.offer_confirmation()
         status, answer = until(
             lambda: (
-                (given := post(address, {'sequence': 3, 'rates_ml_h': {'control1': 118.0}}))[0]
+                (given := post(address, {'sequence': 3, 'rates_ml_h': ml_h(rates(118.0))}))[0]
                 == 200
                 and given
             ),
@@ -255,9 +262,9 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub) -> None
         assert answer == {'message': 'setpoint 3 confirmed'}
         request = hub.requests[-1]
         assert request.sequence == 3
-        assert [(well.well, round(to_ml_h(well.rate), 6)) for well in request.wells] == [
-            ('control1', 118.0)
-        ]
+        assert {well.well: round(to_ml_h(well.rate), 6) for well in request.wells} == (
+            ml_h(rates(118.0))
+        )
         setpoint = until(
             lambda: (
                 (shown := newest_event(address)['panels']['pump_settings'])
@@ -268,6 +275,16 @@ def test_messages_are_shown_and_a_confirmation_reaches_the_operator(hub) -> None
         )
         assert setpoint['confirmed']
         assert setpoint['wells'][2]['before_ml_h'] == pytest.approx(118.0)
+        logged = newest_event(address)['panels']['setpoint_log']
+        assert [line['event'] for line in logged] == ['reported', 'setpoint']
+
+        stranger = Node('stranger', namespace='/porotwin', context=hub.context)
+        stranger.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        until(
+            lambda: 'stranger' in str(newest_event(address)['panels']['alarm']),
+            'the name of the other publisher',
+        )
+        stranger.destroy_node()
 
 
 def test_a_port_in_use_is_one_line_and_status_2() -> None:
@@ -301,7 +318,7 @@ def test_an_interrupt_while_browsers_watch_ends_the_page_with_status_0() -> None
         output, _ = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 0, output
     (line,) = output.strip().splitlines()
-    assert f'page at http://{address}' in line
+    assert f'page: http://{address}/#token=' in line
 
 
 def test_the_port_is_free_after_the_end_of_a_page() -> None:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from page_examples import START, content, rates, setpoint, two_cycles
+from page_examples import RIG, START, content, rates, setpoint, two_cycles
 
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.graph_snapshot import GraphSnapshot
@@ -70,3 +70,39 @@ def test_the_validity_counts_from_the_arrival_whatever_the_cameras_clock_says() 
 def test_a_confirmed_setpoint_is_marked() -> None:
     assert not settings(two_cycles())['confirmed']
     assert settings(snapshot.with_confirmation(two_cycles(), 2))['confirmed']
+
+
+def test_after_the_end_of_a_setpoint_the_safe_rates_of_every_well_are_the_orders() -> None:
+    now = snapshot.with_measured(two_cycles(), rates(120.0), by_person=True)
+    now = snapshot.with_confirmation(now, 2)
+    late = settings(now, START + 130.0)
+    assert late['expired']
+    assert late['safe']
+    assert not late['confirmed']
+    shown = {well['name']: (well['rate_ml_h'], well['changed']) for well in late['wells']}
+    assert shown == {
+        'injector': (pytest.approx(500.0), False),
+        'producer': (pytest.approx(-500.0), True),
+        'control1': (0.0, True),
+        'control2': (0.0, False),
+        'control3': (0.0, False),
+    }
+    assert settings(snapshot.with_confirmation(now, 2, safe=True), START + 130.0)['confirmed']
+
+
+def test_without_a_control_section_the_safe_rates_are_not_known() -> None:
+    no_control = RIG.model_copy(update={'control': None})
+    late = settings(snapshot.with_rig(two_cycles(), no_control), START + 130.0)
+    assert (late['expired'], late['safe']) == (True, False)
+
+
+@pytest.mark.parametrize(('before', 'marked'), [(120.05, []), (119.91, []), (119.9, True)])
+def test_a_change_below_what_a_hand_can_set_is_not_marked(before, marked) -> None:
+    now = snapshot.with_measured(two_cycles(), rates(before), by_person=True)
+    assert changed(now) == (['producer', 'control1'] if marked else [])
+
+
+def test_a_setpoint_from_another_node_is_shown_with_a_doubt() -> None:
+    foreign = replace(setpoint(3, 10.0), doubt='setpoints come from /somebody')
+    assert settings(snapshot.with_setpoint(two_cycles(), foreign))['doubt'] == foreign.doubt
+    assert settings(two_cycles())['doubt'] == ''

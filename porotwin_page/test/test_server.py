@@ -9,16 +9,20 @@ import urllib.request
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from aiohttp import ClientResponse, ClientSession, ClientTimeout
 from aiohttp.test_utils import TestClient, TestServer
-from page_examples import START, point, two_cycles
+from page_examples import RIG, START, TOKEN, ml_h, observed_state, point, rates, two_cycles
 
 from porotwin_core.errors import InputError
 from porotwin_page import graph_snapshot as snapshot
+from porotwin_page.access import Access
 from porotwin_page.address import listen
 from porotwin_page.confirmation import Confirmation
+from porotwin_page.past_states import PastStates
 from porotwin_page.server import (
+    MAX_CONFIRMATION,
     ConfirmationUnavailable,
     PageApplication,
     ServerThread,
@@ -27,7 +31,9 @@ from porotwin_page.server import (
 from porotwin_page.snapshot_store import SnapshotStore
 from porotwin_page.web_files import web_files
 
-JSON_TYPE = {'Content-Type': 'application/json'}
+BEARER = {'Authorization': f'Bearer {TOKEN}'}
+JSON_TYPE = {'Content-Type': 'application/json', **BEARER}
+AS_SHOWN = {'sequence': 2, 'rates_ml_h': ml_h(rates(120.0))}
 
 
 class Scene:
@@ -38,8 +44,14 @@ class Scene:
         self.store.update(lambda _: two_cycles())
         self.confirmed: list[Confirmation] = []
         self.refusal: Exception | None = None
+        self.past = PastStates()
         self.application = PageApplication(
-            self.store, self.confirm, lambda: START + 40.0, settings=settings
+            self.store,
+            self.confirm,
+            lambda: START + 40.0,
+            Access(TOKEN, frozenset({'lab-pc'})),
+            past=self.past,
+            settings=settings,
         )
 
     def confirm(self, given: Confirmation) -> str:
@@ -58,6 +70,7 @@ def with_client(
         scene = Scene(settings)
         async with TestClient(TestServer(scene.application.make())) as client:
             await asyncio.wait_for(work(scene, client), 30)
+        scene.past.close()
 
     asyncio.run(go())
 
@@ -165,7 +178,7 @@ def test_a_browser_that_does_not_read_delays_nobody_and_is_disconnected() -> Non
         host, port = client.host, client.port
         sleeping = socket.create_connection((host, port))
         try:
-            sleeping.sendall(b'GET /events HTTP/1.1\r\nHost: page\r\n\r\n')
+            sleeping.sendall(b'GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n')
             while scene.application.streams == 0:
                 await asyncio.sleep(0.01)
             answered = await client.get('/map/observed.png')
@@ -197,43 +210,114 @@ def test_maps_are_png_and_absent_ones_are_404() -> None:
 
 def test_a_confirmation_names_the_setpoint_that_was_shown() -> None:
     async def work(scene: Scene, client: TestClient) -> None:
-        body = {'sequence': 2, 'rates_ml_h': {'control1': 118.0}}
-        response = await client.post('/confirm', json=body)
+        response = await client.post('/confirm', json=AS_SHOWN, headers=BEARER)
         assert response.status == 200
         assert await response.json() == {'message': 'setpoint 2 confirmed'}
         (given,) = scene.confirmed
         assert given.sequence == 2
-        assert list(given.rates) == ['control1']
+        assert given.rates == rates(120.0)
 
     with_client(work)
 
 
-def test_the_page_itself_may_confirm_and_other_sites_may_not() -> None:
+def test_odd_rates_are_answered_with_a_question_and_recorded_after_a_yes() -> None:
     async def work(scene: Scene, client: TestClient) -> None:
-        own = f'http://{client.host}:{client.port}'
-        body = json.dumps({'sequence': 2})
-        for headers, status in (
-            ({**JSON_TYPE, 'Origin': own}, 200),
-            ({**JSON_TYPE, 'Origin': 'http://elsewhere.example'}, 403),
-            ({**JSON_TYPE, 'Origin': 'null'}, 403),
-            ({'Content-Type': 'text/plain'}, 403),
-        ):
-            response = await client.post('/confirm', data=body, headers=headers)
-            assert response.status == status, headers
+        body = {'sequence': 2, 'rates_ml_h': {**AS_SHOWN['rates_ml_h'], 'control1': 470.0}}
+        response = await client.post('/confirm', json=body, headers=BEARER)
+        assert response.status == 409
+        assert '350.0 ml/h more goes in than out' in (await response.json())['question']
+        assert scene.confirmed == []
+        response = await client.post('/confirm', json={**body, 'sure': True}, headers=BEARER)
+        assert response.status == 200
         assert len(scene.confirmed) == 1
 
     with_client(work)
 
 
 @pytest.mark.parametrize(
-    ('body', 'words'),
-    [(b'{', 'not JSON'), (b'[]', 'JSON object'), (b'{"sequence": 7}', 'setpoint 7')],
+    ('headers', 'status'),
+    [
+        ({}, 403),
+        ({'Authorization': 'Bearer'}, 403),
+        ({'Authorization': 'Bearer k7mq-3xwd-p9rb'}, 403),
+        ({'Authorization': f'Bearer {TOKEN}x'}, 403),
+        ({**BEARER, 'Origin': 'http://elsewhere.example'}, 403),
+        ({**BEARER, 'Origin': 'null'}, 403),
+        ({**BEARER, 'Origin': 'http://localhost:1'}, 403),
+        ({**BEARER, 'Origin': 'OWN'}, 200),
+        (BEARER, 200),
+    ],
 )
-def test_a_wrong_confirmation_is_answered_with_one_line(body, words) -> None:
+def test_a_confirmation_needs_the_token_and_comes_from_the_page_itself(headers, status) -> None:
     async def work(scene: Scene, client: TestClient) -> None:
-        response = await client.post('/confirm', data=body, headers=JSON_TYPE)
-        assert response.status == 400
-        assert words in (await response.json())['error']
+        own = f'http://{client.host}:{client.port}'
+        given = {key: own if value == 'OWN' else value for key, value in headers.items()}
+        response = await client.post('/confirm', json=AS_SHOWN, headers=given)
+        assert response.status == status
+        assert len(scene.confirmed) == (status == 200)
+        if status == 403:
+            assert '\n' not in (await response.json())['error']
+
+    with_client(work)
+
+
+@pytest.mark.parametrize(
+    ('host', 'status'),
+    [
+        ('127.0.0.1', 200),
+        ('localhost:9000', 200),
+        ('[::1]:80', 200),
+        ('LAB-PC:8765', 200),
+        ('evil.example', 403),
+        ('evil.example:8765', 403),
+        ('127.0.0.1.evil.example', 403),
+        ('192.0.2.7', 403),
+        ('localhost@evil.example', 403),
+        ('[::1', 403),
+    ],
+)
+def test_a_request_under_another_name_is_refused_in_one_line(host, status) -> None:
+    async def work(_: Scene, client: TestClient) -> None:
+        for path in ('/', '/web/page.js', '/map/observed.png', '/past?state=1'):
+            response = await client.get(path, headers={'Host': host})
+            assert response.status in ((403,) if status == 403 else (200, 404))
+            if status == 403:
+                assert 'is not a name of this page' in (await response.json())['error']
+
+    with_client(work)
+
+
+def test_every_answer_forbids_keeping_and_framing() -> None:
+    async def work(_: Scene, client: TestClient) -> None:
+        for path in ('/', '/nothing', '/map/observed.png'):
+            response = await client.get(path)
+            assert response.headers['Cache-Control'] == 'no-store'
+            assert "frame-ancestors 'none'" in response.headers['Content-Security-Policy']
+            assert 'unsafe' not in response.headers['Content-Security-Policy']
+
+    with_client(work)
+
+
+@pytest.mark.parametrize(
+    ('body', 'headers', 'status', 'words'),
+    [
+        (b'{', JSON_TYPE, 400, 'not JSON'),
+        (b'[' * 9000, JSON_TYPE, 400, 'not JSON'),
+        (b'[]', JSON_TYPE, 400, 'JSON object'),
+        (b'{"sequence": 7}', JSON_TYPE, 400, 'setpoint 7'),
+        (b'{"sequence": NaN}', JSON_TYPE, 400, 'NaN'),
+        (b' ' * (MAX_CONFIRMATION + 1), JSON_TYPE, 413, 'longer than'),
+        (b'{}', {**BEARER, 'Content-Type': 'text/plain'}, 415, 'application/json'),
+        (b'{}', {**BEARER, 'Content-Type': 'application/json; charset=none'}, 400, 'whole number'),
+    ],
+)
+def test_a_wrong_confirmation_is_answered_with_one_line(body, headers, status, words) -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        response = await client.post('/confirm', data=body, headers=headers)
+        assert response.status == status
+        error = (await response.json())['error']
+        assert words in error
+        assert '\n' not in error
         assert scene.confirmed == []
 
     with_client(work)
@@ -246,9 +330,52 @@ def test_a_wrong_confirmation_is_answered_with_one_line(body, words) -> None:
 def test_a_refusal_of_the_graph_reaches_the_browser(refusal, status) -> None:
     async def work(scene: Scene, client: TestClient) -> None:
         scene.refusal = refusal
-        response = await client.post('/confirm', json={'sequence': 2})
+        response = await client.post('/confirm', json=AS_SHOWN, headers=BEARER)
         assert response.status == status
         assert (await response.json())['error'] == str(refusal)
+
+    with_client(work)
+
+
+def test_values_of_a_map_are_served_as_numbers() -> None:
+    async def work(_: Scene, client: TestClient) -> None:
+        response = await client.get('/values/observed')
+        rows, columns = map(int, response.headers['X-Shape'].split())
+        values = np.frombuffer(await response.read(), '<f4').reshape(rows, columns)
+        np.testing.assert_allclose(values, 0.45, atol=1e-6)
+
+    with_client(work)
+
+
+def test_an_earlier_state_is_served_as_if_it_were_the_newest() -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        scene.past.add(scene.store.snapshot)
+        scene.store.update(snapshot.with_observed_state, observed_state(3, value=0.7))
+        scene.past.add(scene.store.snapshot)
+        async with stream(client) as response:
+            assert (await next_event(response))['states'] == {'first': 1, 'last': 2}
+        earlier = await (await client.get('/past?state=1')).json()
+        assert earlier['sequence'] == 2
+        assert earlier['time_s'] == START + 30.0
+        assert earlier['panels'].keys() == {'observed', 'forecast', 'difference'}
+        assert earlier['rates_ml_h']['control1'] == 120.0
+        for panel, value in (('observed', 0.45), ('forecast', 0.25), ('difference', 0.2)):
+            values = await (await client.get(f'/values/{panel}?state=1')).read()
+            np.testing.assert_allclose(np.frombuffer(values, '<f4'), value, atol=1e-3)
+            assert (await client.get(f'/map/{panel}.png?state=1')).status == 200
+        for wrong in ('0', '3', '-1', 'x', '9' * 400, ''):
+            assert (await client.get(f'/past?state={wrong}')).status == 404
+
+    with_client(work)
+
+
+def test_an_event_has_only_the_panels_that_changed() -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        async with stream(client) as response:
+            first = await next_event(response)
+            assert first['panels'].keys() >= {'observed', 'pump_settings', 'setpoint_log'}
+            scene.store.update(snapshot.with_rig, RIG)
+            assert (await next_event(response))['panels'].keys() == set()
 
     with_client(work)
 

@@ -22,6 +22,7 @@ from porotwin_solver.physics import Physics
 from porotwin_solver.refinement import coarsen, coarsen_adjoint
 from porotwin_solver.scheme import Scheme
 from porotwin_solver.sources_and_sinks import SourcesAndSinks
+from porotwin_solver.supervision import UNSUPERVISED, Supervision
 from porotwin_solver.transport import FluxAccumulators, Sources, advect, advection_levels
 
 LONGEST_STEP = 60.0
@@ -33,6 +34,9 @@ STEP_ROUND_OFF = 1e-9
 
 BALANCE_TOLERANCE = 1e-9
 """Net rate, relative to the sum of all, that counts as balanced in a rig with closed sides."""
+
+FLOW_UPDATES = 100
+"""Updates of a cell that take as long as its share of a solution of the flow, roughly."""
 
 EXCHANGES_KEPT = 4
 """Step lengths whose diffusion is kept; photographs at regular intervals need few."""
@@ -107,15 +111,21 @@ class Engine:
     """
 
     def __init__(
-        self, physics: Physics, *, scheme: Scheme, coupled_physics: Physics | None = None
+        self,
+        physics: Physics,
+        *,
+        scheme: Scheme,
+        coupled_physics: Physics | None = None,
+        supervision: Supervision = UNSUPERVISED,
     ) -> None:
         """Factorise the flow of `physics`, which does not depend on the rates.
 
         The grid of `coupled_physics` equals the grid of `physics` or is coarser by a whole factor;
-        by default it is the same.
+        by default it is the same. `supervision` bounds every call of `advance`.
         """
         self.physics = physics
         self.scheme = scheme
+        self.supervision = supervision
         self.grid = physics.grid
         self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
         self.sources_and_sinks = SourcesAndSinks(physics)
@@ -247,10 +257,27 @@ class Engine:
         """Advance `state` in place by `duration` [s] under constant `rates`.
 
         Raises:
-            InputError: as `water_flux` and `coupled_flux`.
+            InputError: as `water_flux` and `coupled_flux`, or the supervision refuses the cost.
         """
-        for coefficients in self.interval(state, rates, duration):
+        self.supervision.refuse_too_long(duration)
+        for number, coefficients in enumerate(self.interval(state, rates, duration)):
+            if number == 0:
+                self.supervision.refuse_too_costly(
+                    self.cell_updates(coefficients, duration), duration
+                )
+            self.supervision.check()
             self.step(state, coefficients)
+
+    def cell_updates(self, coefficients: StepCoefficients, duration: float) -> int:
+        """Return the updates of single cells in `duration` [s], from those of its first step.
+
+        A solution of the flow that the tracer changes counts as FLOW_UPDATES for each cell.
+        """
+        count, _ = self.splitting(duration)
+        advection = tape_length(coefficients.levels)
+        diffusion = 2 * tape_length(coefficients.exchanges.levels)
+        flow = FLOW_UPDATES * self.grid.nx * self.grid.nz if self.coupling is not None else 0
+        return count * (advection + diffusion + flow)
 
     def step(self, state: State, coefficients: StepCoefficients) -> None:
         """Advance `state` in place by one splitting step.

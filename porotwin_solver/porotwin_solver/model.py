@@ -17,6 +17,7 @@ from porotwin_solver.physics import nominal_physics
 from porotwin_solver.presets import preset_named
 from porotwin_solver.quantities import quantity_of_interest
 from porotwin_solver.refinement import coarsen, refine
+from porotwin_solver.supervision import UNSUPERVISED, Supervision
 
 
 class Prediction(NamedTuple):
@@ -74,11 +75,13 @@ class Model:
         preset: str = 'accurate',
         effects: Iterable[EffectDescription] = (),
         refinement: int | None = None,
+        supervision: Supervision = UNSUPERVISED,
     ) -> None:
         """Prepare the flow of `rig` with its own and further `effects` on `grid`.
 
         Flow and transport are solved on cells whose sides are divided into `refinement` parts; the
         preset decides where it is not given. The tracer-driven part of the flow is on `grid`.
+        `supervision` bounds every prediction.
 
         Raises:
             InputError: an unknown preset, effect or parameter, or coefficients no rig can have.
@@ -95,7 +98,12 @@ class Model:
             fine_physics, _ = apply_effects(
                 nominal_physics(rig, grid.refined(factor)), ObservationOperator(), described
             )
-        self.engine = Engine(fine_physics, scheme=chosen.scheme, coupled_physics=self.physics)
+        self.engine = Engine(
+            fine_physics,
+            scheme=chosen.scheme,
+            coupled_physics=self.physics,
+            supervision=supervision,
+        )
         self._storage_per_volume = self.physics.porosity * self.physics.retardation_factor
         self._latest: Prediction | None = None
 
@@ -119,7 +127,7 @@ class Model:
 
         Raises:
             InputError: NaN or another shape, an unknown well, rates that do not balance in a
-                closed rig, a time step that is not positive.
+                closed rig, a time step that is not positive, or the supervision refuses the cost.
         """
         start = self.validated_map(concentration, 'concentration')
         step = _validated_step(time_step)

@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from porotwin_core import __version__
 from porotwin_core.conversions import (
@@ -21,7 +23,8 @@ from porotwin_core.conversions import (
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import declare, declare_grid, declare_rig, run
-from porotwin_msgs.msg import SourceField, TracerField
+from porotwin_core.single_instance import only_one
+from porotwin_msgs.msg import Outcome, SourceField, TracerField
 from porotwin_msgs.srv import (
     Correct,
     InitialCondition,
@@ -34,8 +37,23 @@ from porotwin_msgs.srv import (
 from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.quantities import QUANTITIES
+from porotwin_solver.supervision import Supervision
+from porotwin_solver.turns import BusyError, CancelledError, Turns
 
 Handler = Callable[[Any, Any], None]
+
+MOST_WAITING = 4
+"""Requests that may wait while another one works: the graph has three clients."""
+
+THREADS = MOST_WAITING + 3
+"""One thread works, some wait, one answers `solver/cancel`, and one refuses what is too much."""
+
+DAY_S = 86400.0
+"""Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""
+
+MOST_CELL_UPDATES = 2e8
+"""Most cell updates of a prediction, unless a parameter changes it: about half a minute. The hub
+waits 20 s; a prediction of ten minutes of the small rig needs 1e6."""
 
 
 class SolverNode(Node):
@@ -53,12 +71,19 @@ class SolverNode(Node):
         """
         super().__init__('solver', **kwargs)
         rig = declare_rig(self)
-        preset = declare(self, 'preset', 'fast', f'numerical preset: {", ".join(PRESETS)}')
+        preset = declare(
+            self, 'preset', 'fast', f'numerical preset: {", ".join(PRESETS)}', choices=PRESETS
+        )
         grid = declare_grid(self, rig)
-        self.model = Model(rig, grid, preset=preset)
+        self._turns = Turns(MOST_WAITING)
+        self.model = Model(rig, grid, preset=preset, supervision=self._declare_supervision())
         self.model.prepare()
-        self.create_service(Ping, 'solver/ping', self._ping)
-        self.create_service(ModelInfo, 'solver/info', self._info)
+        # a request that works must not keep these from being answered
+        quick = MutuallyExclusiveCallbackGroup()
+        self.create_service(Ping, 'solver/ping', self._ping, callback_group=quick)
+        self.create_service(ModelInfo, 'solver/info', self._info, callback_group=quick)
+        self.create_service(Trigger, 'solver/cancel', self._cancel, callback_group=quick)
+        self._group = ReentrantCallbackGroup()
         self._serve(InitialCondition, 'solver/initial_condition', self._initial_condition)
         self._serve(Predict, 'solver/predict', self._predict)
         self._serve(Residual, 'solver/residual', self._residual)
@@ -66,17 +91,51 @@ class SolverNode(Node):
         self._serve(QuantityOfInterest, 'solver/quantity_of_interest', self._quantity)
         self.get_logger().info(f'{rig.name}: {grid} cells, preset {preset}, ready')
 
+    def _declare_supervision(self) -> Supervision:
+        return Supervision(
+            longest_s=declare(
+                self,
+                'longest_prediction_s',
+                DAY_S,
+                'longest time that a prediction may cover [s]',
+                at_least=1.0,
+                at_most=365 * DAY_S,
+            ),
+            most_cell_updates=declare(
+                self,
+                'most_cell_updates',
+                MOST_CELL_UPDATES,
+                'most cell updates of a prediction; a core does about 1e7 per second',
+                at_least=1e4,
+                at_most=1e12,
+            ),
+            check=self._turns.check,
+        )
+
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
             try:
-                handler(request, response)
+                with self._turns.turn(abandoned=lambda: self.count_clients(name) == 0):
+                    handler(request, response)
                 response.outcome = ok()
+            except CancelledError as error:
+                response.outcome = refusal(error)
+                self.get_logger().info(f'{name}: {error}')
+            except BusyError as error:
+                response.outcome = Outcome(code=Outcome.NOT_READY, message=str(error))
+                self.get_logger().warning(f'{name}: {error}')
             except Exception as error:
                 response.outcome = refusal(error)
                 self.get_logger().error(f'{name}: {response.outcome.message}')
             return response
 
-        self.create_service(kind, name, answer)
+        self.create_service(kind, name, answer, callback_group=self._group)
+
+    def _cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        count = self._turns.cancel()
+        response.success = True
+        response.message = f'{count} requests cancelled' if count else 'nothing to cancel'
+        return response
 
     def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
         response.name = self.get_name()
@@ -151,8 +210,8 @@ def _end_time(request: Any) -> float:
 
 
 def main() -> None:
-    """Run the node until it is interrupted."""
-    run(SolverNode)
+    """Run the node until it is interrupted, unless another solver is there."""
+    run(only_one(SolverNode, 'solver'), threads=THREADS)
 
 
 if __name__ == '__main__':

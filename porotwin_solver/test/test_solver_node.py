@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,14 @@ import numpy as np
 import pytest
 
 from porotwin_core.rig import load_rig
+from porotwin_core.wells import WellRate
 from porotwin_solver.model import Model
 from porotwin_solver.quantities import QUANTITIES
 
 rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
 from porotwin_core.conversions import (  # noqa: E402
     rates_to_msg,
@@ -107,7 +110,7 @@ effects:
 
 @pytest.fixture(scope='module')
 def client(rig_file: Path) -> Iterator[Client]:
-    process = start(rig_file)
+    process = start(rig_file, '-p', 'most_cell_updates:=1e12', '-p', 'longest_prediction_s:=3e7')
     client = Client()
     yield client
     assert process.poll() is None, 'the node died from a request'
@@ -202,6 +205,10 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
     small = tracer_to_msg(np.zeros((3, 4)), model.rig.grid(4, 3), 0.0)
     wells = rates_to_msg(rates)
     unknown = rates_to_msg({'pump': rates['injector']})
+    flood = rates_to_msg({'injector': WellRate(1e300, 1.0)})
+    large = tracer_to_msg(np.full(model.grid.shape, 1e30), model.grid, 0.0)
+    foreign = tracer_to_msg(model.initial_condition(), model.grid, 0.0)
+    foreign.header.frame_id = 'map'
     for fields, text in (
         ({'previous': holes, 'wells': wells, 'time_step': 30.0}, '589 cells are not finite'),
         ({'previous': small, 'wells': wells, 'time_step': 30.0}, 'the solver runs on 31x19'),
@@ -210,6 +217,12 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
             'time step 0.0 s: must be positive',
         ),
         ({'previous': empty, 'wells': unknown, 'time_step': 30.0}, "unknown well 'pump'"),
+        ({'previous': empty, 'wells': wells, 'time_step': 1e12}, 'the longest one is 3e+07 s'),
+        ({'previous': empty, 'wells': wells, 'time_step': -30.0}, 'must be positive'),
+        ({'previous': empty, 'wells': wells, 'time_step': np.nan}, 'must be positive'),
+        ({'previous': foreign, 'wells': wells, 'time_step': 30.0}, "in the frame 'map'"),
+        ({'previous': large, 'wells': wells, 'time_step': 30.0}, 'with 1e+30 in 589 cells'),
+        ({'previous': empty, 'wells': flood, 'time_step': 30.0}, 'cell updates, about '),
         (
             {'previous': empty, 'wells': [*wells, wells[0]], 'time_step': 30.0},
             'is named twice',
@@ -227,22 +240,52 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
         time_step=30.0,
         source=source_to_msg(np.full((19, 31), np.nan), model.grid, 0.0),
     )
-    assert 'sigma: 589 cells are not finite' in answer.outcome.message
+    assert 'source field: 589 cells are not finite' in answer.outcome.message
     good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=30.0)
     assert good.outcome.code == Outcome.OK
+
+
+def test_predictions_are_cancelled_and_the_solver_is_free_again(
+    client: Client, model: Model, rates: Any
+) -> None:
+    empty = tracer_to_msg(model.initial_condition(), model.grid, 0.0)
+    wells = rates_to_msg(rates)
+    service = client.node.create_client(Predict, 'solver/predict')
+    assert service.wait_for_service(PATIENCE)
+    request = Predict.Request(previous=empty, wells=wells, time_step=2.9e7)
+    answers = [service.call_async(request) for _ in range(3)]
+    deadline = time.monotonic() + PATIENCE
+    while not all(answer.done() for answer in answers):
+        assert time.monotonic() < deadline
+        assert client.call(Trigger, 'cancel').success
+    for answer in answers:
+        assert answer.result().outcome.code == Outcome.FAILED
+        assert answer.result().outcome.message == 'cancelled'
+    assert client.call(Trigger, 'cancel').message == 'nothing to cancel'
+    good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=30.0)
+    assert good.outcome.code == Outcome.OK
+    client.node.destroy_client(service)
+
+
+def test_a_second_solver_is_refused_with_one_line(client: Client, rig_file: Path) -> None:
+    process = start(rig_file)
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2
+    assert 'error: another node /solver runs in this ROS domain; stop it, or set' in output
 
 
 @pytest.mark.parametrize(
     ('more', 'text'),
     [
-        (('-p', 'preset:=quick'), "error: preset 'quick': unknown; choose from fast"),
+        (('-p', 'preset:=quick'), "error: parameter 'preset' of solver is 'quick'; choose one of"),
+        (('-p', 'longest_prediction_s:=-5.0'), 'is -5; it must be from 1 to 3.1536e+07'),
         (('-p', 'grid:=many'), "error: grid 'many': write columns x rows, like 187x112"),
     ],
 )
 def test_a_wrong_parameter_ends_the_node_with_one_line(
     rig_file: Path, more: tuple[str, ...], text: str
 ) -> None:
-    process = start(rig_file, *more)
+    process = start(rig_file, *more, '-r', '__ns:=/alone')
     output, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2
     assert text in output

@@ -81,6 +81,7 @@ def command(
     from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
     from porotwin_hub.graph import live_graph
     from porotwin_imaging.sources.source_registry import check_source
+    from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
     prepare_environment()
@@ -113,7 +114,7 @@ def command(
         control=not predict_only,
         retrain_every=retrain_every,
         architecture=architecture,
-        page=page,
+        page=settled(page) if page else '',
         speak=speak,
         use_sim_time=replay,
         params=params,
@@ -126,6 +127,7 @@ def command(
             training=folder / 'training' if retrain_every else None,
             record=folder / 'bag',
             diagnoses=folder / 'diagnoses' if diagnosis else None,
+            page_token=folder / 'page_token' if page else None,
         )
         run_until_stopped(settings, folder)
     if as_json:

@@ -1,6 +1,5 @@
-"""The run of a live twin so far, kept in memory so that it can be diagnosed as a recording."""
+"""The run of a live twin so far, in bounded space, so that it can be diagnosed as a recording."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,28 +8,21 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates
+from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
+from porotwin_diagnosis.data.rate_table import RateTable
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_solver.physics import nominal_physics
 
 MOST_MAPS = 400
-"""Largest number of maps in memory; beyond it every second one is dropped. A diagnosis compares a
-few dozen."""
+"""Largest number of maps that are kept; beyond it every second one is dropped. A diagnosis compares
+a few dozen."""
 
 LEAST_INJECTED_SHARE = 0.5
 """Share of the first map's tracer that the known rates must account for. Less means that the run
 began unseen; some tolerance is left for wrong rates and an uncalibrated camera."""
-
-
-@dataclass(frozen=True)
-class _Rates:
-    """Rates of all wells from `start` [s] on; `commanded` by a setpoint, else measured."""
-
-    start: float
-    wells: WellRates
-    commanded: bool
 
 
 class LiveRun:
@@ -42,55 +34,58 @@ class LiveRun:
     run stay in force. A setpoint counts as followed until rates are measured, as in the hub.
     """
 
-    def __init__(self, rig: Rig, grid: Grid) -> None:
-        """Keep maps of `rig` on `grid`."""
+    def __init__(self, rig: Rig, grid: Grid, folder: Path | None = None) -> None:
+        """Keep maps of `rig` on `grid`, in a file in `folder` or among the temporary files."""
         self._rig = rig
         self._grid = grid
-        self._times: list[float] = []
-        self._maps: list[FloatArray] = []
-        self._rates: list[_Rates] = []
+        self._maps = MapFile(grid.shape, MOST_MAPS, folder)
+        self._rates = RateTable(tuple(rig.wells))
         self._measured_from = -np.inf
         self._ended = False
         self._evaluation_started = False
 
     def __len__(self) -> int:
-        """Number of maps in memory."""
-        return len(self._times)
+        """Return the number of maps."""
+        return len(self._maps)
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Stamps of the maps in memory [s]."""
-        return tuple(self._times)
+        """Stamps of the maps [s]."""
+        return self._maps.times
 
     def add_map(self, stamp: float, concentration: FloatArray, grid: Grid) -> None:
         """Keep the map `concentration` (nz, nx) [-] of the photograph at `stamp` [s].
 
         Raises:
-            InputError: the map is on another grid.
+            InputError: the map is on another grid, or the disk is full.
         """
         if grid != self._grid:
             raise InputError(f'map on {grid}; the run is kept on {self._grid}')
         clean = self._evaluation_started and tracer_share(concentration) < FILLED_SHARE
-        if self._times and (self._ended or clean or stamp <= self._times[-1]):
+        if self.times and (self._ended or clean or stamp <= self.times[-1]):
             self._begin_new_run(stamp)
         self._evaluation_started = False
-        self._times.append(stamp)
-        self._maps.append(concentration.astype(np.float32))
-        if len(self._times) > MOST_MAPS:
-            del self._times[1:-1:2], self._maps[1:-1:2]
+        self._maps.append(stamp, concentration)
 
     def add_commanded_rates(self, stamp: float, rates: WellRates) -> None:
-        """Keep the `rates` of a setpoint, in force from `stamp` [s] until others are measured."""
+        """Keep the `rates` of a setpoint, in force from `stamp` [s] until others are measured.
+
+        Raises:
+            InputError: a well is unknown.
+        """
         if stamp > self._measured_from:
-            self._rates.append(_Rates(stamp, dict(rates), commanded=True))
+            self._rates.add(stamp, rates, commanded=True)
 
     def add_measured_rates(self, start: float, end: float, rates: WellRates) -> None:
         """Keep the `rates` of all wells that were measured from `start` to `end` [s].
 
         They replace the setpoints of that interval and stay in force after it.
+
+        Raises:
+            InputError: a well is unknown.
         """
-        self._rates = [r for r in self._rates if not (r.commanded and start <= r.start <= end)]
-        self._rates.append(_Rates(start, dict(rates), commanded=False))
+        self._rates.drop_commanded(start, end)
+        self._rates.add(start, rates, commanded=False)
         self._measured_from = start
 
     def note_evaluation_start(self) -> None:
@@ -102,9 +97,9 @@ class LiveRun:
         self._ended = True
 
     def _begin_new_run(self, stamp: float) -> None:
-        self._times, self._maps = [], []
+        self._maps.clear()
         # topics arrive in any order: the rates in force may have arrived just before the map
-        self._rates = [_Rates(stamp, last.wells, last.commanded) for last in self._rates[-1:]]
+        self._rates.begin_anew(stamp)
         self._measured_from = -np.inf
         self._ended = False
 
@@ -114,34 +109,33 @@ class LiveRun:
         Raises:
             InputError: there are no maps or no rates yet, or the run began unseen.
         """
-        if not self._times:
+        if not self.times:
             raise InputError('diagnosis: no map has arrived from the running graph yet; wait')
-        if not self._rates:
+        if not len(self._rates):
             raise InputError(
                 'diagnosis: no rates have arrived, neither setpoints nor measured ones; '
                 'confirm the rates (service operator/confirm), or name a recording'
             )
-        begin = min(self._times[0], *(rates.start for rates in self._rates))
-        schedule = Schedule.from_rates((r.start - begin, r.wells) for r in self._rates)
-        self._refuse_unexplained_tracer(schedule, self._times[0] - begin)
-        stack = np.stack(self._maps)
-        maps = ConcentrationMaps(
-            np.array(self._times) - begin, self._grid, lambda start, stop: stack[start:stop]
-        )
+        rows = list(self._rates.rows())
+        begin = min(self.times[0], *(start for start, _ in rows))
+        schedule = Schedule.from_rates((start - begin, rates) for start, rates in rows)
+        self._refuse_unexplained_tracer(schedule, self.times[0] - begin)
+        maps = ConcentrationMaps(np.array(self.times) - begin, self._grid, self._maps.read)
         write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
 
     def _refuse_unexplained_tracer(self, schedule: Schedule, first: float) -> None:
         """Refuse a run with more tracer in its first map, at `first` [s], than was injected."""
-        share = tracer_share(self._maps[0])
+        first_map = self._maps.read(0, 1)[0]
+        share = tracer_share(first_map)
         nominal = nominal_physics(self._rig, self._grid)
-        held = float(np.nansum(self._maps[0] * nominal.storage))
+        held = float(np.nansum(first_map * nominal.storage))
         injected = sum(
             (high - low) * sum(max(rate.rate, 0.0) * rate.concentration for rate in rates.values())
             for low, high, rates in schedule.intervals(0.0, first)
         )
         if share > FILLED_SHARE and injected < LEAST_INJECTED_SHARE * held:
             raise InputError(
-                f'diagnosis: the first map of the run, at {self._times[0]:.0f} s, shows tracer in '
+                f'diagnosis: the first map of the run, at {self.times[0]:.0f} s, shows tracer in '
                 f'{share:.0%} of the rig that no known rate has injected; start the diagnosis '
                 'with the experiment, or name a recording'
             )

@@ -14,6 +14,11 @@ def needs_simulation(effect: str) -> bool:
     return EFFECTS[effect].needs_simulation
 
 
+def is_of_camera(effect: str) -> bool:
+    """Return whether an effect belongs to the camera; the numerical diffusion does not."""
+    return effect in EFFECTS and EFFECTS[effect].is_of_camera
+
+
 def has_place(effect: str) -> bool:
     """Return whether the place of an effect must be found."""
     return EFFECTS[effect].has_place

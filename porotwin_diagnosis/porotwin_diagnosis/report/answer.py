@@ -20,8 +20,13 @@ Summary = Mapping[str, Any]
 """The content of diagnosis.json."""
 
 
+def sentence_box(result: Diagnosis, summary: Summary) -> str:
+    """Return the verdict as a sentence, as HTML."""
+    return f'<p class="verdict">{sentence(result, summary)}</p>'
+
+
 def answer(result: Diagnosis, summary: Summary) -> str:
-    """Return the verdict as a sentence, and below it a table of four rows, as HTML."""
+    """Return the table of four rows: the cause, where it acts, how much, and how sure, as HTML."""
     rows = (
         ('Cause', _cause(result)),
         ('Where', _where(result, summary)),
@@ -29,9 +34,7 @@ def answer(result: Diagnosis, summary: Summary) -> str:
         ('How sure', _how_sure(result)),
     )
     lines = ''.join(f'<tr><th>{name}</th><td>{text}</td></tr>' for name, text in rows)
-    return (
-        f'<p class="verdict">{sentence(result, summary)}</p><table class="answer">{lines}</table>'
-    )
+    return f'<table class="answer">{lines}</table>'
 
 
 def sentence(result: Diagnosis, summary: Summary) -> str:
@@ -166,8 +169,8 @@ def _where(result: Diagnosis, summary: Summary) -> str:
 def _place_of(name: str, result: Diagnosis, summary: Summary) -> str:
     if EFFECTS[name].is_of_camera:
         return (
-            'Nowhere in the rig: this is an effect of the camera. The map of where the gap arises '
-            'shows only which fronts it changes.'
+            'Nowhere in the rig: this is an effect of the camera. “Where it arises” means nothing '
+            'here; the map of one-step errors shows only which fronts the camera changes.'
         )
     if name == NUMERICAL:
         return 'In the model, at every front.'

@@ -19,6 +19,7 @@ from porotwin_diagnosis.decision.held_out import HeldOut
 from porotwin_diagnosis.decision.numerics import before_and_after
 from porotwin_diagnosis.decision.verdict import NONE
 from porotwin_diagnosis.diagnosis import Diagnosis
+from porotwin_diagnosis.model.effect_traits import is_of_camera
 from porotwin_diagnosis.report.error_course import ErrorCourse, error_course, fitted_part
 
 PER_CENT_A_MINUTE = 6e3
@@ -95,24 +96,50 @@ def _plumes_without_gap(result: Diagnosis, part: HeldOut) -> Figure:
     return figure
 
 
+def where(result: Diagnosis) -> Figure:
+    """Return the map of where the gap arises, with its hot spots and the place of the effect."""
+    figure, axes = _panels(result, 1, 1, width=7.0)
+    _draw_strength(figure, axes[0, 0], result, 'where the gap arises')
+    _spots(axes[0, 0], result)
+    _places(axes[0, 0], result)
+    return figure
+
+
 def gap(result: Diagnosis) -> Figure:
-    """Return two maps: where the gap arises, and where the model is wrong in the end."""
+    """Return the map of where the model is wrong in the end.
+
+    If the gap arises at no place of the rig, it is beside the map of one-step errors, which the
+    first screen then lacks.
+    """
     part = result.held_out[0]
-    figure, axes = _panels(result, 1, 2)
+    alone = arises_in_rig(result)
+    figure, axes = _panels(result, 1, 1 if alone else 2, width=7.0 if alone else 12.0)
+    if not alone:
+        named = result.verdict.name != NONE
+        title = 'fronts that the camera changes' if named else 'error of one short step'
+        _draw_strength(figure, axes[0, 0], result, title)
+    wrong = _rms(part.observed - part.before)
+    image = _map(axes[0, -1], result, wrong, cmap='inferno', vmin=0, vmax=0.5)
+    axes[0, -1].set_title('error of the model as it is, held-out part', fontsize=10)
+    figure.colorbar(image, ax=axes[0, -1], label='rms error [share of stock]', shrink=0.8)
+    if alone:
+        _places(axes[0, -1], result)
+    return figure
+
+
+def arises_in_rig(result: Diagnosis) -> bool:
+    """Return whether the gap has a place in the rig: there is one, and no camera made it."""
+    members = result.verdict.members
+    of_camera = bool(members) and all(is_of_camera(name) for name in members)
+    return result.verdict.name != NONE and not of_camera
+
+
+def _draw_strength(figure: Figure, axis: Axes, result: Diagnosis, title: str) -> None:
     strength = PER_CENT_A_MINUTE * result.gap.strength
     top = max(float(strength.max()), LEAST_COLOUR_TOP if result.verdict.name == NONE else 1e-3)
-    image = _map(axes[0, 0], result, strength, cmap='inferno', vmin=0, vmax=top)
-    axes[0, 0].set_title('where it arises: error of one short step', fontsize=10)
-    figure.colorbar(image, ax=axes[0, 0], label='gap strength [% of stock per min]', shrink=0.8)
-    wrong = _rms(part.observed - part.before)
-    image = _map(axes[0, 1], result, wrong, cmap='inferno', vmin=0, vmax=0.5)
-    axes[0, 1].set_title('error of the model as it is, held-out part', fontsize=10)
-    figure.colorbar(image, ax=axes[0, 1], label='rms error [share of stock]', shrink=0.8)
-    if result.verdict.name != NONE:
-        _spots(axes[0, 0], result)
-        for axis in axes.flat:
-            _places(axis, result)
-    return figure
+    image = _map(axis, result, strength, cmap='inferno', vmin=0, vmax=top)
+    axis.set_title(title, fontsize=10)
+    figure.colorbar(image, ax=axis, label='gap strength [% of stock per min]', shrink=0.8)
 
 
 def remainder(result: Diagnosis) -> Figure:
@@ -192,11 +219,11 @@ def _draw_rates(axis: Axes, intervals: Iterable[tuple[float, float, WellRates]],
             axis.plot([start / 60, end / 60], [level, level], lw=4, color=line.get_color())
 
 
-def _panels(result: Diagnosis, rows: int, columns: int) -> tuple[Figure, Any]:
-    """Return a figure and its axes, (rows, columns), each with the shape of the rig."""
+def _panels(result: Diagnosis, rows: int, columns: int, width: float = 12.0) -> tuple[Figure, Any]:
+    """Return a figure of `width` [inch] and its axes, (rows, columns), in the shape of the rig."""
     rig = result.recordings[0].rig
-    height = 10.0 / columns * rig.height_m / rig.width_m + 0.65
-    figure = Figure(figsize=(12, rows * height), layout='constrained')
+    height = width / 1.2 / columns * rig.height_m / rig.width_m + 0.65
+    figure = Figure(figsize=(width, rows * height), layout='constrained')
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axis in axes[-1]:
         axis.set_xlabel('x [m]', fontsize=9)

@@ -10,6 +10,12 @@ from matplotlib.figure import Figure
 RESOLUTION = 130
 """Dots per inch of the figures: 1560 pixels across a page of 1080, sharp on fine screens too."""
 
+PIXELS_PER_INCH = 90
+"""Width of a figure on the page [pixels/inch]: 12 inches fill it."""
+
+WIDE_PIXELS = 700
+"""Wider figures have several panels; on a telephone they scroll sideways."""
+
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collection[int] = ()) -> str:
     """Return a table of HTML cells; the columns in `numbers` are aligned to the right."""
@@ -21,7 +27,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collectio
         )
         return f'<tr>{joined}</tr>'
 
-    return f'<table>{row(head, "th")}{"".join(row(cells, "td") for cells in rows)}</table>'
+    lines = f'{row(head, "th")}{"".join(row(cells, "td") for cells in rows)}'
+    return f'<div class="wide"><table>{lines}</table></div>'
 
 
 def figure_with_caption(figure: Figure, caption: str, kind: str = 'png') -> str:
@@ -30,9 +37,11 @@ def figure_with_caption(figure: Figure, caption: str, kind: str = 'png') -> str:
     figure.savefig(buffer, format=kind, dpi=RESOLUTION)
     content = base64.b64encode(buffer.getvalue()).decode('ascii')
     text = html.escape(caption)
+    width = round(PIXELS_PER_INCH * figure.get_figwidth())
+    kept = ' class="single"' if width < WIDE_PIXELS else ''
     return (
-        f'<figure><img alt="{text}" src="data:image/{kind};base64,{content}">'
-        f'<figcaption>{text}</figcaption></figure>'
+        f'<figure><div class="wide"><img width="{width}"{kept} alt="{text}" src="data:image/{kind};base64,{content}">'
+        f'</div><figcaption>{text}</figcaption></figure>'
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report import figures
-from porotwin_diagnosis.report.answer import Summary, answer, closed, these
+from porotwin_diagnosis.report.answer import Summary, answer, closed, sentence_box, these
 from porotwin_diagnosis.report.markup import figure_with_caption, percent, table
 from porotwin_diagnosis.report.report_sections import (
     laboratory_checks,
@@ -20,21 +20,38 @@ from porotwin_diagnosis.report.report_sections import (
 )
 from porotwin_diagnosis.report.wording import spoken
 from porotwin_diagnosis.search.ranking import overall_misfit
-from porotwin_solver.effects import EFFECTS
 
 STYLE = """
-body{font:16px/1.5 system-ui,sans-serif;max-width:1080px;margin:2rem auto;padding:0 1rem;
-color:#1c2430}
-h1{font-size:1.6rem;margin-bottom:.2rem} h2{font-size:1.15rem;margin-top:2rem}
-.verdict{font-size:1.2rem;background:#eef4fa;border-left:5px solid #2a6fb0;padding:.8rem 1rem}
-.answer th{width:6.5rem;color:#52606d}
+*{box-sizing:border-box}
+body{font:16px/1.5 system-ui,sans-serif;max-width:1080px;margin:1.2rem auto;padding:0 1rem;
+color:#1c2430;background:#fff;overflow-wrap:break-word}
+h1{font-size:1.6rem;line-height:1.2;margin:0 0 .2rem} h2{font-size:1.15rem;margin-top:2rem}
+.verdict{font-size:1.2rem;background:#eef4fa;border-left:5px solid #2a6fb0;padding:.7rem 1rem;
+margin:.8rem 0}
+.first{display:grid;gap:0 1.2rem;align-items:start}
+.first.placed{grid-template-columns:minmax(0,1fr) minmax(0,1fr)}
+.first figure{margin:0}
+.answer th{width:5.5rem;color:#52606d;white-space:nowrap}
 img{max-width:100%;height:auto} figure{margin:1.2rem 0}
 figcaption{color:#52606d;font-size:.92rem}
+.wide{overflow-x:auto}
 table{border-collapse:collapse;width:100%;font-size:.92rem}
 td,th{padding:.3rem .6rem;text-align:left;border-bottom:1px solid #dde3ea;vertical-align:top}
 td.n,th.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
 .bar{display:inline-block;height:.7rem;background:#c8402f;vertical-align:middle}
 small{color:#52606d}
+@media (max-width:700px){
+h1{font-size:1.25rem} .verdict{font-size:1.02rem;padding:.5rem .7rem}
+.first.placed{grid-template-columns:minmax(0,1fr)}
+td,th{padding:.25rem .35rem}
+figure .wide img:not(.single){max-width:none}
+.wide table:not(.answer){min-width:34rem}
+}
+@media print{
+body{max-width:none;margin:0;font-size:10.5pt} figure,tr,.verdict{break-inside:avoid}
+h2{break-after:avoid} .wide{overflow:visible}
+.verdict,.bar{print-color-adjust:exact;-webkit-print-color-adjust:exact}
+}
 """
 
 
@@ -47,7 +64,8 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
     body = [
         f'<h1>{title}</h1>',
         f'<small>{_recordings(result)}</small>',
-        answer(result, summary),
+        sentence_box(result, summary),
+        _first_screen(result, summary),
         _by_recording(summary),
         *_figures(result),
         *_sections(result, summary),
@@ -58,6 +76,15 @@ def write_report(path: Path, result: Diagnosis, summary: Summary) -> None:
         f'<title>{title}</title><style>{STYLE}</style></head><body>{"".join(body)}</body></html>'
     )
     path.write_text(page, encoding='utf-8')
+
+
+def _first_screen(result: Diagnosis, summary: Summary) -> str:
+    """Return the answer beside the map of where the gap arises, if it has a place in the rig."""
+    text = answer(result, summary)
+    if not figures.arises_in_rig(result):
+        return f'<div class="first">{text}</div>'
+    picture = figure_with_caption(figures.where(result), _where_caption(result))
+    return f'<div class="first placed">{text}{picture}</div>'
 
 
 def _sections(result: Diagnosis, summary: Summary) -> Iterator[str]:
@@ -153,6 +180,15 @@ def _plumes_caption(result: Diagnosis, which: str) -> str:
     return f'{first} Below: the fronts (half of the stock), and the differences. {colours}'
 
 
+def _where_caption(result: Diagnosis) -> str:
+    together = ', all recordings together' if len(result.recordings) > 1 else ''
+    return (
+        'Where the gap arises, before the flow carries it on (one-step residuals in weak '
+        f'form{together}). Dotted circles: hot spots with their share of the whole.'
+        f'{_marks_caption(result)}'
+    )
+
+
 def _gap_caption(result: Diagnosis) -> str:
     if result.verdict.name == NONE:
         return (
@@ -160,22 +196,14 @@ def _gap_caption(result: Diagnosis) -> str:
             'Right: the error of the model that runs from the start. There is no gap: both show '
             'the noise.'
         )
-    together = ', all recordings together' if len(result.recordings) > 1 else ''
+    wrong = 'here the model that runs from the start is wrong in the end.'
+    if figures.arises_in_rig(result):
+        return f'W{wrong}{_marks_caption(result)}'
     return (
-        f'{_arises_caption(result)} (one-step residuals in weak form{together}). Dotted circles: '
-        'hot spots with their share of the whole. Right: where the model that runs from the start '
-        f'is wrong in the end.{_marks_caption(result)}'
+        'Left: this map names no place in the rig, because the gap is made by the camera. It shows '
+        'which fronts the camera changes from one photograph to the next. '
+        f'Right: w{wrong}'
     )
-
-
-def _arises_caption(result: Diagnosis) -> str:
-    members = result.verdict.members
-    if members and all(EFFECTS[name].is_of_camera for name in members):
-        return (
-            'Left: this map names no place in the rig, because the gap is made by the camera. It '
-            'shows which fronts the camera changes from one photograph to the next'
-        )
-    return 'Left: where the gap arises, before the flow carries it on'
 
 
 def _marks_caption(result: Diagnosis) -> str:

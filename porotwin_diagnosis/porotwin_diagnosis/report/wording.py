@@ -49,9 +49,14 @@ def interval(effect: str, parameter: str, entry: Mapping[str, Any]) -> tuple[str
     if decimals > MOST_DECIMALS:
         span = f'{number(low)} … {number(high)} {unit}'.strip()
         return value(effect, parameter, amount), span
-    texts = [f'{part:.{max(decimals, 0)}f}'.replace('-', '−') for part in (low, high)]
-    middle = f'{factor * amount:.{max(decimals, 0)}f} {unit}'.replace('-', '−')
+    texts = [_fixed(part, max(decimals, 0)) for part in (low, high)]
+    middle = f'{_fixed(factor * amount, max(decimals, 0))} {unit}'
     return middle.strip(), f'{" … ".join(texts)} {unit}'.strip()
+
+
+def _fixed(amount: float, decimals: int) -> str:
+    """Return `amount` with fixed decimals and a real minus sign, which zero never has."""
+    return f'{amount:z.{decimals}f}'.replace('-', '−')
 
 
 def phrase(effect: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:

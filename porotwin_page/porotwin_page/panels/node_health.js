@@ -3,7 +3,7 @@
 import { element, find } from '../web/dom.js';
 import { duration, isNumber } from '../web/formatting.js';
 
-const LIGHTS = { ok: '✔', warn: '▲', error: '✖', quiet: '·' };
+const LIGHTS = { ok: '✔', warn: '▲', error: '✖', silent: '✖', quiet: '·' };
 
 function line(node) {
   const parts = {

@@ -1,13 +1,16 @@
-/* Draws the newest setpoint, its validity, and the button that confirms it. */
+/* Draws the rates to set, their validity, and the button that confirms them. */
 
-import { Confirmation, postJson } from '../web/confirmation.js';
+import { allRates, Confirmation, netRate, postJson, WrongToken } from '../web/confirmation.js';
 import { element, find, hasChanged, setText } from '../web/dom.js';
-import { duration, isNumber, number } from '../web/formatting.js';
+import { duration, isNumber, number, signed } from '../web/formatting.js';
 
 const SHORT_VALIDITY = 0.34;  // below this part the bar changes its colour
+const BALANCED_ML_H = 0.0501;  // round-off of one rate on a pump's display
 
 const BODY = `
   <p id="no-setpoint">No setpoint yet.</p>
+  <p id="order-doubt" class="error" role="alert" hidden></p>
+  <p id="safe-title" class="error" role="alert" hidden></p>
   <table id="rates" hidden>
     <thead><tr><th>well</th><th>set to</th><th>before</th></tr></thead>
     <tbody></tbody>
@@ -21,7 +24,18 @@ const BODY = `
     <details>
       <summary>I set something else</summary>
       <div id="other-rates"></div>
+      <p id="net-rate"></p>
     </details>
+  </form>
+  <div id="question" role="alertdialog" aria-labelledby="question-text" hidden>
+    <p id="question-text"></p>
+    <button id="question-yes" type="button">Yes, record them</button>
+    <button id="question-no" type="button">No, correct them</button>
+  </div>
+  <form id="token" hidden>
+    <label for="token-text">To confirm, type the token that ./porotwin up shows:</label>
+    <input id="token-text" autocomplete="off" autocapitalize="none" spellcheck="false">
+    <button type="submit">Use it</button>
   </form>
   <p id="answer" role="status" aria-live="assertive"></p>
   <p id="reason"></p>`;
@@ -29,40 +43,111 @@ const BODY = `
 export function create(root, declaration, page) {
   root.insertAdjacentHTML('beforeend', BODY);
   const confirmation = new Confirmation({ changed: page.refresh });
-  const current = () => page.state.event.panels[declaration.name];
-  find('#confirmation', root).addEventListener('submit', async (event) => {
-    event.preventDefault();
-    if (!page.state.event || !current()) return;
-    const post = (body) => postJson('/confirm', body);
-    if (await confirmation.send(current(), enteredRates(root), post)) {
-      find('#confirmation', root).reset();
-      find('#confirmation details', root).open = false;
-    }
-  });
-  return (setpoint) => {
+  const current = () => page.state.event && page.state.event.panels[declaration.name];
+  attachConfirmation(root, confirmation, current, page);
+  attachToken(root, confirmation, page);
+  return (newest) => {
+    const setpoint = newest && later(newest, page.connection.silence);
     document.title = pageTitle(setpoint);
     find('#no-setpoint', root).hidden = Boolean(setpoint);
     for (const id of ['#rates', '#validity', '#confirmation']) find(id, root).hidden = !setpoint;
     setText(find('.caption', root), setpoint ? `setpoint ${setpoint.sequence}` : '');
     setText(find('#reason', root), setpoint ? reason(setpoint) : '');
+    renderLine(find('#order-doubt', root), setpoint ? setpoint.doubt : '');
+    renderLine(find('#safe-title', root), setpoint ? safeTitle(setpoint) : '');
     if (!setpoint) return;
     confirmation.show(setpoint);
     renderRates(root, setpoint);
-    renderValidity(root, setpoint);
-    renderButton(root, setpoint, confirmation, page.connection.lost);
+    renderValidity(root, setpoint, page.connection.lost);
+    renderButton(root, setpoint, confirmation, page);
   };
+}
+
+function attachConfirmation(root, confirmation, current, page) {
+  const post = async (body) => {
+    try {
+      return await postJson('/confirm', body, page.token.value);
+    } catch (error) {
+      if (error instanceof WrongToken) page.token.drop();
+      throw error;
+    }
+  };
+  const clear = (accepted) => {
+    if (!accepted) return;
+    find('#confirmation', root).reset();
+    find('#confirmation details', root).open = false;
+    page.refresh();
+  };
+  find('#confirmation', root).addEventListener('submit', async (event) => {
+    event.preventDefault();
+    const setpoint = current();
+    if (!setpoint) return;
+    const wrong = wrongInput(root);
+    if (wrong) {
+      confirmation.refuse(`${wrong}: type a number of ml/h`);
+      page.refresh();
+      return;
+    }
+    clear(await confirmation.send(setpoint, enteredRates(root), post));
+  });
+  find('#other-rates', root).addEventListener('input', () => page.refresh());
+  find('#question-yes', root).addEventListener('click', async () => {
+    clear(await confirmation.decide(true, post));
+  });
+  find('#question-no', root).addEventListener('click', () => confirmation.decide(false, post));
+}
+
+function attachToken(root, confirmation, page) {
+  find('#token', root).addEventListener('submit', (event) => {
+    event.preventDefault();
+    const input = find('#token-text', root);
+    if (!page.token.take(input.value)) confirmation.refuse('this is no token');
+    input.value = '';
+    page.refresh();
+  });
+}
+
+function renderLine(target, text) {
+  target.hidden = !text;
+  setText(target, text);
+}
+
+/* The setpoint as it is after `silence` seconds without a connection. */
+export function later(setpoint, silence) {
+  if (!silence || setpoint.remaining_s === null) return setpoint;
+  return { ...setpoint, remaining_s: setpoint.remaining_s - silence };
 }
 
 /* Title of the browser's tab, with the number of pumps to set. */
 export function pageTitle(setpoint) {
-  if (!setpoint || setpoint.pumps_report || setpoint.confirmed) return 'PoroTwin';
+  const done = !setpoint || setpoint.pumps_report || setpoint.confirmed || setpoint.doubt;
+  if (done) return 'PoroTwin';
   const count = setpoint.wells.filter((well) => well.changed).length;
   return count ? `(${count}) set the pumps · PoroTwin` : 'PoroTwin';
 }
 
 function reason(setpoint) {
   const follow = setpoint.pumps_report ? 'The pumps follow and report by themselves. ' : '';
-  return follow + (setpoint.reason ? `Why: ${setpoint.reason}` : '');
+  const why = setpoint.reason && !setpoint.safe ? `Why: ${setpoint.reason}` : '';
+  return follow + why;
+}
+
+/* What to do after the end of a setpoint; empty while it is valid. */
+export function safeTitle(setpoint) {
+  if (!setpoint.expired || setpoint.doubt) return '';
+  const over = `Setpoint ${setpoint.sequence} has expired and none followed.`;
+  if (setpoint.pumps_report) return `${over} The rig is at its safe rates.`;
+  if (!setpoint.safe) return `${over} The safe rates are not known: rig.yaml has no control section.`;
+  if (setpoint.wells.some((well) => well.changed) && !setpoint.confirmed) {
+    return `${over} Set the safe rates, at every well:`;
+  }
+  return `${over} The safe rates are set.`;
+}
+
+/* Name of a well with a text that is no number; the browser gives such a text as empty. */
+function wrongInput(root) {
+  const inputs = [...root.querySelectorAll('#other-rates input')];
+  return inputs.find((input) => input.validity.badInput)?.name;
 }
 
 function enteredRates(root) {
@@ -80,17 +165,19 @@ export function action(well) {
 
 function renderRates(root, setpoint) {
   const body = find('#rates tbody', root);
-  if (!hasChanged(body, [setpoint.wells, setpoint.pumps_report, setpoint.confirmed])) return;
-  body.replaceChildren(...setpoint.wells.map((well) => ratesRow(well, setpoint)));
-  renderInputs(root, setpoint.wells);
+  const { wells, pumps_report: report, confirmed, doubt } = setpoint;
+  if (!hasChanged(body, [wells, report, confirmed, doubt])) return;
+  body.replaceChildren(...wells.map((well) => ratesRow(well, setpoint)));
+  renderInputs(root, wells);
 }
 
 function ratesRow(well, setpoint) {
   const span = (className, textContent) => element('span', { className, textContent });
   const changed = setpoint.pumps_report ? 'moved' : 'changed';
+  const marked = well.changed && !setpoint.confirmed && !setpoint.doubt;
   const measured = setpoint.pumps_report ? well.measured_ml_h : null;
   const past = (word, value) => (isNumber(value) ? `${word} ${number(value, 1)}` : '');
-  return element('tr', { className: well.changed && !setpoint.confirmed ? changed : '' },
+  return element('tr', { className: marked ? changed : '' },
     element('td', {}, span('well', well.name), span('does', action(well))),
     element('td', { className: 'rate' },
       span('digits', number(well.rate_ml_h, 1)), span('unit', ' ml/h')),
@@ -115,40 +202,61 @@ function renderInputs(root, wells) {
   });
 }
 
-export function validityText(setpoint) {
-  const remaining = setpoint.remaining_s;
-  if (remaining > 0) return `valid for ${duration(remaining)}`;
-  const consequence = setpoint.pumps_report
-    ? 'the rig is at its safe rates' : 'switch the control wells off';
-  return `expired ${duration(-remaining)} ago: ${consequence}`;
+/* The sum of all rates that a confirmation would record. */
+export function netText(rates) {
+  const net = netRate(rates);
+  const balanced = Math.abs(net) <= BALANCED_ML_H * Object.keys(rates).length;
+  if (balanced) return 'An empty field means the rate above. The rates balance.';
+  return `An empty field means the rate above. Together: ${signed(net, 1)} ml/h, not balanced.`;
 }
 
-function renderValidity(root, setpoint) {
+export function validityText(setpoint, lost = false) {
+  const remaining = setpoint.remaining_s;
+  if (remaining > 0) return `valid for ${duration(remaining)}${lost ? ', but not connected' : ''}`;
+  const past = `expired ${duration(-remaining)} ago`;
+  return lost && !setpoint.expired
+    ? `${past}, and the page is not connected: do not follow these rates` : past;
+}
+
+function renderValidity(root, setpoint, lost) {
   const box = find('#validity', root);
   const remaining = setpoint.remaining_s;
   const known = remaining !== null;
   const expired = known && remaining <= 0;
-  box.hidden = !known;
-  root.classList.toggle('expired-setpoint', expired);
+  box.hidden = !known || Boolean(setpoint.doubt);
+  const notToFollow = (expired && !setpoint.safe && !setpoint.pumps_report) || setpoint.doubt;
+  root.classList.toggle('expired-setpoint', Boolean(notToFollow));
+  root.classList.toggle('safe-rates', setpoint.safe);
   if (!known) return;
   const part = setpoint.validity_s > 0
     ? Math.min(1, Math.max(0, remaining / setpoint.validity_s)) : 0;
   box.classList.toggle('short', part < SHORT_VALIDITY);
   box.classList.toggle('expired', expired);
   find('#validity-bar div', root).style.width = `${100 * part}%`;
-  setText(find('#validity-text', root), validityText(setpoint));
+  setText(find('#validity-text', root), validityText(setpoint, lost));
 }
 
-function renderButton(root, setpoint, confirmation, lost) {
-  find('#confirmation', root).hidden = setpoint.pumps_report;
+function renderButton(root, setpoint, confirmation, page) {
+  const byHand = !setpoint.pumps_report && !setpoint.doubt;
+  find('#confirmation', root).hidden = !byHand;
+  find('#token', root).hidden = !byHand || Boolean(page.token.value);
+  const rates = enteredRates(root);
+  const state = {
+    lost: page.connection.lost,
+    entered: Object.keys(rates).length,
+    token: Boolean(page.token.value),
+  };
   const button = find('#done', root);
-  const { words, calm, late, disabled } = confirmation.button(setpoint, lost);
+  const { words, calm, late, disabled } = confirmation.button(setpoint, state);
   button.classList.toggle('calm', calm);
   button.classList.toggle('late', late);
   button.disabled = disabled;
   if (button.textContent !== words.join('')) {
     button.replaceChildren(words[0], element('small', { textContent: words[1] }));
   }
+  setText(find('#net-rate', root), netText(allRates(setpoint, rates)));
+  find('#question', root).hidden = !confirmation.question;
+  setText(find('#question-text', root), confirmation.question ? confirmation.question.text : '');
   const answer = find('#answer', root);
   answer.className = confirmation.answer.level;
   setText(answer, confirmation.answer.text);

@@ -1,30 +1,45 @@
-"""The newest setpoint with large numbers, its validity, and the button that confirms it."""
+"""The rates to set with large numbers, their validity, and the button that confirms them.
+
+While a setpoint is valid, its rates are the orders. After its end the safe rates are.
+"""
+
+from collections.abc import Mapping
 
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
-from porotwin_page.graph_snapshot import GraphSnapshot, Setpoint
+from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite
 from porotwin_page.panel import Moment, Region, ScriptPanel
 
-SMALLEST_CHANGE_ML_H = 0.05
-"""Smaller changes are below the resolution of a hand-set pump [ml/h]."""
+HAND_STEP_ML_H = 0.1
+"""Smallest change that a hand can set: the resolution of a pump's display [ml/h]."""
+
+ROUND_OFF_ML_H = 1e-6
+"""Round-off of a difference of two rates [ml/h]."""
 
 
 def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
-    """Return the newest setpoint in ml/h with the wells to change; None before the first one."""
+    """Return the orders in ml/h with the wells to change; None before the first setpoint."""
     setpoint = snapshot.setpoint
     if setpoint is None:
         return None
     before = rates_before(snapshot)
+    remaining = setpoint.remaining(moment.graph)
+    expired = remaining is not None and remaining <= 0
+    safe = expired and bool(snapshot.safe_rates)
     return {
         'sequence': setpoint.sequence,
         'reason': setpoint.reason,
-        'remaining_s': remaining_validity(setpoint, moment.graph),
+        'remaining_s': finite(remaining),
         'validity_s': finite(setpoint.valid_until - setpoint.time),
-        'confirmed': snapshot.confirmed == setpoint.sequence,
+        'expired': expired,
+        'safe': safe,
+        'doubt': setpoint.doubt,
+        'confirmed': snapshot.confirmed == (setpoint.sequence, safe),
         'pumps_report': snapshot.pumps_report and snapshot.set_rates is None,
         'wells': [
-            _well_view(well, rate, before, snapshot) for well, rate in setpoint.rates.items()
+            _well_view(well, rate, before, snapshot.measured)
+            for well, rate in snapshot.orders(moment.graph).items()
         ],
     }
 
@@ -41,34 +56,19 @@ def rates_before(snapshot: GraphSnapshot) -> WellRates | None:
     return None
 
 
-def remaining_validity(setpoint: Setpoint, now: float | None) -> float | None:
-    """Return the remaining validity [s], counted from the arrival of the setpoint.
-
-    Args:
-        setpoint: the setpoint.
-        now: present time on the graph's clock [s]; None if it has not started.
-
-    Returns:
-        Negative values after the end of the validity; None without a clock.
-    """
-    if now is None or setpoint.arrival is None:
-        return None
-    return finite(setpoint.arrival + (setpoint.valid_until - setpoint.time) - now)
-
-
 def _well_view(
-    well: str, rate: WellRate, before: WellRates | None, snapshot: GraphSnapshot
+    well: str, rate: WellRate, before: WellRates | None, measured: Mapping[str, WellRate] | None
 ) -> Json:
     commanded = to_ml_h(rate.rate)
     was = None if before is None else to_ml_h(before.get(well, WellRate()).rate)
-    measured = snapshot.measured.get(well) if snapshot.measured is not None else None
+    delivered = measured.get(well) if measured is not None else None
     return {
         'name': well,
         'tracer': rate.concentration if rate.rate > 0 else 0.0,
         'rate_ml_h': finite(commanded),
         'before_ml_h': finite(was),
-        'measured_ml_h': finite(to_ml_h(measured.rate)) if measured is not None else None,
-        'changed': was is None or abs(was - commanded) > SMALLEST_CHANGE_ML_H,
+        'measured_ml_h': finite(to_ml_h(delivered.rate)) if delivered is not None else None,
+        'changed': was is None or abs(was - commanded) >= HAND_STEP_ML_H - ROUND_OFF_ML_H,
     }
 
 

@@ -1,8 +1,10 @@
 /* A panel with curves over time. */
 
-import { draw, element, find, hasChanged } from './dom.js';
-import { number, short } from './formatting.js';
-import { asSteps, curvePath, curvesOf, frame, tickText, timeAxis, valueAxis } from './plot.js';
+import { draw, element, find, hasChanged, setText } from './dom.js';
+import { clockTime, number, short } from './formatting.js';
+import {
+  asSteps, curvePath, curvesOf, frame, mainStretch, nearestIndex, tickText, timeAxis, valueAxis,
+} from './plot.js';
 import { POINTS_KEPT } from './state.js';
 
 const COLOURS = 6;  // --s0 to --s5 in page.css
@@ -10,24 +12,70 @@ const colour = (curve) => `var(--s${curve.position % COLOURS})`;
 
 export function create(root, declaration, page) {
   const svg = draw(root, 'svg', { role: 'img' });
+  const reading = element('p', { className: 'reading', hidden: true });
+  root.append(reading);
   const caption = find('.caption', root);
+  let view = null;
+  attachReading(svg, reading, () => view, declaration);
   return () => {
     const size = [svg.clientWidth, svg.clientHeight];
     const { event, points } = page.state;
     const last = points[points.length - 1];
+    const pastTime = page.past.content ? page.past.content.time_s : null;
     const drawn = [event.run, event.history.end, points.length, last, event.start_s,
-      event.marks.length, page.theme.name, size];
+      event.marks.length, page.theme.name, size, pastTime];
     if (!size[0] || !size[1] || !hasChanged(svg, drawn)) return;
     svg.dataset.points = points.length;
     svg.setAttribute('viewBox', `0 0 ${size[0]} ${size[1]}`);
     svg.replaceChildren();
-    const curves = curvesOf(points, declaration.name);
-    if (curves.length) drawCurves(svg, size, curves, declaration, page.state);
-    else drawNothing(svg, size);
-    caption.replaceChildren(...legend(curves, declaration));
+    const stretch = mainStretch(points);
+    const curves = curvesOf(stretch, declaration.name);
+    view = curves.length
+      ? drawCurves(svg, size, curves, declaration, { event, points: stretch, pastTime }) : null;
+    if (!view) drawNothing(svg, size);
+    const others = points.length - stretch.length;
+    caption.replaceChildren(...legend(curves, declaration), ...remark(others));
     const text = curves.length ? caption.textContent : 'no values yet';
     svg.setAttribute('aria-label', `${declaration.title}: ${text}`);
   };
+}
+
+function remark(others) {
+  if (!others) return [];
+  const what = others === 1 ? '1 photograph has' : `${others} photographs have`;
+  return [element('span', { className: 'remark', textContent: `${what} a time far from these` })];
+}
+
+/* Shows all values at the time under the pointer. */
+function attachReading(svg, text, current, declaration) {
+  const leave = () => {
+    text.hidden = true;
+    find('.cursor', svg)?.remove();
+  };
+  svg.addEventListener('pointermove', (event) => {
+    const view = current();
+    leave();
+    if (!view) return;
+    const at = view.box.time(event.clientX - svg.getBoundingClientRect().left);
+    const index = nearestIndex(view.times, at);
+    if (index < 0) return;
+    const x = view.box.x(view.times[index]);
+    draw(svg, 'line', { x1: x, x2: x, y1: view.box.top, y2: view.box.bottom, class: 'cursor' });
+    setText(text, readingText(view.curves, view.points[index], index, declaration));
+    text.hidden = false;
+  });
+  svg.addEventListener('pointerleave', leave);
+}
+
+/* Time and values of one point in words. */
+export function readingText(curves, point, index, declaration) {
+  const values = curves.map((curve) => (
+    `${curve.name} ${valueText(curve.values[index], declaration)}`.trim()));
+  return `${clockTime(point.time_s)}: ${values.join(', ')} ${declaration.unit}`;
+}
+
+function valueText(value, declaration) {
+  return declaration.digits === null ? short(value) : number(value, declaration.digits);
 }
 
 function drawNothing(svg, [width, height]) {
@@ -50,6 +98,16 @@ function drawCurves(svg, [width, height], curves, declaration, state) {
     const style = `stroke: ${colour(curve)}${dash}`;
     draw(svg, 'path', { d: curvePath(times, values, box.x, box.y), style });
   }
+  if (state.pastTime !== null) drawPast(svg, box, time, state.pastTime);
+  return { box, curves, points, times: time.times };
+}
+
+/* The time of the earlier state whose maps are shown. */
+function drawPast(svg, box, time, pastTime) {
+  const at = (pastTime - time.start) / time.seconds;
+  if (at < time.from || at > time.to) return;
+  const x = box.x(at);
+  draw(svg, 'line', { x1: x, x2: x, y1: box.top, y2: box.bottom, class: 'past' });
 }
 
 function drawValueAxis(svg, box, value, unit) {
@@ -91,7 +149,7 @@ function isDashed(curve, curves, declaration) {
 function legend(curves, declaration) {
   return curves.map((curve, i) => {
     const last = curve.values[curve.values.length - 1];
-    const value = declaration.digits === null ? short(last) : number(last, declaration.digits);
+    const value = valueText(last, declaration);
     const unit = curves.length < 3 || i === curves.length - 1 ? declaration.unit : '';
     const dashed = isDashed(curve, curves, declaration) ? ' dashed' : '';
     const key = element('span', {

@@ -19,6 +19,11 @@ export class Connection {
     return this.now() - this.lastEvent > QUIET_LIMIT_MS;
   }
 
+  /* Time since the last event [s], once the connection is lost; before, the page is up to date. */
+  get silence() {
+    return this.lost ? (this.now() - this.lastEvent) / 1000 : 0;
+  }
+
   connect() {
     if (this.source) this.source.close();
     this.source = this.open();

@@ -19,7 +19,10 @@ export function element(name, properties = {}, ...children) {
 /* A new SVG element at the end of `parent`. */
 export function draw(parent, name, attributes, text) {
   const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key === 'style') made.style.cssText = value;  // the page's policy forbids the attribute
+    else made.setAttribute(key, value);
+  }
   if (text !== undefined) made.textContent = text;
   parent.append(made);
   return made;

@@ -6,6 +6,7 @@ export const DASH = '–';
 export const FIRST_ABSOLUTE_STAMP_S = 1e8;
 
 const DAY_S = 86400;
+const LONGEST_RUN_S = 30 * DAY_S;
 
 export const isNumber = (value) => typeof value === 'number' && Number.isFinite(value);
 
@@ -50,8 +51,10 @@ export function clockTime(seconds, nowMs = Date.now()) {
   return isOtherDay ? `${date.toLocaleDateString('sv-SE')} ${time}` : time;
 }
 
-/* The time since the start of the experiment; empty for stamps that count from it. */
+/* The time since the start of the experiment; empty for stamps that count from it, and for a start
+   with a wrong clock. */
 export function afterStart(seconds, startSeconds) {
   if (!isNumber(seconds) || !isNumber(startSeconds) || seconds < FIRST_ABSOLUTE_STAMP_S) return '';
+  if (seconds < startSeconds || seconds - startSeconds > LONGEST_RUN_S) return '';
   return `after ${number((seconds - startSeconds) / 60, 1)} min`;
 }

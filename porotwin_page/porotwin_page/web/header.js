@@ -7,6 +7,7 @@ import { clockTime, duration } from './formatting.js';
 export function liveStatus(header, lost) {
   const photo = header && header.photo;
   if (lost) return ['error', 'Not connected, trying again'];
+  if (!header) return ['quiet', 'Connecting'];
   if (!photo) return ['quiet', 'Waiting for a photograph'];
   if (header.finished) return ['ok', `Finished: ${header.finished}`];
   if (photo.stale) return ['warn', `Stale: no photograph for ${duration(photo.age_s)}`];

@@ -3,6 +3,7 @@
 import { draw, element, find, hasChanged, setText } from './dom.js';
 import { afterStart, clockTime, DASH, number, signed } from './formatting.js';
 import { overlayShapes } from './overlay.js';
+import { attachProbe } from './probe.js';
 
 export function create(root, declaration, page) {
   const pictures = element('div', { className: 'pictures' });
@@ -12,19 +13,33 @@ export function create(root, declaration, page) {
   frame.append(empty);
   const scale = scaleBar(declaration);
   root.append(frame, scale.bar);
-  return (content) => {
+  let shown = null;
+  const probe = attachProbe(frame, () => shown, declaration.signed);
+  return (newest) => {
     const { event } = page.state;
+    const { content, rates, query } = selected(newest, declaration.name, page);
     scale.render(content, page.theme.name);
     frame.classList.toggle('shown', Boolean(content));
     if (event.rig) frame.style.aspectRatio = `${event.rig.width_m} / ${event.rig.height_m}`;
     const words = content ? caption(content, declaration, event.start_s) : '';
     setText(find('.caption', root), words);
+    const version = content ? `v=${event.run}-${content.number}${query}` : '';
+    shown = content && { url: `/values/${declaration.name}?${version}`, rig: event.rig };
+    probe();
     if (!content) return;
-    const version = `${event.run}-${content.number}`;
-    const url = `/map/${declaration.name}.png?theme=${page.theme.name}&v=${version}`;
+    const url = `/map/${declaration.name}.png?theme=${page.theme.name}&${version}`;
     showPicture(pictures, url, declaration.title);
-    if (event.rig) renderOverlay(svg, event.rig, event.rates_ml_h, declaration);
+    if (event.rig) renderOverlay(svg, event.rig, rates, declaration);
   };
+}
+
+/* The map to show: the newest, or that of the earlier state which the user looks at. */
+export function selected(newest, name, { state, past }) {
+  if (past.number === null || !past.content) {
+    return { content: newest, rates: state.event.rates_ml_h, query: '' };
+  }
+  const { number: state_number, panels, rates_ml_h: rates } = past.content;
+  return { content: panels[name], rates, query: `&state=${state_number}` };
 }
 
 /* Time of the map and notes about it. */

@@ -6,6 +6,8 @@ const LARGE_RIG_M = 2;  // larger rigs have a longer scale bar
 const BAR_M = { small: 0.1, large: 0.5 };
 const EDGE_PX = 2;  // an outline on the edge of the rig would be cut in half
 const RADIUS_PX = { labelled: 7, plain: 4.5 };
+const LABEL_GAP_PX = 14;
+const CHARACTER_PX = 8.5;  // width of a bold character of the labels, at most
 const LABEL_SIDE = 0.72;  // wells right of this part of the width have their labels on the left
 
 /* A shape is [name of the SVG element, attributes, text]. */
@@ -45,14 +47,15 @@ function wellShapes(well, rate, x, y, width, labelled) {
     ['circle', { cx, cy, r, class: 'well' }],
   ];
   if (!labelled) return shapes;
-  const onRight = cx < width * LABEL_SIDE;
+  const rateText = rate === undefined ? '' : `${number(rate, 1)} ml/h`;
+  const longest = Math.max(well.name.length, rateText.length) * CHARACTER_PX;
+  const fits = cx + LABEL_GAP_PX + longest <= width;
+  const onRight = (cx < width * LABEL_SIDE && fits) || cx - LABEL_GAP_PX - longest < 0;
   const place = {
-    x: cx + (onRight ? 14 : -14), 'text-anchor': onRight ? 'start' : 'end', class: 'overlay-text',
+    x: cx + (onRight ? LABEL_GAP_PX : -LABEL_GAP_PX), 'text-anchor': onRight ? 'start' : 'end', class: 'overlay-text',
   };
   shapes.push(['text', { ...place, y: cy - 1 }, well.name]);
-  if (rate !== undefined) {
-    shapes.push(['text', { ...place, y: cy + 14 }, `${number(rate, 1)} ml/h`]);
-  }
+  if (rateText) shapes.push(['text', { ...place, y: cy + 14 }, rateText]);
   return shapes;
 }
 

@@ -7,6 +7,8 @@ const TICKS_Y = 3;
 const TICKS_X = 5;
 const LONG_RUN_MIN = 300;  // longer runs count in hours
 const SHORTEST_RANGE_MIN = 2;
+const LONGEST_PAUSE_S = 86400;  // a longer step between two photographs is a wrong clock
+const FEWEST_POINTS = 3;  // fewer points with other times are photographs with wrong times
 
 /* The smallest step 1, 2 or 5 times a power of ten that divides `range` into at most `count`. */
 export function niceStep(range, count) {
@@ -61,9 +63,50 @@ export function asSteps(times, values) {
   return [stepTimes, stepValues];
 }
 
+/* The points of one stretch of time. A photograph with a wrong time is a stretch of its own: the
+   newest stretch of some points is shown, or else the longest. */
+export function mainStretch(points) {
+  const stretches = [];
+  points.forEach((point, i) => {
+    const step = i ? point.time_s - points[i - 1].time_s : NaN;
+    if (step >= 0 && step <= LONGEST_PAUSE_S) stretches[stretches.length - 1].push(point);
+    else stretches.push([point]);
+  });
+  const resumed = joined(stretches);
+  const last = resumed.findLast((stretch) => stretch.length >= FEWEST_POINTS);
+  if (last) return last;
+  return resumed.reduce((most, next) => (next.length >= most.length ? next : most), []);
+}
+
+/* A stretch that goes on where an earlier one stopped, after points with wrong times, is the same. */
+function joined(stretches) {
+  const made = [];
+  for (const stretch of stretches) {
+    const before = made.find((other) => {
+      const step = stretch[0].time_s - other[other.length - 1].time_s;
+      return step >= 0 && step <= LONGEST_PAUSE_S;
+    });
+    if (before) before.push(...stretch);
+    else made.push([...stretch]);
+  }
+  return made;
+}
+
+/* Number of the time nearest to `at`; -1 without times. */
+export function nearestIndex(times, at) {
+  let nearest = -1;
+  times.forEach((time, i) => {
+    if (nearest < 0 || Math.abs(time - at) < Math.abs(times[nearest] - at)) nearest = i;
+  });
+  return nearest;
+}
+
 /* Time axis of points with time_s: the unit, the time of every point in it, and the range. */
 export function timeAxis(points, startSeconds, cutOff) {
-  const start = startSeconds ?? (points.length ? points[0].time_s : 0);
+  const earliest = points.length ? points[0].time_s : 0;
+  const known = startSeconds !== null && startSeconds !== undefined
+    && startSeconds <= earliest && earliest - startSeconds <= LONGEST_PAUSE_S;
+  const start = known ? startSeconds : earliest;
   const minutes = points.map((point) => (point.time_s - start) / 60);
   const inHours = minutes.length > 0 && minutes[minutes.length - 1] > LONG_RUN_MIN;
   const seconds = inHours ? 3600 : 60;
@@ -97,6 +140,7 @@ export function frame(width, height, time, value) {
     top,
     bottom: height - bottom,
     x: (at) => left + (at - time.from) / (time.to - time.from) * inner.width,
+    time: (x) => time.from + (x - left) / inner.width * (time.to - time.from),
     y: (at) => height - bottom - (at - value.low) / (value.high - value.low) * inner.height,
     timeTicks: ticks(time.from, time.to, TICKS_X),
     timeStep: niceStep(time.to - time.from, TICKS_X),

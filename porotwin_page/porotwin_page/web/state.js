@@ -1,6 +1,6 @@
 /* The newest event of the server, and all points of the curves. */
 
-export const POINTS_KEPT = 2000;
+export const POINTS_KEPT = 1440;  // as HISTORY_LENGTH of the server
 
 export class PageState {
   constructor() {
@@ -9,9 +9,11 @@ export class PageState {
     this.firstPoint = 0;  // number of points[0] in the server's count
   }
 
-  /* Takes an event. Its history replaces all points from number `begin` on. */
+  /* Takes an event. Its history replaces all points from number `begin` on; its panels are those
+     that changed. */
   receive(event) {
-    this.event = event;
+    const known = this.event && this.event.run === event.run ? this.event.panels : {};
+    this.event = { ...event, panels: { ...known, ...event.panels } };
     const history = event.history;
     if (history.reset) {
       this.points = [];

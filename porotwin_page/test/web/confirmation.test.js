@@ -1,13 +1,13 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { CHANGE_GUARD_MS, Confirmation } from '../../porotwin_page/web/confirmation.js';
+import { allRates, CHANGE_GUARD_MS, Confirmation, netRate } from '../../porotwin_page/web/confirmation.js';
 
 const well = (name, rate_ml_h, changed = true) => ({ name, rate_ml_h, changed });
 
 function setpoint(rate, properties = {}) {
   return {
-    sequence: 7, remaining_s: 60, confirmed: false, wells: [well('control1', rate)], ...properties,
+    sequence: 7, remaining_s: 60, confirmed: false, expired: false, safe: false, wells: [well('control1', rate)], ...properties,
   };
 }
 
@@ -23,8 +23,8 @@ class Setup {
     });
   }
 
-  button(shown, lost = false) {
-    return this.confirmation.button(shown, lost);
+  button(shown, state) {
+    return this.confirmation.button(shown, state);
   }
 }
 
@@ -49,14 +49,32 @@ test('a confirmed setpoint may be confirmed again', () => {
   assert.equal(button.disabled, false);
 });
 
-test('an expired setpoint makes the button late', () => {
+test('an expired setpoint makes the button late, but not that of the safe rates', () => {
   const setup = new Setup();
-  assert.equal(setup.button(setpoint(120, { remaining_s: 0 })).late, true);
-  assert.equal(setup.button(setpoint(120, { remaining_s: null })).late, false);
+  assert.equal(setup.button(setpoint(120, { expired: true })).late, true);
+  assert.equal(setup.button(setpoint(120)).late, false);
+  const safe = setup.button(setpoint(0, { expired: true, safe: true }));
+  assert.equal(safe.late, false);
+  assert.deepEqual(safe.words, ['I have set these', 'safe rates: control1']);
 });
 
-test('without a connection nothing can be confirmed', () => {
-  assert.equal(new Setup().button(setpoint(120), true).disabled, true);
+test('without a connection or a token nothing can be confirmed', () => {
+  assert.equal(new Setup().button(setpoint(120), { lost: true }).disabled, true);
+  assert.equal(new Setup().button(setpoint(120), { token: false }).disabled, true);
+});
+
+test('numbers that were entered are named on the button, also where nothing was to set', () => {
+  const calm = setpoint(120, { wells: [well('control1', 120, false)] });
+  const button = new Setup().button(calm, { entered: 2 });
+  assert.deepEqual(button.words, ['Done', 'with your numbers']);
+  assert.equal(button.calm, false);
+});
+
+test('empty fields stand for the shown rates', () => {
+  const shown = setpoint(0, { wells: [well('control1', 120), well('producer', -620)] });
+  const rates = allRates(shown, { control1: 0 });
+  assert.deepEqual(rates, { control1: 0, producer: -620 });
+  assert.equal(netRate(rates), -620);
 });
 
 test('new rates block the button for a moment', async () => {
@@ -64,7 +82,7 @@ test('new rates block the button for a moment', async () => {
   setup.confirmation.show(setpoint(120));
   assert.equal(setup.confirmation.guarded, false);
   setup.confirmation.show(setpoint(130));
-  assert.equal(setup.button(setpoint(130)).words[0], 'New setpoint');
+  assert.equal(setup.button(setpoint(130)).words[0], 'New rates');
   assert.equal(await setup.confirmation.send(setpoint(130), {}, assert.fail), false);
   const [[refresh, delay]] = setup.calls;
   assert.ok(delay > CHANGE_GUARD_MS);
@@ -81,7 +99,7 @@ test('the same rates do not block the button', () => {
   assert.equal(setup.confirmation.guarded, false);
 });
 
-test('a confirmation sends the setpoint and the rates that differ', async () => {
+test('a confirmation sends the setpoint and the rates of all wells', async () => {
   const setup = new Setup();
   const sent = [];
   const post = async (body) => {
@@ -90,7 +108,8 @@ test('a confirmation sends the setpoint and the rates that differ', async () => 
     return { message: 'setpoint 7 confirmed' };
   };
   assert.equal(await setup.confirmation.send(setpoint(120), { control1: 118.5 }, post), true);
-  assert.deepEqual(sent, [{ sequence: 7, rates_ml_h: { control1: 118.5 } }]);
+  assert.deepEqual(sent,
+    [{ sequence: 7, orders: 'setpoint', rates_ml_h: { control1: 118.5 } }]);
   assert.deepEqual(setup.confirmation.answer, { level: 'ok', text: 'setpoint 7 confirmed' });
 });
 
@@ -101,4 +120,35 @@ test('a refusal is shown, and the button works again', async () => {
   assert.deepEqual(setup.confirmation.answer,
     { level: 'error', text: 'Not confirmed: nobody receives confirmations' });
   assert.equal(setup.button(setpoint(120)).disabled, false);
+});
+
+test('a question blocks the button; a yes sends the same rates again', async () => {
+  const setup = new Setup();
+  const sent = [];
+  const post = async (body) => {
+    sent.push(body);
+    return body.sure ? { message: 'setpoint 7 confirmed' } : { question: 'Not balanced. Sure?' };
+  };
+  assert.equal(await setup.confirmation.send(setpoint(120), {}, post), false);
+  assert.equal(setup.confirmation.question.text, 'Not balanced. Sure?');
+  assert.equal(setup.button(setpoint(120)).disabled, true);
+  assert.equal(await setup.confirmation.decide(true, post), true);
+  assert.deepEqual(sent[1], { ...sent[0], sure: true });
+  assert.equal(setup.confirmation.question, null);
+});
+
+test('a no records nothing, and the button works again', async () => {
+  const setup = new Setup();
+  await setup.confirmation.send(setpoint(120), {}, async () => ({ question: 'Sure?' }));
+  assert.equal(await setup.confirmation.decide(false, assert.fail), false);
+  assert.match(setup.confirmation.answer.text, /correct the rates/);
+  assert.equal(setup.button(setpoint(120)).disabled, false);
+});
+
+test('new rates withdraw the question', async () => {
+  const setup = new Setup();
+  setup.confirmation.show(setpoint(120));
+  await setup.confirmation.send(setpoint(120), {}, async () => ({ question: 'Sure?' }));
+  setup.confirmation.show(setpoint(130));
+  assert.equal(setup.confirmation.question, null);
 });

@@ -48,4 +48,6 @@ test('the time since the start is shown for absolute stamps only', () => {
   assert.equal(afterStart(1.7e9 + 90, 1.7e9), 'after 1.5 min');
   assert.equal(afterStart(90, 0), '');
   assert.equal(afterStart(1.7e9, null), '');
+  assert.equal(afterStart(1.7e9, 3600), '');
+  assert.equal(afterStart(1.7e9, 1.8e9), '');
 });

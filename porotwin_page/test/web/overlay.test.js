@@ -29,6 +29,13 @@ test('labels of wells at the right edge lie on their left', () => {
   assert.deepEqual(labels.map(([, attributes]) => attributes['text-anchor']), ['start', 'end']);
 });
 
+test('a label that would leave a narrow map lies on the other side', () => {
+  const rig = { ...RIG, wells: [{ name: 'producer', x_m: 0.66, z_m: 0.1 }] };
+  const side = (width) => overlayShapes(rig, { producer: -742 }, { ...SIZE, width, labelled: true })
+    .find(([, , text]) => text === 'producer')[1]['text-anchor'];
+  assert.deepEqual([side(350), side(300), side(1000)], ['start', 'end', 'start']);
+});
+
 test('the outline of the zone stays inside the picture', () => {
   const [, { points }] = shapes(false).find(([name]) => name === 'polygon');
   assert.equal(points, '2,40 398,40 398,2 2,2');

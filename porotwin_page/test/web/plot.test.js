@@ -2,7 +2,8 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 import {
-  asSteps, curvePath, curvesOf, frame, niceStep, ticks, tickText, timeAxis, valueAxis,
+  asSteps, curvePath, curvesOf, frame, mainStretch, nearestIndex, niceStep, ticks, tickText, timeAxis,
+  valueAxis,
 } from '../../porotwin_page/web/plot.js';
 
 const same = (value) => value;
@@ -55,6 +56,39 @@ test('a history that was cut begins at its first point', () => {
   assert.equal(timeAxis([{ time_s: 600 }, { time_s: 1200 }], 0, true).from, 10);
 });
 
+const every30s = (first, count) => (
+  Array.from({ length: count }, (_, i) => ({ time_s: first + 30 * i })));
+
+test('photographs with wrong times do not stretch the axis', () => {
+  const now = 1.8e9;
+  const good = every30s(now, 10);
+  const old = { time_s: 3600 };
+  const future = { time_s: 2.1e9 };
+  assert.deepEqual(mainStretch([...good.slice(0, 5), old, ...good.slice(5)]), good);
+  assert.deepEqual(mainStretch([old, ...good]), good);
+  assert.deepEqual(mainStretch([...good, old]), good);
+  assert.deepEqual(mainStretch([...good.slice(0, 7), future, ...good.slice(7)]), good);
+  assert.deepEqual(mainStretch([]), []);
+  assert.equal(timeAxis(good, 3600, false).start, now);
+});
+
+test('a clock that was set is a new stretch after some photographs', () => {
+  const before = every30s(1.8e9, 10);
+  const after = every30s(1.7e9, 3);
+  assert.deepEqual(mainStretch([...before, ...after.slice(0, 2)]), before);
+  assert.deepEqual(mainStretch([...before, ...after]), after);
+});
+
+test('a night without photographs is no wrong clock', () => {
+  const points = [...every30s(1.8e9, 5), ...every30s(1.8e9 + 12 * 3600, 5)];
+  assert.deepEqual(mainStretch(points), points);
+});
+
+test('the nearest time is found', () => {
+  assert.deepEqual([nearestIndex([0, 1, 2], 1.4), nearestIndex([0, 1, 2], 9), nearestIndex([], 1)],
+    [1, 2, -1]);
+});
+
 test('the value axis contains zero and ends at ticks', () => {
   const axis = valueAxis([3, 7]);
   assert.deepEqual([axis.low, axis.high], [0, 10]);
@@ -65,6 +99,7 @@ test('the value axis contains zero and ends at ticks', () => {
 test('the frame maps the ranges to pixels', () => {
   const box = frame(300, 200, { from: 0, to: 10 }, { low: 0, high: 1 });
   assert.deepEqual([box.x(0), box.x(10)], [box.left, box.right]);
+  assert.equal(box.time(box.x(4)), 4);
   assert.deepEqual([box.y(0), box.y(1)], [box.bottom, box.top]);
 });
 

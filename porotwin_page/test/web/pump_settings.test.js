@@ -1,10 +1,13 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { action, pageTitle, validityText } from '../../porotwin_page/panels/pump_settings.js';
+import {
+  action, later, netText, pageTitle, safeTitle, validityText,
+} from '../../porotwin_page/panels/pump_settings.js';
 
 const setpoint = (properties) => ({
-  pumps_report: false, confirmed: false, remaining_s: 80, wells: [{ changed: true }], ...properties,
+  sequence: 7, pumps_report: false, confirmed: false, expired: false, safe: false, doubt: '',
+  remaining_s: 80, wells: [{ changed: true }], ...properties,
 });
 
 test('a well is described by the sign of its rate and its fluid', () => {
@@ -18,15 +21,35 @@ test('a well is described by the sign of its rate and its fluid', () => {
 test('the title counts the pumps to set', () => {
   assert.equal(pageTitle(setpoint()), '(1) set the pumps · PoroTwin');
   for (const done of [null, setpoint({ confirmed: true }), setpoint({ pumps_report: true }),
-    setpoint({ wells: [{ changed: false }] })]) {
+    setpoint({ wells: [{ changed: false }] }), setpoint({ doubt: 'from elsewhere' })]) {
     assert.equal(pageTitle(done), 'PoroTwin');
   }
 });
 
-test('the validity counts down and tells the consequence of its end', () => {
+test('the validity counts down and tells the time since its end', () => {
   assert.equal(validityText(setpoint()), 'valid for 1:20 min');
-  assert.equal(validityText(setpoint({ remaining_s: -10 })),
-    'expired 10 s ago: switch the control wells off');
-  assert.equal(validityText(setpoint({ remaining_s: -10, pumps_report: true })),
-    'expired 10 s ago: the rig is at its safe rates');
+  assert.equal(validityText(setpoint({ remaining_s: -10 })), 'expired 10 s ago');
+});
+
+test('after the end all wells are to be set, and nothing green hides it', () => {
+  const expired = (properties) => safeTitle(setpoint({ expired: true, ...properties }));
+  assert.equal(safeTitle(setpoint()), '');
+  assert.match(expired({ safe: true }), /Set the safe rates, at every well:$/);
+  assert.match(expired({ safe: true, confirmed: true }), /The safe rates are set\.$/);
+  assert.match(expired({ safe: true, wells: [{ changed: false }] }), /are set\.$/);
+  assert.match(expired({ pumps_report: true }), /The rig is at its safe rates\.$/);
+  assert.match(expired({}), /not known: rig\.yaml has no control section\.$/);
+  assert.equal(expired({ doubt: 'from elsewhere' }), '');
+});
+
+test('the validity goes on without a connection', () => {
+  assert.equal(later(setpoint(), 30).remaining_s, 50);
+  assert.equal(later(setpoint({ remaining_s: null }), 30).remaining_s, null);
+  assert.match(validityText(later(setpoint(), 90), true), /not connected: do not follow/);
+  assert.match(validityText(setpoint(), true), /valid for 1:20 min, but not connected/);
+});
+
+test('the sum of rates is told when it does not balance', () => {
+  assert.match(netText({ injector: 500, producer: -500.1 }), /The rates balance/);
+  assert.match(netText({ injector: 850, producer: -500 }), /\+350\.0 ml\/h, not balanced/);
 });

@@ -3,7 +3,8 @@ import { test } from 'node:test';
 
 import { PageState, POINTS_KEPT } from '../../porotwin_page/web/state.js';
 
-const event = (begin, points, reset = false) => ({ history: { reset, begin, points } });
+const event = (begin, points, reset = false, panels = {}, run = 'a') => (
+  { run, panels, history: { reset, begin, points } });
 
 test('new points replace all points from their number on', () => {
   const state = new PageState();
@@ -31,9 +32,11 @@ test('the number of points is bounded', () => {
   assert.equal(state.points[POINTS_KEPT - 1], 'newest');
 });
 
-test('the newest event is kept', () => {
+test('panels that did not change are kept, but not those of another server', () => {
   const state = new PageState();
-  const newest = event(0, []);
-  state.receive(newest);
-  assert.equal(state.event, newest);
+  state.receive(event(0, [], true, { one: 1, two: 2 }));
+  state.receive(event(0, [], false, { two: 3 }));
+  assert.deepEqual(state.event.panels, { one: 1, two: 3 });
+  state.receive(event(0, [], true, { one: 4 }, 'b'));
+  assert.deepEqual(state.event.panels, { one: 4 });
 });

@@ -1,0 +1,103 @@
+"""Rates of a running experiment in a table of fixed size: memory does not grow with time."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRate, WellRates, mean_rates
+
+MOST_ROWS = 4096
+"""Rows of the table: setpoints and measurements every 30 s for 17 hours. Beyond it the older half
+is replaced by mean rates over pairs of rows, which keep the volumes of water and tracer."""
+
+
+class RateTable:
+    """Rates of all wells from a time on; commanded by a setpoint, else measured."""
+
+    def __init__(self, wells: Sequence[str], most: int = MOST_ROWS) -> None:
+        """Make an empty table of `most` rows for `wells`."""
+        self._wells = tuple(wells)
+        self._most = most
+        # not zeros: the memory is taken now, so that it does not grow later
+        self._start = np.full(most, np.nan)
+        self._commanded = np.full(most, True)
+        self._values = np.full((most, len(self._wells), 2), np.nan)
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return self._count
+
+    def add(self, start: float, rates: WellRates, *, commanded: bool) -> None:
+        """Add `rates` [m^3/s] that hold from `start` [s] on.
+
+        Raises:
+            InputError: a well is unknown.
+        """
+        unknown = sorted(set(rates) - set(self._wells))
+        if unknown:
+            known = ', '.join(self._wells)
+            raise InputError(f"well '{unknown[0]}' is not in rig.yaml; known: {known}")
+        if self._count == self._most:
+            self._halve_older_half()
+        self._put(self._count, start, rates, commanded)
+        self._count += 1
+
+    def drop_commanded(self, start: float, end: float) -> None:
+        """Drop the commanded rates from `start` to `end` [s]."""
+        times = self._start[: self._count]
+        inside = self._commanded[: self._count] & (start <= times) & (times <= end)
+        self._keep(np.flatnonzero(~inside))
+
+    def begin_anew(self, start: float) -> None:
+        """Drop all rows but the last one, which holds from `start` [s] on."""
+        self._keep(np.arange(max(self._count - 1, 0), self._count))
+        self._start[: self._count] = start
+
+    def rows(self) -> Iterator[tuple[float, dict[str, WellRate]]]:
+        """Yield the time [s] and the rates of every row, in the order of their arrival."""
+        for row in range(self._count):
+            yield float(self._start[row]), self._rates(row)
+
+    def _rates(self, row: int) -> dict[str, WellRate]:
+        return {
+            name: WellRate(float(rate), float(concentration))
+            for name, (rate, concentration) in zip(self._wells, self._values[row], strict=True)
+            if not np.isnan(rate)
+        }
+
+    def _put(self, row: int, start: float, rates: WellRates, commanded: bool) -> None:
+        self._start[row], self._commanded[row] = start, commanded
+        self._values[row] = np.nan
+        for name, well in rates.items():
+            self._values[row, self._wells.index(name)] = well.rate, well.concentration
+
+    def _keep(self, rows: NDArray[np.intp]) -> None:
+        count = len(rows)
+        for column in (self._start, self._commanded, self._values):
+            column[:count] = column[rows]
+        self._count = count
+
+    def _halve_older_half(self) -> None:
+        """Replace pairs of rows of the older half by their mean rates."""
+        self._keep(np.argsort(self._start[: self._count], kind='stable'))
+        half = self._count // 4 * 2
+        for pair, first in enumerate(range(0, half, 2)):
+            commanded = bool(self._commanded[first : first + 2].all())
+            start = float(self._start[first])
+            self._put(pair, start, self._mean_of_two(first), commanded)
+        kept = np.concatenate([np.arange(half // 2), np.arange(half, self._count)])
+        self._keep(kept)
+
+    def _mean_of_two(self, first: int) -> WellRates:
+        """Return the mean rates of row `first` and the next one."""
+        edges = [float(time) for time in self._start[first : first + 3]]
+        periods = [
+            (low, high, self._rates(first + number))
+            for number, (low, high) in enumerate(itertools.pairwise(edges))
+            if high > low
+        ]
+        return mean_rates(periods) if periods else self._rates(first + 1)

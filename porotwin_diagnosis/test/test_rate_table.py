@@ -1,0 +1,57 @@
+"""Tests of the table of rates: what is kept, and what is averaged when it is full."""
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import Schedule, WellRate
+from porotwin_diagnosis.data.rate_table import RateTable
+
+WELLS = ('injector', 'producer')
+
+
+def injecting(rate: float) -> dict[str, WellRate]:
+    return {'injector': WellRate(rate, 0.5)}
+
+
+def test_rows_come_back_in_their_order():
+    table = RateTable(WELLS)
+    table.add(30.0, injecting(1e-7), commanded=True)
+    table.add(0.0, {}, commanded=False)
+    assert list(table.rows()) == [(30.0, injecting(1e-7)), (0.0, {})]
+
+
+def test_measured_rates_replace_setpoints_of_their_interval():
+    table = RateTable(WELLS)
+    for start, commanded in ((0.0, True), (30.0, True), (45.0, False), (90.0, True)):
+        table.add(start, injecting(1e-7), commanded=commanded)
+    table.drop_commanded(30.0, 60.0)
+    assert [start for start, _ in table.rows()] == [0.0, 45.0, 90.0]
+
+
+def test_the_last_rates_stay_in_force_in_a_new_run():
+    table = RateTable(WELLS)
+    table.begin_anew(5.0)
+    assert len(table) == 0
+    table.add(30.0, injecting(1e-7), commanded=True)
+    table.add(60.0, injecting(2e-7), commanded=True)
+    table.begin_anew(10.0)
+    assert list(table.rows()) == [(10.0, injecting(2e-7))]
+
+
+def test_a_full_table_keeps_volumes_and_the_newest_rates():
+    table, rates = RateTable(WELLS, 16), [1e-7 * (n % 5) for n in range(100)]
+    for number, rate in enumerate(rates):
+        table.add(30.0 * number, injecting(rate), commanded=True)
+    assert len(table) <= 16
+    schedule = Schedule.from_rates(table.rows())
+    volume = sum(
+        (high - low) * found['injector'].rate
+        for low, high, found in schedule.intervals(0.0, 3000.0)
+    )
+    assert volume == pytest.approx(30.0 * sum(rates))
+    assert [found['injector'].rate for _, found in list(table.rows())[-5:]] == rates[-5:]
+
+
+def test_an_unknown_well_is_refused():
+    with pytest.raises(InputError, match=r"well 'pump' is not in rig.yaml; known: injector, prod"):
+        RateTable(WELLS).add(0.0, {'pump': WellRate()}, commanded=True)

@@ -1,0 +1,12 @@
+"""What is wrong with the publishers of setpoints, in red."""
+
+from porotwin_page.graph_snapshot import GraphSnapshot
+from porotwin_page.panel import LinesPanel, Moment, Region
+
+
+def alarms(snapshot: GraphSnapshot, _: Moment) -> list[str]:
+    """Return the line, if there is one."""
+    return [snapshot.alarm] if snapshot.alarm else []
+
+
+PANEL = LinesPanel(title='', region=Region.ACTIONS, order=1, lines=alarms)

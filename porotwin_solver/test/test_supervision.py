@@ -1,0 +1,61 @@
+"""Tests of the bounds of a prediction: its length, its cost, and the check between its steps."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRate
+from porotwin_solver.model import Model
+from porotwin_solver.supervision import Supervision
+
+
+def test_a_prediction_longer_than_allowed_is_refused_at_once(rig, rates) -> None:
+    model = Model(rig, rig.grid(31, 19), preset='fast', supervision=Supervision(longest_s=3600.0))
+    state = model.initial_condition()
+    for ask in (
+        lambda: model.predict(state, rates, 1e12),
+        lambda: model.residual(state, state, rates, 1e12),
+        lambda: model.correct(state, state, rates, 1e12),
+    ):
+        with pytest.raises(InputError, match=r'over 1e\+12 s: the longest one is 3600 s'):
+            ask()
+
+
+@pytest.mark.parametrize('rate', [1e-3, 1e300])
+def test_a_costly_prediction_is_refused_with_its_estimate(rig, rate: float) -> None:
+    model = Model(
+        rig, rig.grid(31, 19), preset='fast', supervision=Supervision(most_cell_updates=1e6)
+    )
+    flood = {'injector': WellRate(rate, 1.0), 'producer': WellRate(-rate)}
+    with pytest.raises(InputError, match=r'cell updates, about .* minutes'):
+        model.predict(model.initial_condition(), flood, 600.0)
+
+
+def test_the_check_is_called_between_steps_and_changes_no_bit(rig, rates) -> None:
+    calls = []
+    watched = Model(
+        rig,
+        rig.grid(31, 19),
+        preset='fast',
+        supervision=Supervision(check=lambda: calls.append(None)),
+    )
+    state = np.random.default_rng(1).random((19, 31))
+    expected = Model(rig, rig.grid(31, 19), preset='fast').predict(state, rates, 600.0)
+    assert watched.predict(state, rates, 600.0).tobytes() == expected.tobytes()
+    assert len(calls) == 10
+
+
+def test_a_check_that_raises_ends_the_prediction_and_the_next_one_is_right(rig, rates) -> None:
+    stop = [True]
+
+    def check() -> None:
+        if stop:
+            raise KeyboardInterrupt
+
+    model = Model(rig, rig.grid(31, 19), preset='fast', supervision=Supervision(check=check))
+    state = np.random.default_rng(1).random((19, 31))
+    with pytest.raises(KeyboardInterrupt):
+        model.predict(state, rates, 600.0)
+    stop.clear()
+    expected = Model(rig, rig.grid(31, 19), preset='fast').predict(state, rates, 600.0)
+    assert model.predict(state, rates, 600.0).tobytes() == expected.tobytes()
