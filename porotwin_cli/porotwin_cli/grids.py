@@ -1,15 +1,10 @@
 """The grid that a user chooses with --grid, and the cost of computing on it."""
 
-import logging
-
 from porotwin_cli.terminal import say
-from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
-from porotwin_core.rig.grid_oddities import remarks_about_grid
+from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_solver.prediction_cost import PredictionCost, in_words
-
-LOG = logging.getLogger('porotwin')
 
 LONG_S = 20.0
 """Expected time of a work above which a command tells it before it begins [s]."""
@@ -23,14 +18,7 @@ def grid_of(text: str, rig: Rig) -> Grid:
     Raises:
         InputError: the text is no grid, or the grid cannot be computed.
     """
-    if not text:
-        return rig.default_grid()
-    grid = Grid.parse(text, rig.width_m, rig.height_m)
-    for remark in remarks_about_grid(grid, rig):
-        if remark.refused:
-            raise InputError(str(remark))
-        LOG.warning('%s', remark)
-    return grid
+    return chosen_grid(text, rig) if text else rig.default_grid()
 
 
 def tell_cost(cost: PredictionCost, work: str, times: int = 1) -> None:

@@ -26,6 +26,7 @@ from porotwin_core.node_health import NodeHealth
 from porotwin_core.parameter_rule import ParameterRule
 from porotwin_core.parent import REFUSAL, WRONG_PARAMETERS, end_with_parent
 from porotwin_core.rig import Rig, load_rig
+from porotwin_core.rig.grid_oddities import chosen_grid
 from porotwin_core.ros_environment import check_environment
 
 DIAGNOSTICS = '/diagnostics'
@@ -129,10 +130,10 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
     The default has square cells of about 5 mm.
 
     Raises:
-        InputError: the parameter is not of the form 187x112.
+        InputError: the parameter is not of the form 187x112, or the grid cannot be computed.
     """
     text = declare(node, 'grid', str(rig.default_grid()), 'columns x rows of the maps')
-    return Grid.parse(text, rig.width_m, rig.height_m)
+    return chosen_grid(text, rig)
 
 
 class Diagnostics:

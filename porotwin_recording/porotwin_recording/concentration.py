@@ -28,6 +28,10 @@ PACKED_NAN = 255
 LARGEST_DIMENSION = 10_000_000
 """Largest size of a dimension: photographs of ten years at one per half minute."""
 
+
+_OTHER_UNITS = {'ms', 'min', 'minute', 'minutes', 'h', 'hour', 'hours', 'd', 'days', 'mm', 'cm'}
+"""Units of coordinates that a reader would take for s or m."""
+
 _MAPS_AT_ONCE = 16
 """Maps in memory during iteration: 14 MB at 750 x 300 cells."""
 
@@ -159,7 +163,11 @@ def _variable(
 
 
 def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.float64]:
-    values = _variable(dataset, path, name, (name,))[:]
+    variable = _variable(dataset, path, name, (name,))
+    unit, needed = str(getattr(variable, 'units', '')).strip(), 's' if name == 'time' else 'm'
+    if unit in _OTHER_UNITS:
+        raise InputError(f"{path}: the units of {name} are '{unit}'; write {name} in {needed}")
+    values = variable[:]
     filled: NDArray[np.float64] = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
     if filled.size == 0:
         raise InputError(f'{path}: {name} is empty; there is no map in it')

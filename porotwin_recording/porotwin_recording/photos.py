@@ -52,7 +52,10 @@ def _photo(words: list[str], where: str, folder: Path) -> Photo:
         raise InputError(f"{where}: path '{name}' leaves the folder; name a file inside it")
     path = folder / name
     if not path.is_file():
-        raise InputError(f"{where}: photograph '{name}' is not there; add it or remove the line")
+        slash = ', with / between folders' if '\\' in name else ''
+        raise InputError(
+            f"{where}: photograph '{name}' is not there; add it or remove the line{slash}"
+        )
     return Photo(time, role, name, path.read_bytes, path)  # type: ignore[arg-type]
 
 

@@ -231,3 +231,13 @@ def test_packed_maps_come_back_as_the_same_values(tmp_path: Path) -> None:
         nc.append(0.0, np.linspace(0, 1, 48).reshape(grid.shape))
     import_experiment(tmp_path / 'packed', tmp_path / 'run')
     assert_same(open_recording(tmp_path / 'run'), open_recording(tmp_path / 'packed'))
+
+
+def test_a_rig_of_sands_travels_through_a_bag_and_back(tmp_path: Path) -> None:
+    shipped = Path(__file__).resolve().parents[2] / 'rigs' / 'two_sands'
+    import_experiment(shipped, tmp_path / 'run.mcap')
+    export_bag(tmp_path / 'run.mcap', tmp_path / 'again')
+    first, again = (open_recording(path).rig for path in (shipped, tmp_path / 'again'))
+    assert again.physics_fingerprint == first.physics_fingerprint
+    for quantity in ('porosity', 'permeability_m2'):
+        np.testing.assert_array_equal(again.nominal_map(quantity), first.nominal_map(quantity))

@@ -101,3 +101,11 @@ def test_a_map_file_without_concentration_is_named(path: Path) -> None:
         dataset.createDimension('time', 1)
     with pytest.raises(InputError, match="has no variable 'concentration'"):
         read(path)
+
+
+@pytest.mark.parametrize(('name', 'unit'), [('time', 'min'), ('x', 'mm')])
+def test_coordinates_in_other_units_are_named(path: Path, name: str, unit: str) -> None:
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset[name].units = unit
+    with pytest.raises(InputError, match=f"units of {name} are '{unit}'"):
+        read(path)

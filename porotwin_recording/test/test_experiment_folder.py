@@ -10,6 +10,7 @@ from recording_examples import (
     SHARED,
     bench_experiment,
     bench_rig,
+    controlled_rig,
     random_maps,
     two_photos,
 )
@@ -112,3 +113,18 @@ def test_random_damage_is_named_in_one_line(tmp_path: Path, name: str) -> None:
             assert recording.concentration.shape[1:] == recording.grid.shape
         except InputError as error:
             assert '\n' not in str(error)
+
+
+def test_impossible_rates_are_refused_and_odd_ones_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_folder(tmp_path, RecordedData(controlled_rig()))
+    for rate, refused in (('5.6e-8', True), ('20000', False)):
+        rows = f'time_s,well,rate_ml_h,concentration\n0,in,{rate},1\n'
+        (tmp_path / 'rates.csv').write_text(rows)
+        if refused:
+            with pytest.raises(InputError, match='was this in m3/s'):
+                read_folder(tmp_path)
+        else:
+            assert read_folder(tmp_path).commanded is not None
+            assert 'well in is 20000 ml/h' in caplog.text

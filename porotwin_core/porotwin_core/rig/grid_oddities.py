@@ -1,14 +1,19 @@
 """Looks for grids that cannot be computed, or that do not resolve a rig."""
 
 import itertools
+import logging
 import math
 from collections.abc import Iterator
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig.description import Rig
+
+LOG = logging.getLogger('porotwin')
+"""Receives a warning for every odd grid."""
 
 MOST_CELLS = 1_000_000
 """Most cells of a grid: minutes for one prediction, gigabytes for the factorised flow."""
@@ -24,6 +29,22 @@ SMALLEST_CELL_M = 2e-4
 
 LEAST_CELLS_BETWEEN = 3
 """Fewest cells between two wells, and across a zone, that resolve the plume there."""
+
+
+def chosen_grid(text: str, rig: Rig) -> Grid:
+    """Return the grid called `text`, such as 187x112, over `rig`.
+
+    A grid that is odd for this rig is logged as a warning.
+
+    Raises:
+        InputError: the text is no grid, or the grid cannot be computed.
+    """
+    grid = Grid.parse(text, rig.width_m, rig.height_m)
+    for remark in remarks_about_grid(grid, rig):
+        if remark.refused:
+            raise InputError(str(remark))
+        LOG.warning('%s', remark)
+    return grid
 
 
 def remarks_about_grid(grid: Grid, rig: Rig) -> tuple[Remark, ...]:

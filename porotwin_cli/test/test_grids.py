@@ -1,0 +1,29 @@
+"""Tests of --grid and of the time that a command tells before long work."""
+
+import pytest
+
+from porotwin_cli.grids import grid_of, tell_cost
+from porotwin_cli.workspace import small_rig
+from porotwin_core.errors import InputError
+from porotwin_core.rig import load_rig
+from porotwin_solver.prediction_cost import prediction_cost
+
+RIG = load_rig(small_rig())
+
+
+def test_without_a_text_the_cells_measure_5_mm() -> None:
+    assert str(grid_of('', RIG)) == '187x112'
+
+
+def test_a_grid_that_cannot_be_computed_is_refused_with_a_better_one() -> None:
+    with pytest.raises(InputError, match='187x112 has square cells of 5 mm'):
+        grid_of('100000x5', RIG)
+
+
+@pytest.mark.parametrize(('times', 'told'), [(1, False), (1_000_000, True)])
+def test_long_work_is_told_before_it_begins(
+    times: int, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cost = prediction_cost(RIG, RIG.default_grid(), duration=30.0)
+    tell_cost(cost, 'training pairs', times)
+    assert ('training pairs: 20,944 cells, about' in capsys.readouterr().err) is told
