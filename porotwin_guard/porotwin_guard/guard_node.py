@@ -143,7 +143,9 @@ class GuardNode(Node):
             return
         self._health = (level, text)
         self._diagnostics.report(level, text)
-        if level != DiagnosticStatus.OK:
+        if level == DiagnosticStatus.WARN:
+            self.get_logger().warning(text)
+        elif level == DiagnosticStatus.ERROR:
             self.get_logger().error(text)
 
 
