@@ -46,7 +46,7 @@ MOST_WAITING = 4
 """Requests that may wait while another one works: the graph has three clients."""
 
 THREADS = MOST_WAITING + 3
-"""One thread works, some wait, one answers `solver/cancel`, and one refuses what is too much."""
+"""One thread works, some wait, one answers `solver/cancel`, and one refuses a request too many."""
 
 DAY_S = 86400.0
 """Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""

@@ -1,4 +1,4 @@
-"""What bounds a prediction: its length, its cost, and a check between its steps."""
+"""The bounds of a prediction: its length, its cost, and a check between its steps."""
 
 import math
 from collections.abc import Callable
