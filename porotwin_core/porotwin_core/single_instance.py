@@ -64,8 +64,8 @@ class Claim:
 def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
     """Return `make_node` behind a check that no other node `name` lives in the domain.
 
-    Use it in `main`: `run(only_one(SolverNode, 'solver'))`. What it returns raises InputError if
-    there is one, and waits for one that has just died.
+    Use it in `main`: `run(only_one(SolverNode, 'solver'))`. The result raises InputError if
+    there is one; it waits for a node that has just died.
     """
 
     def make() -> Node:

@@ -1,4 +1,4 @@
-"""Tests of the table of rates: what is kept, and what is averaged when it is full."""
+"""Tests of the table of rates: rows that are kept, and rows that are averaged."""
 
 import pytest
 

@@ -39,7 +39,7 @@ STAMP_RESOLUTION_S = 1e-3
 """Stamps closer than this [s] are the same stamp."""
 
 
-class Judgement(NamedTuple):
+class StampJudgement(NamedTuple):
     """What is believed about the time of a photograph.
 
     `age` is its age [s] on arrival. `doubt` says why its stamp is not believed, in one line; it is
@@ -50,7 +50,7 @@ class Judgement(NamedTuple):
     doubt: str = ''
 
 
-IN_TIME = Judgement(0.0)
+IN_TIME = StampJudgement(0.0)
 """The judgement in simulated time, which waits for the twin: no photograph is late."""
 
 
@@ -94,7 +94,7 @@ class PhotographClock:
         self._evidence: deque[tuple[float, float]] = deque(maxlen=REMEMBERED_STAMPS // 1000)
         """Stamps and latenesses [s] of the photographs since the last fresh one."""
 
-    def judge(self, stamp: float, arrival: float) -> Judgement:
+    def judge(self, stamp: float, arrival: float) -> StampJudgement:
         """Return what is believed about a photograph.
 
         Args:
@@ -103,7 +103,7 @@ class PhotographClock:
                 wrong as the camera's.
         """
         if self._is_repeated(stamp):
-            return Judgement(0.0, 'its stamp has come before, so the photograph is an old one')
+            return StampJudgement(0.0, 'its stamp has come before, so the photograph is an old one')
         late = arrival - stamp
         doubt = self._doubt(stamp, late, arrival)
         if not doubt and late - self._behind <= self.most_age:
@@ -118,7 +118,7 @@ class PhotographClock:
             self._evidence.clear()
         if not doubt:
             self._latest = stamp
-        return Judgement(late - self._behind, doubt)
+        return StampJudgement(late - self._behind, doubt)
 
     def _is_repeated(self, stamp: float) -> bool:
         """Return whether `stamp` [s] has come before, and remember it."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from porotwin_core.grid import FloatArray
-from porotwin_hub.freshness import IN_TIME, Judgement
+from porotwin_hub.freshness import IN_TIME, StampJudgement
 from porotwin_hub.rates_in_force import KnownRates
 
 REMEMBERED_STATES = 16
@@ -32,7 +32,7 @@ REMEMBERED_RATES = 1024
 
 Envelope = TypeVar('Envelope')
 
-JudgeFn = Callable[[float, float], Judgement]
+JudgeFn = Callable[[float, float], StampJudgement]
 """Judges the stamp [s] of a photograph from its arrival [s]; see `PhotographClock.judge`."""
 
 
@@ -69,7 +69,7 @@ class ReadyState(Generic[Envelope]):
 
     state: ArrivedState[Envelope]
     arrival: float
-    judgement: Judgement = IN_TIME
+    judgement: StampJudgement = IN_TIME
     known: tuple[KnownRates, ...] = ()
     interruptions: tuple[str, ...] = ()
     skipped: int = 0
@@ -193,7 +193,7 @@ class Inbox(Generic[Envelope]):
     def _judged(self, state: ArrivedState[Envelope]) -> ReadyState[Envelope]:
         arrival = self.now()
         if state.doubt:
-            return ReadyState(state, arrival, Judgement(0.0, state.doubt))
+            return ReadyState(state, arrival, StampJudgement(0.0, state.doubt))
         if self._judge is None:
             return ReadyState(state, arrival)
         return ReadyState(state, arrival, self._judge(state.stamp, arrival))

@@ -38,8 +38,8 @@ SAME_TIME_S = 0.5
 
 
 LONGEST_GAP_INTERVALS = 10
-"""Photo intervals without a state after which the next one does not follow from the last: nothing
-is predicted over a longer time. A few lost photographs are no interruption."""
+"""Longest time between two states in photo intervals. After a longer one the sequence begins anew,
+and nothing is predicted over it. A few lost photographs are no interruption."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Tests of service calls: what the hub no longer waits for is cancelled."""
+"""Tests of service calls: a call that takes too long is cancelled."""
 
 import threading
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Tests of the door: what the hub lets in, and the line for what it refuses."""
+"""Tests of the door: states and rates that the hub lets in, and the line for a refused one."""
 
 import math
 from typing import Any

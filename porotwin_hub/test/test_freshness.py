@@ -150,7 +150,7 @@ def test_a_clock_that_drifts_keeps_control() -> None:
 
 @dataclass(frozen=True)
 class Stretch:
-    """What happens to `count` photographs: `kind`, and the `pause` [s] after some of them."""
+    """The fate of `count` photographs: its `kind`, and the `pause` [s] after some of them."""
 
     kind: str
     count: int

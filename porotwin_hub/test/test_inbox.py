@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.wells import WellRate
-from porotwin_hub.freshness import IN_TIME, Judgement
+from porotwin_hub.freshness import IN_TIME, StampJudgement
 from porotwin_hub.inbox import REMEMBERED_STATES, WAITING_STATES, ArrivedState, Inbox, ReadyState
 from porotwin_hub.rates_in_force import KnownRates
 
@@ -34,9 +34,9 @@ def inbox(clock: Clock) -> Inbox[str]:
     return Inbox(clock, judge=judge)
 
 
-def judge(stamp: float, _: float) -> Judgement:
+def judge(stamp: float, _: float) -> StampJudgement:
     """Doubt the stamps of a camera whose clock is wrong."""
-    return Judgement(0.0, 'of the future') if stamp > 1e6 else IN_TIME
+    return StampJudgement(0.0, 'of the future') if stamp > 1e6 else IN_TIME
 
 
 def state(sequence: int, stamp: float | None = None) -> ArrivedState[str]:

@@ -46,14 +46,14 @@ MOST_WAITING = 4
 """Requests that may wait while another one works: the graph has three clients."""
 
 THREADS = MOST_WAITING + 3
-"""One thread works, some wait, one answers `solver/cancel`, and one refuses what is too much."""
+"""One thread works, some wait, one answers `solver/cancel`, and one refuses a request too many."""
 
 DAY_S = 86400.0
 """Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""
 
 MOST_CELL_UPDATES = 2e8
-"""Most cell updates of a prediction, unless a parameter changes it: about half a minute. The hub
-waits 20 s; a prediction of ten minutes of the small rig needs 1e6."""
+"""Most cell updates of a prediction, unless a parameter changes it: about 20 s beside a busy
+graph, as long as the hub waits; a prediction of ten minutes of the small rig needs 1e6."""
 
 
 class SolverNode(Node):

@@ -1,4 +1,4 @@
-"""What bounds a prediction: its length, its cost, and a check between its steps."""
+"""The bounds of a prediction: its length, its cost, and a check between its steps."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from porotwin_core.errors import InputError
 
 CELL_UPDATES_PER_S = 1e7
-"""Cell updates of one core per second, measured with both schemes: 0.4e7 to 1.6e7."""
+"""Cell updates of one core per second beside a busy graph; an idle core does up to 1e8."""
 
 
 def _go_on() -> None:
