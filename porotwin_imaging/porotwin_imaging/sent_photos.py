@@ -218,5 +218,5 @@ def _photo_of(line: bytes) -> SentPhoto | None:
         if any(abs(number) >= _LARGEST for number in mark):
             return None
         return SentPhoto(name, digest, mark, stamp, float(fields['correction']), role)
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None
