@@ -147,9 +147,7 @@ class PastStates:
         shown = Map(head['time'], unseen if observed is None else observed, grid, head['number'])
         forecasts = () if forecast is None else (Map(shown.time, forecast, grid, shown.number),)
         rates = {well: WellRate(*pair) for well, pair in head['rates'].items()}
-        unknown = dict.fromkeys(
-            ('prediction_error', 'corrected_error', 'disallowed_tracer', 'cycle_duration'), math.nan
-        )
+        unknown = (math.nan, math.nan, math.nan, math.nan)
         return GraphSnapshot(
             rig=now.rig,
             observed=ObservedState(head['sequence'], shown, arrival=0.0),
@@ -157,7 +155,7 @@ class PastStates:
             corrected=forecasts if head['is_corrected_map'] else (),
             difference=difference,
             setpoints=(Setpoint(0, shown.time, shown.time, rates, ''),) if rates else (),
-            history=(CyclePoint(shown.time, **unknown, corrected=head['corrected']),),
+            history=(CyclePoint(shown.time, *unknown, corrected=head['corrected']),),
             start=now.start,
         )
 
