@@ -46,12 +46,17 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files with slow tests first, those of the whole project above all.
+    """Put long files first, those of the whole project above all.
 
     At the end all workers have short files left.
     """
-    slow = {item.path for item in items if item.get_closest_marker('slow') is not None}
-    items.sort(key=lambda item: (item.path not in slow, item.path.parent != WHOLE_PROJECT))
+    long = {
+        item.path
+        for item in items
+        if item.get_closest_marker('slow') is not None
+        or (item.get_closest_marker('graph') is not None and WHOLE_PROJECT in item.path.parents)
+    }
+    items.sort(key=lambda item: (item.path not in long, WHOLE_PROJECT not in item.path.parents))
 
 
 @pytest.fixture(scope='session')

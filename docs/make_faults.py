@@ -20,14 +20,14 @@ from faults.stage import CYCLES, PHOTO_INTERVAL_S  # noqa: E402
 HEAD = f"""\
 # Faults
 
-Everything here was tried: `./porotwin test` starts a twin, injects one fault after the other, and checks
-the columns of these tables. `docs/make_faults.py` writes this page from that suite (`tests/faults`).
+All of this was tried: `./porotwin test` starts a twin, injects one fault after the other, and
+checks how each one shows. `docs/make_faults.py` writes this page from that suite (`tests/faults`).
 
-Every fault shows within {CYCLES} cycles ({CYCLES} x {PHOTO_INTERVAL_S:g} s). After the remedy the next photographs lead
-to setpoints again, within {CYCLES} cycles too. No setpoint ever follows from a photograph or message that
-is called bad here, and every setpoint keeps the limits of `rig.yaml`.
+A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s. After the remedy the twin sets rates
+again, within {CYCLES} cycles too. No setpoint follows from a photograph or message that is bad, and
+every setpoint keeps the limits of `rig.yaml`.
 
-`./porotwin bench faults` is the long version: it kills each node at 100 random moments, watches the
+`./porotwin bench faults` is the long version. It kills each node at 100 random moments, watches the
 memory of all nodes for 24 hours of simulated time, and gives damaged files to every reader.
 """
 

@@ -1,9 +1,10 @@
 """Write docs/nodes.md: the topics, services, actions and parameters of every node.
 
-    python docs/make_nodes.py            # writes docs/nodes.md and node_parameters.json
+    python docs/make_nodes.py            # writes docs/nodes.md and what follows from it
     python docs/make_nodes.py --check    # exit status 1 if one of them is out of date
 
-node_parameters.json holds the parameters for the checks of parameter files.
+node_parameters.json holds the parameters for the checks of parameter files, porotwin.policy.xml the
+rights of every node (make_policy.py).
 
 The tables come from the running nodes: each node is started here, asked for its interfaces, and
 ended. tests/test_documents.py runs the check.
@@ -23,7 +24,9 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from make_policy import POLICY, policy
 from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -180,16 +183,17 @@ def section(executable: str, node: Node) -> str:
 def started(make: type[Node], given: dict[str, Any]) -> Node:
     """Return a node as it is after its start."""
     overrides = [Parameter(name, value=value) for name, value in given.items()]
-    node = make(namespace=NAMESPACE, parameter_overrides=overrides)
+    context = Context()  # its own: a node that has finished shuts its context down
+    rclpy.init(context=context)
+    node = make(namespace=NAMESPACE, parameter_overrides=overrides, context=context)
     ensure_diagnostics(node)
     time.sleep(0.5)  # until the node has discovered its own actions
     return node
 
 
 def documents() -> dict[Path, str]:
-    """Return the texts of both files."""
+    """Return the texts of all files."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    rclpy.init()
     sections, all_rules = [], {}
     with tempfile.TemporaryDirectory() as folder:
         needed = needed_parameters(Path(folder))
@@ -197,8 +201,10 @@ def documents() -> dict[Path, str]:
             node = started(make, needed.get(executable, needed['default']))
             sections.append(section(executable, node))
             all_rules[node.get_name()] = rules(node)
+    page = '\n'.join([HEAD, *sections])
     return {
-        PAGE: '\n'.join([HEAD, *sections]),
+        PAGE: page,
+        POLICY: policy(page),
         RULES: json.dumps(all_rules, indent=1, sort_keys=True) + '\n',
     }
 

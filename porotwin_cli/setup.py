@@ -10,8 +10,10 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
         ('share/' + PACKAGE, ['package.xml']),
+        ('bin', ['scripts/porotwin']),  # on the path once the workspace is sourced
     ],
     install_requires=['setuptools'],
     zip_safe=True,
     license='Apache-2.0',
+    entry_points={'console_scripts': ['porotwin = porotwin_cli.app:main']},
 )

@@ -124,7 +124,7 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
     photos = tmp_path / 'photos'
     photos.mkdir()
     protocol = photos / 'imaging.csv'
-    protocol.write_text('time_s,path,role\n30,01.jpg,state\n')
+    protocol.write_text('time_s,path,role\n10,0a.jpg,state\n20,0b.jpg,state\n')
     nodes = [
         NodeDescription(
             'imaging',
@@ -138,18 +138,23 @@ def test_states_wait_for_the_baseline_of_the_protocol_with_a_warning(
     ]
     with running_graph(nodes, tmp_path / 'run', domain) as graph:
         graph.wait_for_publishers('asset/new_state')
-        put(photos, '01.jpg', camera.photograph(plume(0.05), time=30.0))
+        put(photos, '0a.jpg', camera.photograph(plume(0.03), time=10.0))
+        put(photos, '0b.jpg', camera.photograph(plume(0.04), time=20.0))
         graph.wait_for_log('imaging', 'no baseline yet, photographs wait for one', timeout=60)
-        protocol.write_text(protocol.read_text() + '0,00.jpg,baseline\n')
+        graph.wait_for_log('camera', 'state photograph 0b.jpg', timeout=60)
+        protocol.write_text(protocol.read_text() + '0,00.jpg,baseline\n30,01.jpg,state\n')
+        put(photos, '01.jpg', camera.photograph(plume(0.05), time=30.0))
         put(photos, '00.jpg', camera.baseline())
-        graph.wait_for_messages('asset/new_state', 1, timeout=60)
+        states = graph.wait_for_messages('asset/new_state', 3, timeout=60)
+        np.testing.assert_allclose([s.time_step for s in states], [0, 10, 10], atol=1e-3)
+        assert len(graph.messages['asset/clean_state']) == 1
         # a restarted camera declares a photograph with tracer a baseline
         protocol.write_text(protocol.read_text() + '40,02.jpg,baseline\n60,03.jpg,state\n')
         put(photos, '02.jpg', camera.photograph(plume(0.09), time=40.0))
         graph.wait_for_log('imaging', 'as a new baseline it shows tracer on', timeout=60)
         put(photos, '03.jpg', camera.photograph(plume(0.09), time=60.0))
-        first, second = graph.wait_for_messages('asset/new_state', 2, timeout=60)
-        assert second.sequence == 1
+        first, *_, second = graph.wait_for_messages('asset/new_state', 4, timeout=60)
+        assert second.sequence == 3
         assert np.nansum(second.tracer.concentration) > np.nansum(first.tracer.concentration)
 
 

@@ -59,7 +59,7 @@ def main() -> None:
     except InputError as error:
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(2)
-    except ImportError as error:  # a library is missing or too old
+    except ModuleNotFoundError as error:
         print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
         sys.exit(1)
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share

@@ -100,7 +100,9 @@ def _recovery(kills: Kills) -> str:
 
 
 def _reader_rows(tries: int, seed: int) -> list[dict[str, Any]]:
-    rows = []
+    rows: list[dict[str, Any]] = []
+    if tries == 0:
+        return rows
     with progress() as bar:
         for name in bar.track(list(READERS), description='damaged files'):
             found = fuzz(name, tries=tries, seed=seed)

@@ -65,7 +65,7 @@ def check_picture(path: Path, checked: CheckedRig) -> None:
 
 
 def _flat(ratio: float) -> float:
-    """Return height over width, within what a page shows."""
+    """Return height over width, within the limits of a page."""
     return min(max(ratio, 0.2), 1.5)
 
 

@@ -1,4 +1,4 @@
-"""Checks a rig or a recording: what is odd or impossible about it, and what a prediction costs."""
+"""Checks a rig or a recording: odd and impossible values, and the cost of a prediction."""
 
 import io
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.geometry import Geometry
 from porotwin_recording.bag import read_bag
-from porotwin_recording.bag_reader import is_bag
+from porotwin_recording.bag_folder import is_bag
 from porotwin_recording.experiment_folder import FILES, folder_data
 from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_recording
 from porotwin_recording.photos import Photo
@@ -39,7 +39,7 @@ OUTSIDE_PHOTOGRAPH = 0.02
 """Distance of a corner beyond the edge of a photograph that is odd, over its width."""
 
 FAR_OUTSIDE = 0.5
-"""The same distance from which the corners cannot belong to this photograph."""
+"""The same distance, too large for corners of this photograph."""
 
 SMALL_IN_PHOTOGRAPH = 0.1
 """Part of a photograph below which the rig is suspiciously small in it."""
@@ -49,7 +49,7 @@ SMALL_IN_PHOTOGRAPH = 0.1
 class CheckedRig:
     """The result of a check.
 
-    path, kind: what was checked.
+    path, kind: the checked thing.
     rig: its description.
     grid: the grid for the cost.
     remarks: all remarks, the impossible values first.
@@ -79,7 +79,7 @@ def check(
     """Check a `rig.yaml`, a folder with one, an experiment folder, or a bag.
 
     Args:
-        path: what to check.
+        path: the thing to check.
         grid: columns x rows, such as 187x112; by default square cells of 5 mm.
         preset: preset of the prediction.
         interval: time to predict, from one photograph to the next [s].

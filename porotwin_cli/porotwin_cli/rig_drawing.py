@@ -39,7 +39,7 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
     axis.imshow(
         concentration, origin='lower', extent=extent, cmap=SAND_TO_TRACER, vmin=0.0, vmax=1.0
     )
-    if rig.control is not None:
+    if rig.control is not None and rig.control.disallowed_zone_m:
         zone = np.array([*rig.control.disallowed_zone_m, rig.control.disallowed_zone_m[0]])
         axis.fill(zone[:, 0], zone[:, 1], facecolor='none', edgecolor='#b03a2e', hatch='//', lw=0)
         axis.plot(zone[:, 0], zone[:, 1], color='#b03a2e', lw=1.2)

@@ -41,7 +41,7 @@ class PlausibleRange:
 
     unit: the unit, for messages.
     possible, usual: see the module.
-    known: what lies in the usual range, as words before the numbers.
+    known: the usual things, as words before the numbers.
     other_units: factors from other units that people use, by name.
     source: where the numbers come from.
     """

@@ -21,7 +21,7 @@ NAME_PATIENCE_S = 2.0
 """Longest wait for the name of a node that was just discovered [s]; it takes less than 0.1 s."""
 
 LEASE_S = 20.0
-"""Time after which Fast DDS forgets a process that was killed [s], its default."""
+"""Fast DDS forgets a killed process after this time [s], its default."""
 
 NAME_PERIOD_S = 0.05
 """Time between two looks for that name [s]."""
@@ -76,7 +76,7 @@ def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
     Args:
         found: from `publishers` or `callers`.
         expected: full name of the one node.
-        doing: what senders do, such as 'publishes wells/setpoint'.
+        doing: the act in words, such as 'publishes wells/setpoint'.
 
     Raises:
         InputError: another node does it too; one line with its name.
@@ -93,7 +93,7 @@ def only(found: Collection[Sender], expected: str, doing: str) -> Sender | None:
     Args:
         found: from `publishers` or `callers`.
         expected: full name of the one node.
-        doing: what senders do, such as 'publishes wells/setpoint'.
+        doing: the act in words, such as 'publishes wells/setpoint'.
 
     Raises:
         InputError: another node does it too, or there are several nodes `expected`.

@@ -1,4 +1,4 @@
-"""Tests of grids that cannot be computed, or on which a rig is not resolved."""
+"""Tests of grids that cannot be computed, or that do not resolve a rig."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tests of plausible ranges: the message asks for the unit in which the number would be usual."""
+"""Tests of plausible ranges: the message asks for a unit that makes the number usual."""
 
 import pytest
 

@@ -23,7 +23,7 @@ class Endpoint:
 
 
 class Graph:
-    """A node that knows who writes to which topic."""
+    """A node that knows all writers."""
 
     def __init__(self, **writers: str) -> None:
         self.writers = writers

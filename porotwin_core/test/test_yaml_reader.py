@@ -1,4 +1,4 @@
-"""Tests of the YAML reader: numbers and words mean what they show, no key stands twice."""
+"""Tests of the YAML reader: numbers and words are read as they look, no key stands twice."""
 
 import pytest
 import yaml

@@ -4,6 +4,7 @@ Training runs in the thread of its action while other threads answer requests. A
 either the model before the training or the one after it.
 """
 
+import math
 import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -21,14 +22,19 @@ from porotwin_core import conversions
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
+from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import corrective_source
 from porotwin_costa.dataset import load_dataset
 from porotwin_costa.networks import Architecture, architecture
+from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
+
+MOST_THREADS = 64
+"""Threads of the network; more than any laboratory machine has cores."""
 
 
 def _version() -> str:
@@ -59,9 +65,18 @@ class CostaNode(Node):
             'architecture',
             '',
             'network to train if a goal names none; empty: the one of the loaded model',
+            choices=('', *ARCHITECTURES),
         )
-        architecture(self._architecture)
-        torch.set_num_threads(declare(self, 'threads', 1, 'threads that the network may use'))
+        torch.set_num_threads(
+            declare(
+                self,
+                'threads',
+                1,
+                'threads that the network may use',
+                at_least=1,
+                at_most=MOST_THREADS,
+            )
+        )
         self._model: CorrectiveModel | None = None
         self._path = ''
         self._training = False
@@ -132,6 +147,7 @@ class CostaNode(Node):
         try:
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
+            self._refuse_impossible(rates, request.time_step)
             answer = corrective_source(self._model, predicted, rates, request.time_step)
         except InputError as error:
             response.outcome = conversions.refusal(error)
@@ -144,6 +160,14 @@ class CostaNode(Node):
         response.active = answer.applied
         response.status = answer.status
         return response
+
+    def _refuse_impossible(self, rates: WellRates, time_step: float) -> None:
+        if not (math.isfinite(time_step) and time_step > 0.0):
+            raise InputError(f'time step {time_step} s: must be positive')
+        unknown = sorted(set(rates) - set(self._rig.wells))
+        if unknown:
+            known = ', '.join(self._rig.wells)
+            raise InputError(f"well '{unknown[0]}' is not in rig.yaml; known: {known}")
 
     def _load(self, request: LoadModel.Request, response: LoadModel.Response) -> LoadModel.Response:
         try:

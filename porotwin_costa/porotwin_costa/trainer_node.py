@@ -23,6 +23,7 @@ from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import Dataset, dataset_parts, load_dataset
+from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.retraining import Retraining
 from porotwin_msgs.action import Train
@@ -34,6 +35,12 @@ PAIRS_PER_FILE = 10
 
 PENDING_PAIRS = 1000
 """Pairs kept while the solver is absent: eight hours of photographs every 30 s."""
+
+DAY_S = 86400.0
+"""Longest photo interval [s]."""
+
+LARGEST_SEED = 2**31 - 1
+"""Seeds are whole numbers up to this."""
 
 TIMER_S = 0.5
 """Time between two looks for work [s]."""
@@ -55,15 +62,41 @@ class TrainerNode(Node):
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
         preset = declare(self, 'preset', '', 'numerical scheme of the solver; empty: unknown')
-        self._time_step = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
-        every = declare(self, 'retrain_every', 40, 'new pairs between two trainings')
+        self._time_step = declare(
+            self,
+            'photo_interval_s',
+            30.0,
+            'time between photographs [s]',
+            at_least=0.1,
+            at_most=DAY_S,
+        )
+        every = declare(
+            self,
+            'retrain_every',
+            40,
+            'new pairs between two trainings',
+            at_least=1,
+            at_most=1_000_000,
+        )
         self._architecture = declare(
-            self, 'architecture', '', 'network to train; empty: the choice of the node costa'
+            self,
+            'architecture',
+            '',
+            'network to train; empty: the choice of the node costa',
+            choices=('', *ARCHITECTURES),
         )
         self._output = declare(self, 'output', '', 'file for the weights; empty: none')
-        self._seed = declare(self, 'seed', 1, 'seed of the training')
+        self._seed = declare(
+            self, 'seed', 1, 'seed of the training', at_least=0, at_most=LARGEST_SEED
+        )
         self._model_timeout = declare(
-            self, 'model_timeout_s', 20.0, 'longest wait for an answer of the solver [s]'
+            self,
+            'model_timeout_s',
+            20.0,
+            'longest wait for an answer of the solver [s]',
+            at_least=0.01,
+            at_most=3600.0,
+            on_change=self._change_model_timeout,
         )
         self._dataset = _dataset_folder(
             declare(self, 'dataset', '', 'folder for the training pairs; must be given')
@@ -86,6 +119,9 @@ class TrainerNode(Node):
         atexit.register(self._write)
         count = len(known) if known else 0
         self.get_logger().info(f'training pairs in {self._dataset}: {count} so far')
+
+    def _change_model_timeout(self, seconds: float) -> None:
+        self._model_timeout = seconds
 
     def _connect(self) -> None:
         self._predict = self.create_client(Predict, 'solver/predict')
@@ -169,11 +205,13 @@ class TrainerNode(Node):
                 return
             self._request = None
             answer = answered.result()
-            if answer.outcome.code == Outcome.OK:
+            try:
+                if answer.outcome.code != Outcome.OK:
+                    raise InputError(answer.outcome.message)
                 use(answer)
-            else:
+            except InputError as error:
                 self._pair = None
-                self.get_logger().error(f'pair left out, solver: {answer.outcome.message}')
+                self.get_logger().error(f'pair left out, solver: {error}')
             self._next()
 
         future.add_done_callback(done)

@@ -79,11 +79,12 @@ class Client:
         rclpy.shutdown(context=self.context)
 
 
-def start(module: str, **parameters: Any) -> subprocess.Popen:
+def start(module: str, *, namespace: str = '/', **parameters: Any) -> subprocess.Popen:
     """Start a node of COSTA on the toy grid with these parameters."""
     parameters = {'grid': GRID, **parameters}
     arguments = [f'{name}:={value}' for name, value in parameters.items()]
     flags = [part for argument in arguments for part in ('-p', argument)]
+    flags += ['-r', f'__ns:={namespace}']
     return subprocess.Popen(
         [sys.executable, '-m', f'porotwin_costa.{module}', '--ros-args', *flags],
         stderr=subprocess.PIPE,

@@ -172,11 +172,11 @@ def test_wrong_parameters_end_the_node_with_one_line(rig, rig_file, trained, tmp
     other = tmp_path / 'other.safetensors'
     dataclasses.replace(trained, physics=PhysicsId.of(rig, 'upwind')).save(other)
     processes = [
-        start('costa_node', rig=rig_file, model=other, preset='fast'),
-        start('costa_node', rig=tmp_path / 'none.yaml'),
-        start('costa_node', rig=rig_file, model=broken),
-        start('costa_node', rig=rig_file, architecture='cubist'),
-        start('trainer_node', rig=rig_file),
+        start('costa_node', namespace='/a', rig=rig_file, model=other, preset='fast'),
+        start('costa_node', namespace='/b', rig=tmp_path / 'none.yaml'),
+        start('costa_node', namespace='/c', rig=rig_file, model=broken),
+        start('costa_node', namespace='/d', rig=rig_file, architecture='cubist'),
+        start('trainer_node', namespace='/e', rig=rig_file),
     ]
     complaints = ("preset 'upwind'", 'none.yaml', 'safetensors', 'cubist', 'dataset')
     for process, complaint in zip(processes, complaints, strict=True):

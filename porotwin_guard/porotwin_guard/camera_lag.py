@@ -13,7 +13,7 @@ PROVING_INTERVALS = 2.5
 """Photo intervals that they span at least."""
 
 JITTER = 0.25
-"""Part of the photo interval by which their latenesses may differ."""
+"""Largest difference of their latenesses, as a part of the photo interval."""
 
 
 class CameraLag:

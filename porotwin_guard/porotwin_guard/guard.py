@@ -104,7 +104,7 @@ class Guard:
             raise InputError(
                 f'it is valid for {validity:g} s; the guard allows up to {longest:g} s'
             )
-        if now <= 0.0:  # simulated time in which nobody publishes /clock
+        if now <= 0.0:  # simulated time, and nobody publishes /clock
             return
         age = self._lag.age(request.stamp, now)
         if -self._interval <= age <= validity:  # clocks may differ by an interval
@@ -122,7 +122,8 @@ class Guard:
             raise InputError(f'its number does not follow {last.sequence}')
         if request.stamp <= last.stamp and self._in_force(now):
             raise InputError(
-                f'its photograph is no newer than that of setpoint {last.sequence}, still in force'
+                f'its photograph is no newer than the one of setpoint {last.sequence}, '
+                'which is in force'
             )
 
     def _in_force(self, now: float) -> bool:

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
-from porotwin_core.single_instance import only_one
+from porotwin_core.single_instance import another_lives, only_one
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_msgs.msg import Outcome, Setpoint
 from porotwin_msgs.srv import Control
@@ -104,7 +104,10 @@ class GuardNode(Node):
             InputError: another node does; one line with its name.
         """
         found = senders.publishers(self, 'wells/setpoint')
-        senders.only(found, senders.full_name(self, self.get_name()), 'publishes wells/setpoint')
+        own = senders.full_name(self, self.get_name())
+        senders.refuse_others(found, own, 'publishes wells/setpoint')
+        if another := another_lives(self):
+            raise InputError(another)
 
     def _command(self, request: Control.Request) -> Outcome:
         """Return the answer of the pumps to a setpoint that has passed."""
@@ -145,8 +148,8 @@ class GuardNode(Node):
 
 
 def main() -> None:
-    """Run the node, unless another guard is there."""
-    run(only_one(GuardNode, 'guard'), threads=3)
+    """Run the node, unless another guard stands before the pumps."""
+    run(only_one(GuardNode, senders.GUARD), threads=3)
 
 
 if __name__ == '__main__':

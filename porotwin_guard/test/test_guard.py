@@ -111,7 +111,7 @@ def test_an_older_photograph_cannot_end_a_setpoint_in_force() -> None:
     subject.check(request(1, stamp=NOW), now=NOW)
     for hub in ('first', 'second'):
         asked = request(2, stamp=NOW - 10.0, hub=hub)
-        assert 'no newer than that of setpoint 1' in refusal(subject, asked, NOW + 5.0)
+        assert 'no newer than the one of setpoint 1' in refusal(subject, asked, NOW + 5.0)
     # an hour later the clock of this machine was set back
     subject.check(request(2, stamp=NOW - 3600.0), now=NOW - 3599.0)
 

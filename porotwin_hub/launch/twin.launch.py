@@ -43,7 +43,11 @@ def nodes(context: LaunchContext) -> list[Node]:
             parameters=[dict(node.parameters)],
             remappings=list(node.remappings.items()),
             # logs go to the screen and launch's own log, so a third copy is not needed
-            ros_arguments=['--disable-external-lib-logs'],
+            ros_arguments=[
+                '--disable-external-lib-logs',
+                '--enclave',
+                f'{NAMESPACE}/{node.name}',  # its rights, see docs/security.md
+            ],
             additional_env={PARENT: str(os.getpid())},  # no node outlives this launch
             output='screen',
             emulate_tty=True,

@@ -262,6 +262,7 @@ def parameter_template() -> str:
         record=somewhere,
         diagnoses=somewhere,
         page='HOST:PORT',
+        pumps=somewhere,
     )
     given = {node.name: node.parameters for node in live_graph(everything)}
     rules = known_rules()

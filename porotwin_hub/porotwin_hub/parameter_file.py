@@ -21,7 +21,6 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.parameter_rule import ParameterRule
-from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_hub.node_description import NAMESPACE, NodeDescription
 
 Rules = Mapping[str, Mapping[str, ParameterRule]]
@@ -110,6 +109,8 @@ def with_parameters(
 
 
 def _read(path: Path) -> Any:
+    from porotwin_core.rig.yaml_reader import read_yaml  # brings large packages
+
     try:
         return read_yaml(path.read_text(encoding='utf-8'))
     except FileNotFoundError:

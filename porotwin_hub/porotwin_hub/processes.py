@@ -221,6 +221,7 @@ class GraphProcesses:
         command = [sys.executable, '-m', node.module, '--ros-args', '--disable-external-lib-logs']
         command += ['-r', f'__ns:={NAMESPACE}', '-r', f'__node:={node.name}']
         command += ['--params-file', str(self._parameters(node))]
+        command += ['--enclave', f'{NAMESPACE}/{node.name}']  # its rights, see docs/security.md
         for source, target in node.remappings.items():
             command += ['-r', f'{source}:={target}']
         output: int | IO[bytes]

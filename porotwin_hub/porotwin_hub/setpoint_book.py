@@ -1,4 +1,4 @@
-"""The operator's book of setpoints: which were announced, which expired, what may be confirmed."""
+"""The operator's book of setpoints: the announced, the expired, and the confirmed ones."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ HAND_SHARE = 0.002
 class ShownSetpoint:
     """A setpoint for the operator: rates [m^3/s], and stamps [s] by the clock of the photographs.
 
-    `validity` [s] is what is left of it on arrival.
+    `validity` [s] is the rest of it on arrival.
     """
 
     sequence: int
@@ -44,7 +44,7 @@ class SetpointBook:
         self._step_ml_h = max(PUMP_STEP_ML_H, HAND_SHARE * greatest_ml_h)
         self._announced: dict[int, dict[str, WellRate]] = {}
         self._at_pumps: dict[str, WellRate] = {}
-        """What the operator was told to set: a well keeps its rate until a change is told."""
+        """Rates that the operator was told to set: a well keeps its rate until a change is told."""
         self._in_force: ShownSetpoint | None = None
         self._since = -math.inf
         """Arrival of the setpoint in force [s]."""
@@ -82,7 +82,8 @@ class SetpointBook:
         last = self._in_force
         if last is not None and now >= self._since and setpoint.stamp <= last.stamp:
             raise InputError(
-                f'its photograph is no newer than that of setpoint {last.sequence}, still in force'
+                f'its photograph is no newer than the one of setpoint {last.sequence}, '
+                'which is in force'
             )
         if setpoint.sequence <= max(self._announced, default=0):
             self._announced.clear()

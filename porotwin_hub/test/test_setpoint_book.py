@@ -156,7 +156,7 @@ def test_an_expired_setpoint_or_an_older_photograph_is_not_announced(
     with pytest.raises(InputError, match='it expired at 0:00:50'):
         book.announce(shown(1, other, stamp=60.0, validity=-10.0), now=100.0)
     book.announce(shown(1, other, stamp=60.0), now=100.0)
-    with pytest.raises(InputError, match='no newer than that of setpoint 1'):
+    with pytest.raises(InputError, match='no newer than the one of setpoint 1'):
         book.announce(shown(2, safe, stamp=30.0), now=101.0)
     assert book.sequences == (1,)
     assert book.expire(200.0) is not None

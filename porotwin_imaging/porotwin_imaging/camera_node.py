@@ -17,7 +17,7 @@ from porotwin_imaging.file_names import one_line, printable
 from porotwin_imaging.photo_clock import Trust
 from porotwin_imaging.photo_forwarding import PhotoForwarder
 from porotwin_imaging.poll_schedule import PollSchedule
-from porotwin_imaging.sent_photos import SentPhotos, folder_of_launch
+from porotwin_imaging.sent_photos import SentPhotos, folder_of_launch, forget_ended_launches
 from porotwin_imaging.sources.camera_source import CameraPhoto, PhotoProblem, SourceKind
 from porotwin_imaging.sources.source_registry import check_source, source_at
 from porotwin_imaging.subscriber_wait import SubscriberWait
@@ -139,7 +139,11 @@ class CameraNode(Node):
             'folder that remembers the photographs sent, for a restart; empty: a temporary one '
             'for each launch',
         )
-        return SentPhotos(Path(progress) if progress else folder_of_launch(source))
+        if progress:
+            return SentPhotos(Path(progress))
+        folder = folder_of_launch(source)
+        forget_ended_launches(folder)
+        return SentPhotos(folder)
 
     def _poll(self) -> None:
         connected = self._state.get_subscription_count()

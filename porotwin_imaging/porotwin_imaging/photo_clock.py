@@ -212,7 +212,7 @@ def _stamp(
     if time is None:
         reason = (
             f"photograph '{evidence.name}' left out: it has no believable time and did not come at "
-            'the pace of the camera'
+            f'the pace of a camera that takes one per {interval_s:g} s'
         )
         return Stamp(None, (*lines, reason)), memory
     if not evidence.in_sequence:

@@ -120,7 +120,7 @@ class PhotoForwarder:
     def _is_new(self, photo: CameraPhoto) -> bool:
         """Return whether the bytes of a photograph are new; report the same bytes once more."""
         digest = digest_of(photo.data)
-        before = self._sent.same_as(digest)
+        before = self._sent.claim(digest, photo.name)
         if before is None:
             return True
         if before != photo.name:

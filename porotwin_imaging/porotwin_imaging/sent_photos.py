@@ -8,6 +8,7 @@ that an interrupted write costs one line. A line that cannot be read is left out
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -19,6 +20,8 @@ LINES_FILE = 'sent.jsonl'
 MOST_BASELINES = 8
 """Baselines that are kept, as many as the topic offers to late subscribers."""
 
+_LARGEST = 2**63
+"""A file system counts bytes and nanoseconds in 64 bits."""
 FileMark = tuple[int, int, int]
 """Size [bytes], time of change and of status change [ns]; an unchanged file keeps its mark."""
 
@@ -56,13 +59,26 @@ def folder_of_launch(source: str) -> Path:
     does not.
     """
     launcher = int(os.environ.get(PARENT, os.getppid()))
-    try:
-        status = Path(f'/proc/{launcher}/stat').read_text(encoding='utf-8', errors='replace')
-        began = status.rpartition(')')[2].split()[19]
-    except (OSError, IndexError):  # no Linux, or the launcher has ended
-        began = '0'
-    name = f'camera-{launcher}-{began}-{digest_of(source.encode("utf-8", "backslashreplace"))[:8]}'
+    which = digest_of(source.encode('utf-8', 'backslashreplace'))[:8]
+    name = f'camera-{launcher}-{_began(launcher)}-{which}'
     return Path(tempfile.gettempdir()) / f'porotwin-{os.getuid()}' / name
+
+
+def forget_ended_launches(folder: Path) -> None:
+    """Delete the folders beside `folder_of_launch(...)` whose launch has ended."""
+    for other in folder.parent.glob('camera-*-*-*'):
+        _, launcher, began, _ = other.name.split('-', 3)
+        if launcher.isdecimal() and began != _began(int(launcher)):
+            shutil.rmtree(other, ignore_errors=True)
+
+
+def _began(process: int) -> str:
+    """Return when a process began, in ticks since the start of the computer; '0' if it ended."""
+    try:
+        status = Path(f'/proc/{process}/stat').read_text(encoding='utf-8', errors='replace')
+        return status.rpartition(')')[2].split()[19]
+    except (OSError, IndexError):  # no Linux, or the process has ended
+        return '0'
 
 
 class SentPhotos:
@@ -78,8 +94,7 @@ class SentPhotos:
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
-        self._names: dict[str, SentPhoto] = {}
-        self._digests: dict[str, str] = {}
+        self._digests: dict[bytes, str] = {}
         self._pending: list[SentPhoto] = []
         self.last: SentPhoto | None = None
         self.problem = ''
@@ -89,17 +104,23 @@ class SentPhotos:
         self._append('')  # a launch is known from its start
 
     def __iter__(self) -> Iterator[SentPhoto]:
-        """Iterate over the last photograph of each name."""
-        return iter(self._names.values())
+        """Iterate over the photographs that were kept, in their order.
+
+        They are read again, because a camera may run for months.
+        """
+        return self._read()
 
     @property
     def any_sent(self) -> bool:
         """True if any photograph was sent."""
         return self.last is not None
 
-    def same_as(self, digest: str) -> str | None:
-        """Return the name under which these bytes came first, None if they are new."""
-        return self._digests.get(digest)
+    def claim(self, digest: str, name: str) -> str | None:
+        """Return the name under which these bytes came before, None if they are new as `name`."""
+        key = bytes.fromhex(digest)
+        before = self._digests.get(key)
+        self._digests.setdefault(key, name)
+        return before
 
     def add(self, photo: SentPhoto) -> None:
         """Note a photograph; `keep` makes that last."""
@@ -145,14 +166,13 @@ class SentPhotos:
         return [] if self._folder is None else sorted(self._folder.glob('baseline-*'))
 
     def _remember(self, photo: SentPhoto) -> None:
-        self._names[photo.name] = photo
-        self._digests.setdefault(photo.digest, photo.name)
+        self.claim(photo.digest, photo.name)
         if photo.stamp is not None:
             self.last = photo
 
     def _read(self) -> Iterator[SentPhoto]:
         """Yield the photographs of the file; lines that cannot be read are left out."""
-        if self._folder is None or not self.began_before:
+        if self._folder is None or not (self._folder / LINES_FILE).exists():
             return
         try:
             lines = (self._folder / LINES_FILE).read_bytes().splitlines()
@@ -194,6 +214,9 @@ def _photo_of(line: bytes) -> SentPhoto | None:
         mark = tuple(int(number) for number in fields['mark'])
         stamp = None if fields['stamp'] is None else float(fields['stamp'])
         name, digest, role = (str(fields[key]) for key in ('name', 'digest', 'role'))
+        bytes.fromhex(digest)
+        if any(abs(number) >= _LARGEST for number in mark):
+            return None
         return SentPhoto(name, digest, mark, stamp, float(fields['correction']), role)
     except (ValueError, TypeError, KeyError, RecursionError):
         return None

@@ -13,6 +13,7 @@ from porotwin_imaging.sent_photos import (
     SentPhotos,
     digest_of,
     folder_of_launch,
+    forget_ended_launches,
 )
 
 PHOTOS = [
@@ -36,8 +37,9 @@ def test_a_restart_knows_the_photographs(tmp_path) -> None:
     assert again.began_before
     assert list(again) == PHOTOS
     assert again.last == PHOTOS[-1]
-    assert again.same_as(digest_of(b'1.jpg')) == '1.jpg'
-    assert again.same_as(digest_of(b'4.jpg')) is None
+    assert again.claim(digest_of(b'1.jpg'), 'copy.jpg') == '1.jpg'
+    assert again.claim(digest_of(b'4.jpg'), '4.jpg') is None
+    assert again.claim(digest_of(b'4.jpg'), '5.jpg') == '4.jpg'
     assert again.problem == ''
 
 
@@ -48,7 +50,12 @@ def test_photographs_that_were_not_kept_are_forgotten(tmp_path) -> None:
     assert not again.any_sent
 
 
-@pytest.mark.parametrize('damage', [b'{"name": "x"', b'\xff\x00\xfe', b'[]', b'null', b'{}' * 9])
+HUGE = b'{"name":"x","digest":"00","mark":[1e300,1,1],"stamp":1,"correction":0,"role":""}'
+
+
+@pytest.mark.parametrize(
+    'damage', [b'{"name": "x"', b'\xff\x00\xfe', b'[]', b'null', b'{}' * 9, HUGE]
+)
 def test_a_damaged_line_costs_that_line(tmp_path, damage: bytes) -> None:
     remember(tmp_path)
     path = tmp_path / LINES_FILE
@@ -66,10 +73,10 @@ def test_without_a_folder_the_camera_works_on(tmp_path) -> None:
     (tmp_path / 'file').write_text('in the way')
     sent = remember(tmp_path / 'file' / 'progress')
     assert 'cannot remember what it sent' in sent.problem
-    assert list(sent) == PHOTOS
+    assert sent.last == PHOTOS[-1]
     sent.keep_baseline(1.0, b'x')
     assert sent.baselines() == []
-    assert list(remember(None)) == PHOTOS
+    assert remember(None).last == PHOTOS[-1]
 
 
 def test_the_last_baselines_are_kept(tmp_path) -> None:
@@ -86,3 +93,13 @@ def test_one_launch_has_one_folder_for_each_source(monkeypatch) -> None:
     assert folder_of_launch('folder:/b') != one
     monkeypatch.setenv(PARENT, '1')
     assert folder_of_launch('folder:/a') != one
+
+
+def test_the_folders_of_ended_launches_are_deleted(tmp_path) -> None:
+    mine = tmp_path / folder_of_launch('folder:/a').name
+    ended = tmp_path / 'camera-999999999-77-abcdef01'
+    other = tmp_path / 'camera-roll'
+    for folder in (mine, ended, other):
+        folder.mkdir()
+    forget_ended_launches(mine)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([mine.name, other.name])

@@ -164,7 +164,7 @@ class PumpBridge:
     def measure(self, now: float) -> Measurement | None:
         """Return the mean rates since the last call or setting.
 
-        None stands for a time that is too short, or in which a pump did not work.
+        None: the time is too short, or a pump did not work.
         """
         duration = now - self._since
         if duration < SHORTEST_MEASUREMENT_S:

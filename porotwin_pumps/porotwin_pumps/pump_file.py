@@ -1,4 +1,4 @@
-"""The file of the pumps: which well has which pump, on which serial line."""
+"""The file of the pumps: the pump of every well, and its serial line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, FiniteFloat
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
+from porotwin_core.rig.yaml_reader import read_yaml
 from porotwin_pumps.protocols.protocol_registry import PROTOCOLS
 from porotwin_pumps.protocols.pump_protocol import Pump
 from porotwin_pumps.serial_line import SerialLine
@@ -39,7 +40,7 @@ def load_pumps(path: Path, rig: Rig) -> dict[str, PumpEntry]:
         InputError: the file or an entry is wrong, or a well has no pump; one line.
     """
     try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+        data = read_yaml(path.read_text(encoding='utf-8'))
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; docs/pumps.md shows one') from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -1,4 +1,4 @@
-"""The pumps as a node: it takes the guard's setpoints, and publishes what was pumped."""
+"""The pumps as a node: it takes the guard's setpoints and publishes the delivered rates."""
 
 import time
 from pathlib import Path
@@ -12,6 +12,7 @@ from rclpy.node import Node
 from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_rig, run
+from porotwin_core.single_instance import only_one
 from porotwin_msgs.msg import Setpoint, WellRates
 from porotwin_msgs.srv import Control, Ping
 from porotwin_pumps.bridge import PumpBridge
@@ -23,7 +24,7 @@ TICK_PERIOD_S = 1.0
 
 
 class PumpsNode(Node):
-    """Sets real pumps for the guard, watches them, and measures what they deliver."""
+    """Sets real pumps for the guard, watches them, and measures their rates."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Read the parameters and set the safe rates; `kwargs` are for the node.
@@ -141,7 +142,7 @@ class PumpsNode(Node):
 def main() -> None:
     """Run the node."""
     # one thread: setpoints and looks at the pumps share the serial lines
-    run(PumpsNode, threads=1)
+    run(only_one(PumpsNode, 'pumps'), threads=1)
 
 
 if __name__ == '__main__':

@@ -9,7 +9,7 @@ ANSWER_TIMEOUT_S = 0.5
 """Longest wait for the next byte [s]: a pump answers within a tenth of it."""
 
 LONGEST_ANSWER = 256
-"""Bytes after which an answer is no answer: pumps send short lines."""
+"""Most bytes of an answer: pumps send short lines."""
 
 
 class LineError(Exception):

@@ -39,7 +39,7 @@ class SimulatedPump:
 
     @property
     def running_ml_h(self) -> float:
-        """Return the rate at which it runs now [ml/h], negative when it withdraws."""
+        """Return its rate now [ml/h], negative when it withdraws."""
         return {'I': self.rate_ml_h, 'W': -self.rate_ml_h}.get(self.state, 0.0)
 
     def power_cycle(self) -> None:

@@ -78,7 +78,9 @@ def test_a_well_in_use_needs_a_pump_and_an_idle_one_does_not(tmp_path: Path) -> 
         load_pumps(written(tmp_path, data), RIG)
 
 
-@pytest.mark.parametrize('text', ['', '[1, 2]', 'pumps: 5', 'pumps: {}\nmore: 1', 'a: [', '\x00'])
+@pytest.mark.parametrize(
+    'text', ['', '[1, 2]', 'pumps: 5', 'pumps: {}\nmore: 1', 'a: [', '\x00', 'pumps: {}\n' * 2]
+)
 def test_a_file_that_is_no_list_of_pumps_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError):
         load_pumps(written(tmp_path, text), RIG)

@@ -36,7 +36,7 @@ def read_table(
             found = tuple(word.strip() for word in next(lines, ()))
             if found != header:
                 first = ' '.join(','.join(found).split())[:LONGEST_QUOTE]
-                hint = _separator_hint(first)
+                hint = _separator_hint(','.join(found))
                 raise InputError(f"{path}: first line is '{first}'; write {','.join(header)}{hint}")
             for line in lines:
                 words = [word.strip() for word in line]

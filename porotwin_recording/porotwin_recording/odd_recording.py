@@ -55,7 +55,7 @@ def _times(data: RecordedData) -> Iterator[Remark]:
         (end, last, 'the rates', 'concentration.nc or imaging.csv'),
     ):
         if one > 0 and low * other < one * MINUTE < high * other:
-            why = f'its times end at {one:g} s, those of {what} at {other:g} s'
+            why = f'its times end at {one:g} s, {what} at {other:g} s'
             yield Remark(key, '', why, 'were its times in minutes? write seconds')
 
 

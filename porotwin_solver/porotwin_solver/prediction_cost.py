@@ -23,10 +23,10 @@ from porotwin_solver.scheme import Scheme
 from porotwin_solver.transport import CFL_LIMIT
 
 COARSE_CELLS = 2_000
-"""Cells of the grid on which the flow is solved for an estimate."""
+"""Cells of the coarse grid for the flow of an estimate."""
 
 TRIAL_CELLS = 10_000
-"""Cells of the grid on which this machine is timed."""
+"""Cells of the grid for timing this machine."""
 
 TRIAL_STEPS = 5
 """Splitting steps of the trial."""
@@ -39,14 +39,14 @@ SECONDS_PER_STEP = 1e-4
 
 SECONDS_PER_FLOW = 4e-9
 """Time for factorising and solving the flow once, per well and power 1.5 of the cells [s], on the
-same machine. The power is that of nested dissection (George, SIAM J. Numer. Anal. 10 (1973))."""
+same machine. The power belongs to nested dissection (George, SIAM J. Numer. Anal. 10 (1973))."""
 
 
 @dataclass(frozen=True)
 class PredictionCost:
-    """What one prediction costs.
+    """The cost of one prediction.
 
-    cells: of the grid on which flow and transport are solved.
+    cells: of the grid for flow and transport, refined by the preset.
     refinement: parts of each cell side of the given grid.
     steps: splitting steps.
     substeps: of all cells together.

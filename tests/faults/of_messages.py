@@ -94,8 +94,8 @@ def negative_state(stage: Stage) -> Iterator[None]:
 
 @fault(
     'A foreign node sends a state that looks right.',
-    Remark('several nodes publish asset/new_state'),
-    does='Maps it, and lets no setpoint follow while the foreign node is there.',
+    Remark('a second node publishes asset/new_state'),
+    does='Does not use it, and lets no setpoint follow while the foreign node is there.',
     mends=REMOVED,
 )
 def plausible_state(stage: Stage) -> Iterator[None]:

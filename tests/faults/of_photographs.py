@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from faults.fault import Status, fault
+from faults.fault import LogLine, Status, fault
 from faults.stage import Stage, decoded, encoded
 from porotwin_rig.faults import FAULTS as SPOILED
 
@@ -41,7 +41,7 @@ def empty(stage: Stage) -> None:
 
 @fault(
     'A file with the name of a photograph holds other bytes.',
-    Status('camera', 'ERROR', 'truncated or broken'),
+    Status('camera', 'ERROR', 'is no JPEG, PNG or TIFF'),
     does=LEFT_OUT,
     mends=NEXT_GOOD,
 )
@@ -108,8 +108,8 @@ def hands(stage: Stage) -> None:
     mends=NEXT_GOOD,
 )
 def repeated(stage: Stage) -> None:
-    picture = stage.good_picture()
-    stage.put(picture, good=False)
+    stage.wait_for_control()
+    stage.put(stage.newest, good=False)
 
 
 @fault(
@@ -135,6 +135,18 @@ def impossible_file_times(stage: Stage) -> None:
 
 
 @fault(
+    "The camera's clock is an hour ahead.",
+    LogLine('camera', 'is not believed'),
+    does='Believes the time of the file, which another clock wrote, and at last the arrival. '
+    'Control goes on.',
+    mends="the camera's clock is set",
+)
+def camera_clock_ahead(stage: Stage) -> None:
+    picture = stage.picture(ahead_s=3600.0)
+    stage.put(picture, good=True)
+
+
+@fault(
     'A file name is not UTF-8.',
     does='Reads it like any other; messages show the name with escapes.',
     mends='nothing needs to be mended',
@@ -145,7 +157,7 @@ def name_not_utf8(stage: Stage) -> None:
 
 @fault(
     'A FIFO has the name of a photograph.',
-    Status('camera', 'ERROR', 'regular file'),
+    Status('camera', 'ERROR', 'is a FIFO, socket or device'),
     does='Leaves it out, and does not wait for it.',
     mends='the FIFO is removed, or not',
 )
@@ -168,7 +180,7 @@ def reused_name(stage: Stage) -> None:
 
 @fault(
     'The photographs are twice as bright: somebody changed the exposure.',
-    Status('imaging', 'ERROR', 'left out'),
+    Status('imaging', 'ERROR', 'over-exposed'),
     does=LEFT_OUT,
     mends='the old exposure, or a new baseline',
 )

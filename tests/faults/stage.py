@@ -103,18 +103,23 @@ class Stage:
         self._count = 0
         self._good: list[float] = []
         self._taken = math.nan
+        self.newest = b''
+        """The newest good photograph."""
 
     # --- photographs ------------------------------------------------------------------------
 
-    def picture(self) -> bytes:
-        """Return a photograph of this moment: a plume that has grown a little."""
+    def picture(self, *, ahead_s: float = 0.0) -> bytes:
+        """Return a photograph of this moment: a plume that has grown a little.
+
+        The camera's clock is `ahead_s` [s] ahead.
+        """
         self._count += 1
         z, x = np.mgrid[0:0.562:57j, 0:0.934:95j]
         plume = (np.hypot(x - 0.235, z - 0.235) < 0.04 + 0.0002 * self._count).astype(float)
         moment = float(self._count)
         # the light, the noise and the shake follow the number, the EXIF time this moment
         self._taken = math.floor(1000.0 * time.time()) / 1000.0
-        self._photographer.start = datetime.fromtimestamp(self._taken - moment, UTC)
+        self._photographer.start = datetime.fromtimestamp(self._taken - moment + ahead_s, UTC)
         return self._photographer.photograph(plume, time=moment)
 
     def baseline(self) -> bytes:
@@ -159,9 +164,9 @@ class Stage:
 
     def good_picture(self, name: bytes | None = None) -> bytes:
         """Take a photograph that the twin may act on; return the file."""
-        picture = self.picture()
-        self.put(picture, good=True, taken=self._taken, name=name and os.fsdecode(name))
-        return picture
+        self.newest = self.picture()
+        self.put(self.newest, good=True, taken=self._taken, name=name and os.fsdecode(name))
+        return self.newest
 
     @property
     def newest_good(self) -> float:
@@ -250,11 +255,14 @@ class Stage:
         rclpy.init(context=context, domain_id=self.domain)
         node = rclpy.create_node('stranger', namespace=NAMESPACE, context=context)
         publisher = node.create_publisher(kind, topic, profile)
-        own = topic in self.graph.messages  # the listener of the test
+        full_name = f'{NAMESPACE}/{topic}'
+
+        def all_matched() -> bool:
+            known = self.graph.listener.node.count_subscribers(full_name)
+            return publisher.get_subscription_count() >= known > 0
+
         try:
-            self.wait_for(
-                f'a subscriber of {topic}', lambda: publisher.get_subscription_count() > own
-            )
+            self.wait_for(f'the subscribers of {topic}', all_matched)
             yield publisher.publish
         finally:
             node.destroy_node()

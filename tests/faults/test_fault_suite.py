@@ -8,7 +8,7 @@ import pytest
 from faults.fault import Fault, all_faults
 from faults.stage import Stage, running_stage
 
-pytestmark = [pytest.mark.graph, pytest.mark.slow]
+pytestmark = pytest.mark.graph  # beside the tests of nodes: it waits most of the time
 
 
 class Stages:

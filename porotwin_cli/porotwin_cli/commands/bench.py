@@ -58,7 +58,7 @@ def command(
         say(f'measuring {part} ...')
         rows = importlib.import_module(modules[part]).run(**options.get(part, {}))
         results[part] = rows
-        if not as_json:
+        if rows and not as_json:
             print_table(part, list(rows[0]), [list(row.values()) for row in rows])
     if as_json:
         print_json(results)

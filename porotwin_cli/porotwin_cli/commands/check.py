@@ -1,4 +1,4 @@
-"""./porotwin check: what is odd about a rig or a recording, and what a prediction costs."""
+"""./porotwin check: odd values of a rig or a recording, and the cost of a prediction."""
 
 import dataclasses
 from pathlib import Path

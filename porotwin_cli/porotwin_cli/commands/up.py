@@ -26,6 +26,7 @@ def command(
     rig: Annotated[Path, typer.Option(help=description_of('rig'))],
     photos: Annotated[Path | None, typer.Option(help=description_of('photos'))] = None,
     camera: Annotated[str, typer.Option(help=description_of('camera'))] = GraphSettings.camera,
+    pumps: Annotated[Path | None, typer.Option(help=description_of('pumps'))] = None,
     replay: Annotated[
         bool, typer.Option('--replay', help='Photographs and time come from ./porotwin replay.')
     ] = False,
@@ -81,6 +82,7 @@ def command(
     from porotwin_hub.graph import live_graph
     from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
+    from porotwin_pumps.pump_file import load_pumps
 
     prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
@@ -94,9 +96,12 @@ def command(
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
     tell_pace(description, cells, preset, photo_interval_s)
+    if pumps is not None:
+        load_pumps(pumps, description)
     if camera:
         check_source(camera)
     settings = GraphSettings(
+        pumps=pumps.resolve() if pumps is not None else None,
         rig=rig_file.resolve(),
         photos=photos.resolve() if photos is not None else None,
         camera=camera,

@@ -107,7 +107,7 @@ class Rig(Section):
         (), description='layers of sand, the lowest first; the last one fills the rig'
     )
     sand_image: SandImage | None = Field(
-        None, description='instead of layers: a picture in which every sand has a colour'
+        None, description='instead of layers: a picture with a colour for every sand'
     )
     sand_polygons: tuple[SandPolygon, ...] = Field(
         (), description='polygons of sand over layers or picture, the last one on top'
@@ -142,7 +142,7 @@ class Rig(Section):
         return self
 
     def _length_guess(self, well: Well) -> str:
-        """Return the question for the unit in which the place of `well` would lie in the rig."""
+        """Return a question about the unit of a place: in another one `well` lies in the rig."""
         for unit, factor in LENGTHS:
             x, z = well.x_m * factor, well.z_m * factor
             if 0 < x < self.width_m and 0 < z < self.height_m:

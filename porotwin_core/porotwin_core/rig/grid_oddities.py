@@ -1,4 +1,4 @@
-"""Looks for grids that cannot be computed, or on which a rig is not resolved."""
+"""Looks for grids that cannot be computed, or that do not resolve a rig."""
 
 import itertools
 import math
@@ -23,7 +23,7 @@ SMALLEST_CELL_M = 2e-4
 """Side of a cell below which sand is no continuum [m]: one grain of fine sand."""
 
 LEAST_CELLS_BETWEEN = 3
-"""Fewest cells between two wells, and across a zone, that resolve what lies there."""
+"""Fewest cells between two wells, and across a zone, that resolve the plume there."""
 
 
 def remarks_about_grid(grid: Grid, rig: Rig) -> tuple[Remark, ...]:

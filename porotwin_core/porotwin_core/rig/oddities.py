@@ -38,7 +38,7 @@ NEAR = 0.05
 """Distance of a place beyond the edge of the rig, over its size, that passes for a slip."""
 
 IN_ZONE_SAMPLES = 200
-"""Places along each side of the rig at which a zone is looked for."""
+"""Places along each side of the rig, for the search of a zone."""
 
 
 def remarks_about(rig: Rig) -> tuple[Remark, ...]:

@@ -66,7 +66,7 @@ class SandPolygon(Section):
 
 
 class SandImage(Section):
-    """A picture of the whole rig in which every sand has a colour, row 0 at the top."""
+    """A picture of the whole rig with a colour for every sand, row 0 at the top."""
 
     file: str = Field(description='PNG or other picture, relative to the folder of rig.yaml')
     legend: dict[str, str] = Field(
@@ -77,7 +77,7 @@ class SandImage(Section):
 class DepthPoints(Section):
     """The depth at measured points; between them it is linear on triangles (Delaunay).
 
-    Beyond the outermost points it is that of the nearest point.
+    Beyond the outermost points the nearest point counts.
     """
 
     points: tuple[tuple[Number, Number, Positive], ...] = Field(

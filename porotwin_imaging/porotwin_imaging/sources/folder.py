@@ -13,6 +13,7 @@ content is not.
 import errno
 import os
 import stat
+import struct
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -44,6 +45,7 @@ PATIENCE_S = 10.0
 """Default patience [s]; a camera writes a file in less time."""
 POLL_INTERVAL_S = 0.5
 """Time between two polls [s], short against the interval between photographs."""
+_MARK_NUMBERS = 3
 WATCHED_S = 10.0
 """A file is seen to arrive if the last look was at most this long ago [s]."""
 
@@ -98,8 +100,8 @@ class FolderSource:
         self._now = now
         self._read_bytes = read_bytes or read_regular_file
         self._watched: dict[str, _WatchedFile] = {}
-        self._sent: dict[str, tuple[tuple[int, ...], str]] = {}
-        """Mark and digest of the photographs that were sent, by name."""
+        self._sent: dict[str, tuple[bytes, bytes]] = {}
+        """Packed mark and digest of the photographs that were sent, by name."""
         self._told: set[str] = set()
         """Names and suffixes that are no photographs, each reported once."""
         self._looked: float | None = None
@@ -107,7 +109,9 @@ class FolderSource:
 
     def resume(self, sent: Iterable[SentPhoto]) -> None:
         """Take note of the photographs that were sent before a restart."""
-        self._sent.update({photo.name: (photo.mark, photo.digest) for photo in sent})
+        for photo in sent:
+            if len(photo.mark) == _MARK_NUMBERS:
+                self._sent[photo.name] = (_packed(photo.mark), bytes.fromhex(photo.digest))
 
     def poll(self) -> Polled:
         """Return the photographs that are complete; see `CameraSource.poll`."""
@@ -158,7 +162,7 @@ class FolderSource:
                     problems += self._tell(entry.name, entry.name, fault)
                     continue
                 sent = self._sent.get(entry.name)
-                if sent is not None and sent[0] == mark:
+                if sent is not None and sent[0] == _packed(mark):
                     continue
                 known = self._watched.get(entry.name)
                 if known is None or known.mark != mark:
@@ -291,9 +295,9 @@ class FolderSource:
         With a protocol, files that it does not name are states.
         """
         watched = self._watched.pop(name)
-        digest = digest_of(data)
+        digest = bytes.fromhex(digest_of(data))
         before = self._sent.get(name)
-        self._sent[name] = (watched.mark, digest)
+        self._sent[name] = (_packed(watched.mark), digest)
         if before is not None and before[1] == digest:
             return None
         entry = self._entry(name)
@@ -326,6 +330,11 @@ def _mark_of(entry: os.DirEntry[str]) -> tuple[str, FileMark | None]:
         kind = 'folder' if stat.S_ISDIR(status.st_mode) else 'FIFO, socket or device'
         return f"'{printable(entry.name)}' is a {kind}, no photograph: left out", None
     return '', (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+def _packed(mark: tuple[int, ...]) -> bytes:
+    """Return a mark as bytes, which take less memory; a folder may hold years of photographs."""
+    return struct.pack('<3q', *mark)
 
 
 def _unread(name: str) -> str:

@@ -42,7 +42,7 @@ STEP_ML_H = 0.001
 """Smallest rate that the pump can be told [ml/h]."""
 
 ROUND_OFF = 2e-3
-"""Share by which a rate may differ when read back: the pump keeps four digits."""
+"""Allowed difference of a rate that is read back, as a share: the pump keeps four digits."""
 
 RUNNING = {1: 'I', -1: 'W', 0: 'SP'}
 """States of a pump that infuses, withdraws or rests."""

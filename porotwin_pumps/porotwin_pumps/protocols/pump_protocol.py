@@ -1,4 +1,4 @@
-"""The contract of a pump's protocol: what a pump can do, and how a protocol is announced.
+"""The contract of a pump's protocol: its methods, and its announcement.
 
 A protocol is one module in this folder. It has a class with the methods of `Pump`, and announces
 it: `PROTOCOL = PumpProtocol(name='new_era', open=open_pump)`. docs/pumps.md describes the rest.
@@ -10,7 +10,7 @@ from typing import Protocol
 
 
 class PumpError(Exception):
-    """A pump does not do as it is told; one line that says what it did instead."""
+    """A pump does not do as it is told; one line says why."""
 
 
 class Pump(Protocol):

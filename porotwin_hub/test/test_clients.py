@@ -1,0 +1,80 @@
+"""Tests of service calls: what the hub no longer waits for is cancelled."""
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from std_srvs.srv import Trigger
+
+from porotwin_core import conversions
+from porotwin_core.node import until_shutdown
+from porotwin_core.rig import Rig
+from porotwin_hub.clients import Caller, PhysicsModelClient
+from porotwin_hub.forecast import ModelUnavailable
+from porotwin_msgs.srv import Predict
+
+pytestmark = pytest.mark.graph
+
+PATIENCE = 60.0
+"""Longest wait for another thread [s]."""
+
+
+class SlowSolver:
+    """A solver whose predictions end only when they are cancelled, and answer `field`."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        self.node = rclpy.create_node('slow_solver', context=context)
+        self.cancelled = threading.Event()
+        self.field: Any = None
+        group = ReentrantCallbackGroup()
+        self.node.create_service(Predict, 'solver/predict', self._predict, callback_group=group)
+        self.node.create_service(Trigger, 'solver/cancel', self._cancel, callback_group=group)
+        executor = MultiThreadedExecutor(num_threads=4, context=context)
+        executor.add_node(self.node)
+
+        def spin() -> None:
+            with until_shutdown(context):
+                executor.spin()
+
+        threading.Thread(target=spin, daemon=True).start()
+
+    def _predict(self, _: Any, response: Any) -> Any:
+        if self.field is None:
+            self.cancelled.wait(PATIENCE)
+        else:
+            response.predicted = self.field
+        return response
+
+    def _cancel(self, _: Any, response: Any) -> Any:
+        self.cancelled.set()
+        return response
+
+
+@pytest.fixture
+def solver(domain: int) -> Iterator[SlowSolver]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain)
+    yield SlowSolver(context)
+    rclpy.shutdown(context=context)
+
+
+def test_a_prediction_that_takes_too_long_is_cancelled(solver: SlowSolver, small_rig: Rig) -> None:
+    grid = small_rig.grid(4, 3)
+    call = Caller(solver.node, timeout=0.5)
+    model = PhysicsModelClient(call, grid)
+    with pytest.raises(ModelUnavailable, match=r"'solver/predict' did not answer within 0.5 s"):
+        model.predict(np.zeros(grid.shape), {}, 30.0)
+    assert solver.cancelled.wait(PATIENCE)
+
+
+def test_an_answer_that_is_no_concentration_is_refused(solver: SlowSolver, small_rig: Rig) -> None:
+    grid = small_rig.grid(4, 3)
+    solver.field = conversions.tracer_to_msg(np.full(grid.shape, 1e30), grid, 0.0)
+    model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE), grid)
+    with pytest.raises(ModelUnavailable, match="'solver/predict' answers wrongly: tracer field"):
+        model.predict(np.zeros(grid.shape), {}, 30.0)

@@ -1,0 +1,25 @@
+"""Disks. Disks that are full."""
+
+import resource
+from collections.abc import Iterator
+
+from faults.fault import Status, fault
+from faults.stage import Stage
+
+FULL_AT_BYTES = 1000
+"""Size beyond which the recorder cannot write [bytes]; its file is larger already."""
+
+
+@fault(
+    'The disk of the recorder is full.',
+    Status('recorder', 'ERROR', 'the disk refuses data'),
+    does='The recorder says how much is recorded and lost. Control goes on.',
+    mends='room on the disk, and a new start of the recorder',
+)
+def full_disk(stage: Stage) -> Iterator[None]:
+    recorder = stage.pid('recorder')
+    before = resource.prlimit(recorder, resource.RLIMIT_FSIZE)
+    resource.prlimit(recorder, resource.RLIMIT_FSIZE, (FULL_AT_BYTES, before[1]))
+    stage.good_photograph()
+    yield
+    resource.prlimit(recorder, resource.RLIMIT_FSIZE, before)

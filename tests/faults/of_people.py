@@ -1,0 +1,80 @@
+"""People. Confirmations and pages that somebody else could send."""
+
+import json
+import urllib.error
+import urllib.request
+
+from faults.fault import Answer, fault
+from faults.stage import Stage
+from porotwin_core import conversions
+from porotwin_core.wells import WellRate
+from porotwin_msgs.srv import ConfirmRates
+
+NOTHING = 'nothing needs to be mended'
+
+
+def asked(stage: Stage, path: str, *, host: str = '', body: object = None) -> tuple[int, str]:
+    """Return status and text of a request to the page."""
+    address = stage.graph.wait_for_log('page', 'page at http', timeout=60.0).split('page at ')[1]
+    request = urllib.request.Request(address.split('#')[0].split()[0].rstrip('/') + path)
+    if host:
+        request.add_header('Host', host)
+    if body is not None:
+        request.data = json.dumps(body).encode()
+        request.add_header('Content-Type', 'application/json')
+    try:
+        with urllib.request.urlopen(request, timeout=60.0) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as refused:
+        return refused.code, refused.read().decode()
+
+
+@fault(
+    'A browser opens the page under the name of a foreign site (DNS rebinding).',
+    Answer('is not a name of this page'),
+    does='Refuses it with status 403.',
+    mends=NOTHING,
+)
+def foreign_host(stage: Stage) -> None:
+    status, text = asked(stage, '/', host='evil.example')
+    assert status == 403
+    assert 'is not a name of this page' in text
+
+
+@fault(
+    'Somebody confirms rates at the page without the token.',
+    Answer('confirming needs the token'),
+    does='Refuses it with status 403.',
+    mends='the address with the token, which `up` shows',
+)
+def no_token(stage: Stage) -> None:
+    sequence = stage.graph.messages['wells/setpoint'][-1].sequence
+    status, text = asked(stage, '/confirm', body={'sequence': sequence, 'rates_ml_h': {}})
+    assert status == 403, text
+    assert 'confirming needs the token' in text
+
+
+@fault(
+    'A confirmation names a setpoint that never was.',
+    Answer('setpoint 9999 is not known'),
+    does='Refuses it.',
+    mends='a confirmation of the setpoint that is shown',
+)
+def unknown_setpoint(stage: Stage) -> None:
+    answer = stage.call(ConfirmRates, 'operator/confirm', ConfirmRates.Request(sequence=9999))
+    assert 'setpoint 9999 is not known' in answer.outcome.message
+
+
+@fault(
+    'A person confirms 1e300 ml/h, or -1e9 ml/h at the injector.',
+    Answer('refused'),
+    does='Refuses it.',
+    mends='the rates of the pumps',
+)
+def impossible_confirmation(stage: Stage) -> None:
+    sequence = stage.graph.messages['wells/setpoint'][-1].sequence
+    for rate in (1e300 / 3.6e9, -1e9 / 3.6e9):
+        rates = {**stage.limits.safe(), 'injector': WellRate(rate, 1.0)}
+        request = ConfirmRates.Request(sequence=sequence, wells=conversions.rates_to_msg(rates))
+        answer = stage.call(ConfirmRates, 'operator/confirm', request)
+        assert answer.outcome.message, f'{rate:g} m3/s was accepted'
