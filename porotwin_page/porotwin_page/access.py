@@ -98,7 +98,7 @@ class Access:
 
     Attributes:
         token: the token that changes need.
-        names: names of the page's host beside those of this machine for itself.
+        names: more names of the page's host, beside localhost.
     """
 
     token: str
@@ -109,7 +109,7 @@ class Access:
 
         Args:
             headers: all headers Host of the request; there must be one.
-            reached: the address of this machine at which the connection arrived.
+            reached: this machine's address of the connection.
 
         Raises:
             AccessRefused: it names another host, or none.

@@ -1,7 +1,7 @@
 """The operator's confirmation of rates, as a browser sends it.
 
-A browser names the rate of every well, so that what it shows is what is recorded. Numbers that no
-pump of the rig delivers are refused. Numbers that are odd are a question to the operator first.
+A browser names the rate of every well: the page records the rates that it shows. Impossible rates
+are refused. Odd rates are a question to the operator first.
 """
 
 import json
@@ -35,7 +35,7 @@ LONGEST_VALUE = 40
 KEYS = ('sequence', 'orders', 'rates_ml_h', 'sure')
 
 ORDERS = ('setpoint', 'safe')
-"""What a browser shows as rates to set: the setpoint, or the safe rates after its expiry."""
+"""The rates to set in a browser: the setpoint, or the safe rates after its expiry."""
 
 
 class ConfirmationDoubt(Exception):  # noqa: N818  it is a question to the operator
@@ -151,7 +151,7 @@ def _rates(given: object, setpoint: Setpoint, snapshot: GraphSnapshot) -> dict[s
             )
     missing = [well for well in setpoint.rates if well not in given]
     if missing:
-        raise InputError(f'rates_ml_h: no rate of {", ".join(missing)}; send that of every well')
+        raise InputError(f'rates_ml_h: no rate of {", ".join(missing)}; send all rates')
     bound = plausible_bound_ml_h(setpoint.rates, snapshot.rig)
     orders = (setpoint.rates, snapshot.safe_rates)
     return {
@@ -185,8 +185,8 @@ def _is_finite(value: float) -> bool:
 def plausible_bound_ml_h(rates: WellRates, rig: Rig | None) -> float:
     """Return the largest plausible size of a rate [ml/h].
 
-    It is ten times what all wells pump together, by the limits of `rig` or else by `rates`
-    [m^3/s], and never more than the sand of the rig stands.
+    It is ten times the sum of all wells, by the limits of `rig` or else by `rates` [m^3/s], and
+    never more than the sand of the rig stands.
     """
     together = math.fsum(abs(to_ml_h(rate.rate)) for rate in rates.values()) / 2
     if rig is not None and rig.control is not None:

@@ -113,7 +113,7 @@ class Setpoint:
 
 
 class Event(StrEnum):
-    """What happened to the rates; the values are names on the page."""
+    """An event of the log; the values are names on the page."""
 
     SETPOINT = 'setpoint'
     EXPIRED = 'expired'
@@ -127,7 +127,7 @@ class LogLine:
 
     Attributes:
         clock: when it happened, on this machine's clock [s since 1970].
-        event: what happened.
+        event: its kind.
         sequence: number of the setpoint; None for a report that names none.
         rates: the rates that were commanded or reported [m^3/s]; the safe rates after an expiry.
     """
@@ -214,7 +214,7 @@ class GraphSnapshot:
 
     Attributes:
         rig: description of the rig.
-        preparation: what happens before the graph runs, in words; empty if nothing does.
+        preparation: words on the work before the graph runs; empty if there is none.
         observed: the newest state.
         difference: newest observed map minus its forecast (nz, nx) [-].
         predicted: newest physics-based forecasts.
@@ -227,7 +227,7 @@ class GraphSnapshot:
             safe rates were confirmed, because it had expired.
         expired: number of the setpoint whose expiry is in the log; None if it is not over.
         log: newest setpoints, expiries and reports of rates.
-        alarm: what is wrong with the publishers of setpoints, in one line; empty if nothing is.
+        alarm: one line on wrong publishers of setpoints; empty if all is well.
         history: points of the curves.
         history_end: number of points ever added; `history` ends with number `history_end` - 1.
         history_start: number of the first point of this experiment.
@@ -331,7 +331,7 @@ def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
 
 
 def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:
-    """Return the snapshot with words on what happens before the graph runs."""
+    """Return the snapshot with words on the work before the graph runs."""
     return replace(now, preparation=preparation)
 
 
@@ -449,7 +449,7 @@ def with_measured(
 
 
 def with_confirmation(now: GraphSnapshot, sequence: int, *, safe: bool = False) -> GraphSnapshot:
-    """Return the snapshot in which the setpoint with this number is confirmed.
+    """Return the snapshot with the confirmation of setpoint `sequence`.
 
     `safe` tells whether it had expired, so that the safe rates were confirmed.
     """

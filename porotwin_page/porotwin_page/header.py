@@ -5,7 +5,7 @@ from porotwin_page.health import DEFAULT_INTERVAL, nodes_view, worst_view
 from porotwin_page.json_values import Json, finite
 
 STALE_AFTER_INTERVALS = 3
-"""Intervals without a photograph after which the page warns."""
+"""The page warns after so many intervals without a photograph."""
 
 
 def photo_view(snapshot: GraphSnapshot, state: ObservedState, steady: float) -> Json:

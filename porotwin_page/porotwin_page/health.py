@@ -13,7 +13,7 @@ SILENT_GAPS = 3.0
 """A node that reports less often is silent after so many times the time between its reports."""
 
 SILENT_INTERVALS = 2.0
-"""Intervals between photographs after which every node is silent."""
+"""A node is silent after so many intervals between photographs."""
 
 DEFAULT_INTERVAL = 30.0
 """Time between photographs until the second one arrives [s]."""
@@ -23,7 +23,7 @@ _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
 
 
 def silent_after(report: Health, interval: float) -> float:
-    """Return the time [s] without a report after which a node is silent.
+    """Return the longest time [s] between two reports; later the node is silent.
 
     Args:
         report: its last report.

@@ -71,9 +71,7 @@ class PageNode(Node):
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
-        preparation = declare(
-            self, 'preparation', '', 'what is prepared before the graph runs, in words'
-        )
+        preparation = declare(self, 'preparation', '', 'words on the work before the graph runs')
         self._store.update(graph_snapshot.with_preparation, preparation)
         address_text = declare(
             self, 'address', '127.0.0.1:8765', 'HOST:PORT to serve at; 0.0.0.0: for phones as well'

@@ -1,6 +1,7 @@
 """The maps of the last hours, kept in a file without a name, so that memory does not grow."""
 
 import json
+import math
 import os
 import tempfile
 import threading
@@ -10,7 +11,14 @@ import numpy as np
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRate
-from porotwin_page.graph_snapshot import GraphSnapshot, Map, ObservedState, Setpoint, matching
+from porotwin_page.graph_snapshot import (
+    CyclePoint,
+    GraphSnapshot,
+    Map,
+    ObservedState,
+    Setpoint,
+    matching,
+)
 
 MOST_STATES = 960
 """States kept: 8 hours of a photograph every 30 s."""
@@ -71,7 +79,8 @@ class PastStates:
             'sequence': state.sequence,
             'time': time,
             'number': state.map.number,
-            'corrected': corrected is not None,
+            'is_corrected_map': corrected is not None,
+            'corrected': bool(snapshot.history) and snapshot.history[-1].corrected,
             'rates': {well: [r.rate, r.concentration] for well, r in setpoint.rates.items()}
             if setpoint
             else {},
@@ -89,7 +98,7 @@ class PastStates:
             self._write(content, maps, grid)
 
     def _open_for(self, grid: Grid) -> None:
-        """Begin a new file if `grid` differs from that of the states before."""
+        """Begin a new file for another `grid`."""
         if self._grid == grid and self._file is not None:
             return
         self._close()
@@ -122,7 +131,7 @@ class PastStates:
     def snapshot(self, number: int, now: GraphSnapshot) -> GraphSnapshot | None:
         """Return state `number` as the newest of a snapshot; None if it is not kept.
 
-        Its forecast is the one that was made for this state. Rig and start are those of `now`.
+        Its forecast was made for this state. `now` gives rig and start.
         """
         with self._lock:
             grid = self._grid
@@ -138,13 +147,15 @@ class PastStates:
         shown = Map(head['time'], unseen if observed is None else observed, grid, head['number'])
         forecasts = () if forecast is None else (Map(shown.time, forecast, grid, shown.number),)
         rates = {well: WellRate(*pair) for well, pair in head['rates'].items()}
+        unknown = (math.nan, math.nan, math.nan, math.nan)
         return GraphSnapshot(
             rig=now.rig,
             observed=ObservedState(head['sequence'], shown, arrival=0.0),
-            predicted=() if head['corrected'] else forecasts,
-            corrected=forecasts if head['corrected'] else (),
+            predicted=() if head['is_corrected_map'] else forecasts,
+            corrected=forecasts if head['is_corrected_map'] else (),
             difference=difference,
             setpoints=(Setpoint(0, shown.time, shown.time, rates, ''),) if rates else (),
+            history=(CyclePoint(shown.time, *unknown, corrected=head['corrected']),),
             start=now.start,
         )
 

@@ -50,7 +50,7 @@ MAX_CONFIRMATION = 16 * 1024
 """Largest request of a browser [bytes]: rates of some hundred wells."""
 
 BODY_TIMEOUT_S = 10.0
-"""Longest time in which a browser may send a confirmation [s]."""
+"""Longest time for the body of a confirmation [s]."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 

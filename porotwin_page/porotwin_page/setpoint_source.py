@@ -28,8 +28,7 @@ class SetpointSource:
         if others:
             named = ', '.join(others).replace(UNKNOWN_NODE, 'a program without a name')
             return (
-                f'Not an order: setpoints come from {named}. Follow only those of the '
-                f'guard ({self._guard}).'
+                f'Not an order: setpoints come from {named}. Follow only the guard ({self._guard}).'
             )
         if len(names) < 2:
             self._two_since = None

@@ -230,7 +230,7 @@ def test_the_safe_rates_are_confirmed_with_a_button_of_their_own(tmp_path) -> No
         await tab.until("document.querySelector('#done').textContent.startsWith('I have set')")
         shown = await tab.value("document.querySelector('#rates').innerText")
         assert '−500.0' in shown
-        assert '120.0' in shown  # what it was
+        assert '120.0' in shown
         await tab.until("!document.querySelector('#done').disabled")
         await tab.value("document.querySelector('#done').click()")
         await tab.until("document.querySelector('#answer').textContent === 'setpoint 2 confirmed'")

@@ -29,6 +29,7 @@ def test_a_state_comes_back_with_its_forecast_difference_and_rates(past) -> None
     np.testing.assert_allclose(found.difference, 0.2, atol=1e-3)
     assert found.corrected
     assert not found.predicted
+    assert found.history[-1].corrected
 
 
 def test_what_was_not_there_stays_absent(past) -> None:

@@ -1,4 +1,4 @@
-"""Tests of the lines on what the page waits for."""
+"""Tests of the lines on missing parts of the page."""
 
 from dataclasses import replace
 

@@ -39,9 +39,10 @@ def figure_with_caption(figure: Figure, caption: str, kind: str = 'png') -> str:
     text = html.escape(caption)
     width = round(PIXELS_PER_INCH * figure.get_figwidth())
     kept = ' class="single"' if width < WIDE_PIXELS else ''
+    source = f'data:image/{kind};base64,{content}'
     return (
-        f'<figure><div class="wide"><img width="{width}"{kept} alt="{text}" src="data:image/{kind};base64,{content}">'
-        f'</div><figcaption>{text}</figcaption></figure>'
+        f'<figure><div class="wide"><img width="{width}"{kept} alt="{text}" src="{source}"></div>'
+        f'<figcaption>{text}</figcaption></figure>'
     )
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with the publishers of setpoints, in red."""
+"""A line in red on wrong publishers of setpoints."""
 
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.panel import LinesPanel, Moment, Region

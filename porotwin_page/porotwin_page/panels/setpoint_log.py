@@ -1,4 +1,4 @@
-"""The log of setpoints: what was commanded, what expired, and what a person reported."""
+"""The log of setpoints: commands, expiries, and the reports of a person."""
 
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json, finite, rates_ml_h

@@ -1,4 +1,4 @@
-"""What the page waits for, from its first second on."""
+"""The missing parts of the page, named from its first second on."""
 
 from porotwin_page.graph_snapshot import GraphSnapshot, Level
 from porotwin_page.panel import LinesPanel, Moment, Region
