@@ -78,6 +78,11 @@ class LongRun:
         """Simulated time of the newest report [s]."""
         return float(self.reports[-1].header.stamp.sec) if self.reports else 0.0
 
+    @property
+    def last_remark(self) -> str:
+        """The last remark of the hub."""
+        return next((report.remarks[0] for report in self.reports[::-1] if report.remarks), 'none')
+
     def wait_until(self, moment: float, *, limit: float, clean: bool = False) -> bool:
         """Return whether a report of a time after `moment` [s] comes within `limit` [s].
 
@@ -226,7 +231,10 @@ def kill_nodes(run: LongRun, count: int, seed: int) -> dict[str, Kills]:
                 found[node].recoveries.append(time.monotonic() - begun)
             else:
                 found[node].failures += 1
-                say(f'{node} killed at {moment:.0f} s: no cycle without remarks in {STALL_S:g} s')
+                say(
+                    f'{node} killed at {moment:.0f} s: no cycle without remarks in {STALL_S:g} s; '
+                    f'the last one: {run.last_remark}'
+                )
     return found
 
 
