@@ -5,6 +5,7 @@ written down. Then each node is killed at random moments, and each time the twin
 again.
 """
 
+import math
 import os
 import random
 import signal
@@ -54,6 +55,9 @@ WARM_S = 3600.0
 MOST_GROWTH = 0.01
 """Largest growth of the memory of a node after `WARM_S`, as a share."""
 
+NO_SETPOINT = ('no setpoint', 'not taken')
+"""Words of the hub's remarks where no setpoint reached the pumps."""
+
 HOUR_S = 3600.0
 MEGABYTE = 1e6
 
@@ -83,15 +87,15 @@ class LongRun:
         """The last remark of the hub."""
         return next((report.remarks[0] for report in self.reports[::-1] if report.remarks), 'none')
 
-    def wait_until(self, moment: float, *, limit: float, clean: bool = False) -> bool:
+    def wait_until(self, moment: float, *, limit: float, control: bool = False) -> bool:
         """Return whether a report of a time after `moment` [s] comes within `limit` [s].
 
-        `limit` is wall time. With `clean` it must be a report without remarks.
+        `limit` is wall time. With `control` a setpoint must have followed in that cycle.
         """
 
         def there() -> bool:
             return any(
-                report.header.stamp.sec > moment and not (clean and report.remarks)
+                report.header.stamp.sec > moment and (_controls(report) or not control)
                 for report in self.reports
             )
 
@@ -105,6 +109,12 @@ class LongRun:
             process = psutil.Process(self.processes.process(node).pid)
             found[node] = float(process.memory_full_info().uss)
         return found
+
+
+def _controls(report: Any) -> bool:
+    """Return whether the twin chose rates in this cycle, and the pumps took them."""
+    refused = any(sign in remark for remark in report.remarks for sign in NO_SETPOINT)
+    return math.isfinite(report.objective) and not refused
 
 
 @contextmanager
@@ -225,14 +235,14 @@ def kill_nodes(run: LongRun, count: int, seed: int) -> dict[str, Kills]:
             begun, moment = time.monotonic(), run.time
             run.processes.process(node).send_signal(signal.SIGKILL)
             found[node].count += 1
-            if run.wait_until(moment + PHOTO_INTERVAL_S, limit=STALL_S, clean=True) and _back(
+            if run.wait_until(moment + PHOTO_INTERVAL_S, limit=STALL_S, control=True) and _back(
                 run, node
             ):
                 found[node].recoveries.append(time.monotonic() - begun)
             else:
                 found[node].failures += 1
                 say(
-                    f'{node} killed at {moment:.0f} s: no cycle without remarks in {STALL_S:g} s; '
+                    f'{node} killed at {moment:.0f} s: no setpoint within {STALL_S:g} s; '
                     f'the last one: {run.last_remark}'
                 )
     return found

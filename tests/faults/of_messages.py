@@ -136,7 +136,7 @@ def unknown_well(stage: Stage) -> Iterator[None]:
 
 @fault(
     'Measured rates are in m3/h where m3/s belong.',
-    LogLine('hub', 'pore volumes per hour'),
+    LogLine('hub', 'this rig stands at most'),
     does='Ignores them.',
     mends='the right unit',
 )
