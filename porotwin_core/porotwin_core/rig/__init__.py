@@ -6,7 +6,6 @@ the whole rig. `rig_file` reads and writes files, with the help of `yaml_reader`
 docs/rig.md lists every key.
 """
 
-import porotwin_core.libraries  # noqa: F401  first: it names old libraries
 from porotwin_core.rig.control_section import Control, FixedWell, ObjectiveDescription
 from porotwin_core.rig.description import Rig
 from porotwin_core.rig.rig_file import load_rig, parse_rig, read_rig, rig_from_maps, write_rig
