@@ -15,7 +15,7 @@ NOTHING = 'nothing needs to be mended'
 
 def asked(stage: Stage, path: str, *, host: str = '', body: object = None) -> tuple[int, str]:
     """Return status and text of a request to the page."""
-    address = stage.graph.wait_for_log('page', 'page at http', timeout=60.0).split('page at ')[1]
+    address = stage.graph.wait_for_log('page', 'page: http', timeout=60.0).split('page: ')[1]
     request = urllib.request.Request(address.split('#')[0].split()[0].rstrip('/') + path)
     if host:
         request.add_header('Host', host)
