@@ -70,6 +70,17 @@ def callers(node: Any, service: str) -> list[Sender]:
     return _named_senders(node, f'rq{node.resolve_service_name(service)}Request', mangled=True)
 
 
+def servers(node: Any, service: str) -> frozenset[str]:
+    """Return the identities of those who answer `service`, a name relative to `node`.
+
+    A service that is started again has a new identity; a killed one keeps its own for `LEASE_S`.
+    """
+    # the DDS topic of the answers
+    topic = f'rr{node.resolve_service_name(service)}Reply'
+    found = node.get_publishers_info_by_topic(topic, no_mangle=True)
+    return frozenset(bytes(info.endpoint_gid).hex() for info in found)
+
+
 def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
     """Return if every sender of `found` is the node `expected`.
 

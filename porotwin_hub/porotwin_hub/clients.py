@@ -5,6 +5,7 @@ executor spins in another. A blocking call in a callback would deadlock.
 """
 
 import threading
+import time
 from typing import Any
 
 from rclpy.node import Node
@@ -14,6 +15,7 @@ from porotwin_core import conversions
 from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.senders import servers
 from porotwin_core.wells import WellRates
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
@@ -22,6 +24,8 @@ from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
 
+RESTART_PERIOD_S = 0.5
+"""Time between two looks whether a service was started again [s]."""
 
 CANCEL = 'solver/cancel'
 """The service that ends the predictions of the solver."""
@@ -52,10 +56,11 @@ class Caller:
         client = self._client(service_type, name)
         if not client.wait_for_service(timeout_sec=min(timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
-        future = self._answered(client, request, timeout)
+        future = self._answered(client, name, request, timeout)
         if future is None:
             if cancel:
-                self._answered(self._client(Trigger, cancel), Trigger.Request(), CANCEL_WAIT_S)
+                canceller = self._client(Trigger, cancel)
+                self._answered(canceller, cancel, Trigger.Request(), CANCEL_WAIT_S)
             raise ModelUnavailable(f"service '{name}' did not answer within {timeout:g} s")
         response = future.result()
         outcome = getattr(response, 'outcome', None)
@@ -68,13 +73,23 @@ class Caller:
             self._clients[name] = self._node.create_client(service_type, name)
         return self._clients[name]
 
-    def _answered(self, client: Any, request: Any, timeout: float) -> Any:
-        """Return the future of a call when it is answered, None after `timeout` [s]."""
+    def _answered(self, client: Any, name: str, request: Any, timeout: float) -> Any:
+        """Return the future of a call when it is answered, None after `timeout` [s].
+
+        Raises:
+            ModelUnavailable: the service was started again, so that the request is lost.
+        """
+        asked = servers(self._node, name)
         received = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: received.set())
-        if received.wait(timeout):
-            return future
+        deadline = time.monotonic() + timeout
+        while (left := deadline - time.monotonic()) > 0.0:
+            if received.wait(min(left, RESTART_PERIOD_S)):
+                return future
+            if servers(self._node, name) - asked:
+                client.remove_pending_request(future)
+                raise ModelUnavailable(f"service '{name}' was started again while it worked")
         client.remove_pending_request(future)
         return None
 

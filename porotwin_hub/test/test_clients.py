@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,21 @@ def test_a_prediction_that_takes_too_long_is_cancelled(solver: SlowSolver, small
     with pytest.raises(ModelUnavailable, match=r"'solver/predict' did not answer within 0.5 s"):
         model.predict(np.zeros(grid.shape), {}, 30.0)
     assert solver.cancelled.wait(PATIENCE)
+
+
+def test_a_request_to_a_solver_that_is_started_again_is_lost_at_once(
+    solver: SlowSolver, small_rig: Rig
+) -> None:
+    grid = small_rig.grid(4, 3)
+    model = PhysicsModelClient(Caller(solver.node, timeout=10 * PATIENCE), grid)
+
+    again = rclpy.create_node('started_again', context=solver.node.context)
+    start_again = partial(
+        again.create_service, Predict, 'solver/predict', lambda _, response: response
+    )
+    threading.Timer(1.0, start_again).start()
+    with pytest.raises(ModelUnavailable, match='was started again while it worked'):
+        model.predict(np.zeros(grid.shape), {}, 30.0)
 
 
 def test_an_answer_that_is_no_concentration_is_refused(solver: SlowSolver, small_rig: Rig) -> None:
