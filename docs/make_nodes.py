@@ -124,10 +124,14 @@ def short(name: str) -> str:
 
 
 def interfaces(node: Node) -> list[tuple[str, ...]]:
-    """Return kind, name and type of everything that `node` publishes, subscribes to and offers."""
+    """Return kind, name and type of everything that `node` publishes, subscribes to and offers.
+
+    Raw subscriptions follow the topics that are there, such as those of the recorder.
+    """
+    subscriptions = (item for item in node.subscriptions if not item.raw)
     topics = [
         *(('publishes', item.topic_name, item.msg_type) for item in node.publishers),
-        *(('subscribes to', item.topic_name, item.msg_type) for item in node.subscriptions),
+        *(('subscribes to', item.topic_name, item.msg_type) for item in subscriptions),
     ]
     services = [('service', item.service_name, item.srv_type) for item in node.services]
     rows = [

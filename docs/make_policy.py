@@ -36,6 +36,10 @@ KINDS = {
 }
 """Kinds of interfaces in docs/nodes.md, and what the policy calls them."""
 
+PUBLISH = KINDS['publishes']
+RECORDER = 'recorder'
+"""The node that may subscribe to everything."""
+
 Rights = dict[tuple[str, str], set[str]]
 """Names by element and attribute of the policy, such as ('topics', 'publish')."""
 
@@ -50,6 +54,8 @@ def policy(nodes_page: str) -> str:
         if attribute in ('reply', 'execute')
         for name in names
     }
+    published = set().union(*(rights.get(PUBLISH, set()) for rights, _ in nodes.values()))
+    nodes[RECORDER][0].setdefault(('topics', 'subscribe'), set()).update(published)
     root = ET.Element('policy', version='0.2.0')
     enclaves = ET.SubElement(root, 'enclaves')
     for node, (rights, module) in nodes.items():
