@@ -71,9 +71,15 @@ LONG_MINUTES = 60.0
 """An experiment of this length [min] shows control from its start; see `start_minute`."""
 
 UNCONTROLLED_MINUTES = 20.0
-"""In a shorter experiment the tracer spreads so long [min] before the twin takes over.
+"""In a shorter experiment the tracer spreads at least so long [min] before the twin takes over.
 
 It then approaches the disallowed zone of the small rig, which it enters after 28 min.
+"""
+
+EARLIEST_END = 36.0
+"""A shorter experiment ends at the earliest so long after the start of the injection [min].
+
+Without control there are 6 ml of tracer in the zone by then, enough to compare with.
 """
 
 
@@ -99,7 +105,9 @@ class DemoSettings:
         A short experiment from the start would end before the tracer reaches the zone: its picture
         would show nothing of the control.
         """
-        return 0.0 if self.minutes >= LONG_MINUTES else UNCONTROLLED_MINUTES
+        if self.minutes >= LONG_MINUTES:
+            return 0.0
+        return max(UNCONTROLLED_MINUTES, EARLIEST_END - self.minutes)
 
     @property
     def photographs(self) -> int:

@@ -24,6 +24,12 @@ OPTIONAL = ('costa', 'trainer', 'diagnosis', 'page', 'supervisor')
 SHOWN = ('operator', 'supervisor')
 """Nodes whose output is for the person at the rig."""
 
+FIRST_PHOTOGRAPH = (
+    'the first photograph becomes the baseline: take it before there is tracer, or give roles in '
+    'imaging.csv'
+)
+"""What a person has to know before the first photograph."""
+
 POLL_S = 0.5
 """Time between two looks at the nodes [s]."""
 
@@ -66,6 +72,10 @@ def run_until_stopped(settings: GraphSettings, folder: Path) -> None:
     signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph uses it for SIGTERM as well
     source = settings.photos or settings.camera or './porotwin replay'
     say(f'twin of {settings.rig}, photographs from {source}')
+    if settings.calibration is None:
+        say('no --calibration: the concentrations are on a default scale')
+    if settings.photos or settings.camera:
+        say(FIRST_PHOTOGRAPH)
     tell_page(settings.page, settings.page_token)
     say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
     with GraphProcesses(live_graph(settings), folder, say=say, show=SHOWN) as graph:

@@ -10,7 +10,9 @@ mpl.use('Agg')
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.patheffects import withStroke
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
@@ -18,6 +20,15 @@ from porotwin_core.rig import Rig
 
 SAND_TO_TRACER = LinearSegmentedColormap.from_list('tracer', ['#efe6d8', '#7fae6b', '#12502f'])
 """Colours of the concentrations from 0 to 1."""
+
+INTERFACE = '#6b5b45'
+"""Colour of the interfaces between sands."""
+
+INTERFACE_CELLS = (240, 160)
+"""Cells on which interfaces are looked for: finer than a picture shows."""
+
+SAME_SAND = 0.05
+"""Difference of log10 of the permeability below which two values count as one sand."""
 
 UNSEEN = '#b8b8b8'
 """Colour of cells without a value."""
@@ -45,11 +56,35 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
         axis.plot(zone[:, 0], zone[:, 1], color='#b03a2e', lw=1.2)
     for name, well in rig.wells.items():
         axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=5)
-        axis.annotate(name, (well.x_m, well.z_m), (3, 4), textcoords='offset points', fontsize=7)
+        axis.annotate(
+            name,
+            (well.x_m, well.z_m),
+            (3, 4),
+            textcoords='offset points',
+            fontsize=7,
+            path_effects=[withStroke(linewidth=1.5, foreground='white')],
+        )
+    _draw_interfaces(axis, rig)
     axis.set_xlim(0.0, rig.width_m)
     axis.set_ylim(0.0, rig.height_m)
     axis.set_xlabel('x [m]')
     axis.set_ylabel('z [m]')
+
+
+def _draw_interfaces(axis: Axes, rig: Rig) -> None:
+    """Draw the interfaces between the sands of `rig`."""
+    if not rig.sands:
+        return
+    grid = rig.grid(*INTERFACE_CELLS)
+    permeability = np.log10(rig.field('permeability_m2', grid))
+    levels = np.unique(np.round(permeability, 3))
+    between = (levels[1:] + levels[:-1]) / 2.0
+    steps = between[np.diff(levels) > SAME_SAND]
+    if steps.size:
+        x, z = np.meshgrid(grid.x, grid.z)
+        axis.contour(
+            x, z, permeability, levels=steps, colors=INTERFACE, linestyles='-', linewidths=0.8
+        )
 
 
 def picture_beside(output: Path) -> Path:
@@ -88,6 +123,8 @@ def sheet_of_maps(
         axis.set_axis_on()
         draw_map(axis, rig, values)
         axis.set_title(f'{time / 60.0:.4g} min')
+    scale = ScalarMappable(Normalize(0.0, 1.0), SAND_TO_TRACER)
+    figure.colorbar(scale, ax=axes, shrink=0.6, label='concentration: 0 water, 1 tracer stock')
     figure.suptitle(title)
     figure.savefig(path, dpi=DPI)
     plt.close(figure)

@@ -13,6 +13,9 @@ from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.run_account import ML, RunAccount, TrueTracer
 from porotwin_core.rig import Rig
 
+DASHES = ('-', (0, (5, 3)), (0, (2, 2)), (2, (5, 5)), (3, (1, 3)))
+"""Line styles of the wells."""
+
 PAPER_MINUTES = (10, 35, 60, 80)
 """Times of the paper's figures [min]."""
 
@@ -43,8 +46,10 @@ def course_picture(
 ) -> None:
     """Draw setpoints, tracer in the zone, prediction errors and cycle times over a run."""
     figure, axes = plt.subplots(4, 1, figsize=(9, 11), sharex=True, layout='constrained')
-    for well, rates in account.rates_ml_h.items():
-        axes[0].step(np.array(account.setpoint_times) / 60, rates, where='post', label=well)
+    for number, (well, rates) in enumerate(account.rates_ml_h.items()):
+        style = DASHES[number % len(DASHES)]  # equal rates of two wells must both be seen
+        minutes = np.array(account.setpoint_times) / 60
+        axes[0].step(minutes, rates, where='post', label=well, linestyle=style, linewidth=2)
     axes[0].set_ylabel('setpoint [ml/h]')
     for label, truth, colour in (
         ('with control', controlled, '#12502f'),

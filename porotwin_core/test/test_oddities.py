@@ -79,7 +79,11 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'width_mm': 934}, "did you mean 'width_m'"),
         ({'name': ''}, 'name'),
         ({'wells.wall': {'x_m': 0.0, 'z_m': 0.2}}, "'wall'"),
-        ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm? (0.235, 0.235) m'),
+        (
+            {'wells.far': {'x_m': 23.5, 'z_m': 23.5}},
+            'was this in mm, (0.0235, 0.0235) m or in cm, (0.235, 0.235) m?',
+        ),
+        ({'wells.far': {'x_m': 235, 'z_m': 235}}, 'was this in mm, (0.235, 0.235) m?'),
         ({'wells.list': [0.2, 0.3]}, 'write a section'),
         ({'name': 5}, 'put numbers and dates in quotes'),
         ({'control.wells': 'injector'}, 'write a list'),

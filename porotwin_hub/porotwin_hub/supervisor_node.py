@@ -65,6 +65,7 @@ class SupervisorNode(Node):
             ),
         )
         self._silent: tuple[str, ...] = ()
+        self._errors: dict[str, str] = {}
         self._publisher = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._diagnostics = Diagnostics(self)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 100)
@@ -73,8 +74,18 @@ class SupervisorNode(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.level != DiagnosticStatus.STALE:
-                self._liveness.heard(status.name)
+            if status.level == DiagnosticStatus.STALE:
+                continue
+            self._liveness.heard(status.name)
+            self._tell_error(status)
+
+    def _tell_error(self, status: DiagnosticStatus) -> None:
+        """Print the error of a node once, for the person who started the graph."""
+        if status.level != DiagnosticStatus.ERROR:
+            self._errors.pop(status.name, None)
+        elif status.name != self.get_name() and self._errors.get(status.name) != status.message:
+            self._errors[status.name] = status.message
+            print(f'{status.name}: {status.message}', flush=True)
 
     def _look(self) -> None:
         silent = self._liveness.silent(_processes)

@@ -58,6 +58,13 @@ class Ear:
         with until_shutdown(self.context):
             executor.spin()
 
+    def say_error(self, name: str, message: str) -> None:
+        """Report an error as the node `name` would."""
+        publisher = self.node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        until(lambda: publisher.get_subscription_count() > 1)  # this node listens as well
+        status = DiagnosticStatus(level=DiagnosticStatus.ERROR, name=name, message=message)
+        publisher.publish(DiagnosticArray(status=[status]))
+
     def wait_for(self, name: str, level: bytes, text: str = '') -> None:
         until(lambda: any(h[:2] == (name, level) and text in h[2] for h in self.heard), self.heard)
 
@@ -90,9 +97,13 @@ def test_a_stopped_node_is_stale_then_killed_and_started_again(
     ]
     lines: list[str] = []
     environment = {'ROS_DOMAIN_ID': str(domain)}
-    with GraphProcesses(nodes, tmp_path, say=lines.append, environment=environment) as graph:
+    with GraphProcesses(
+        nodes, tmp_path, say=lines.append, show=['supervisor'], environment=environment
+    ) as graph:
         ear.wait_for('operator', DiagnosticStatus.OK, 'running')
         ear.wait_for('supervisor', DiagnosticStatus.OK)
+        ear.say_error('lamp', 'the light is off')
+        until(lambda: 'lamp: the light is off' in lines, lines)
         stopped = graph.process('operator')
         stopped.send_signal(signal.SIGSTOP)
         ear.wait_for('operator', DiagnosticStatus.STALE, 'its process is stopped')

@@ -1,10 +1,12 @@
 """Looks for oddities in a recording: rates, times and photographs that do not fit together."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from porotwin_core.plausibility import Remark
+from porotwin_core.units import to_ml_h
 from porotwin_recording.rates import remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
 
@@ -20,9 +22,14 @@ MOST_STOCK = 1.3
 
 def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
     """Yield the remarks about a recording. Maps and photographs are not opened."""
+    named = set()
     for schedule, name in ((data.commanded, 'rates.csv'), (data.measured, 'rates_measured.csv')):
         if schedule is not None:
-            yield from remarks_about_rates(schedule, data.rig, name)
+            found = remarks_about_rates(schedule, data.rig, name)
+            named |= {remark.key for remark in found}
+            yield from found
+    yield from (remark for remark in _limits(data) if remark.key not in named)
+    yield from _end(data)
     yield from _times(data)
     yield from _photographs(data)
 
@@ -41,6 +48,38 @@ def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
     if largest > MOST_STOCK:
         remedy = 'was this in percent? 1 is the tracer stock' if largest > 10 else 'scale the maps'
         yield Remark('concentration.nc', f'up to {largest:.3g}', '0 is water, 1 is stock', remedy)
+
+
+def _limits(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark for each well whose commanded rate the control section does not allow."""
+    control = data.rig.control
+    if control is None or data.commanded is None:
+        return
+    seen: set[str] = set()
+    for row in data.commanded.rows:
+        if row.well in seen:
+            continue
+        rate_ml_h = to_ml_h(row.rate.rate)
+        where = f'rates.csv: well {row.well}'
+        remedy = 'compare rates.csv with the control section of rig.yaml'
+        fixed = control.fixed.get(row.well)
+        if fixed is not None and rate_ml_h and not math.isclose(rate_ml_h, fixed.rate_ml_h):
+            why = f'control.fixed says {fixed.rate_ml_h:g} ml/h'
+        elif row.well in control.wells and rate_ml_h > control.max_rate_ml_h:
+            why = f'control.max_rate_ml_h is {control.max_rate_ml_h:g} ml/h'
+        else:
+            continue
+        seen.add(row.well)
+        yield Remark(where, f'{rate_ml_h:g} ml/h', why, remedy)
+
+
+def _end(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark if nothing says how long the experiment lasts."""
+    if data.commanded is None or data.maps is not None or data.photos:
+        return
+    if max((row.time for row in data.commanded.rows), default=0.0) <= 0.0:
+        why = 'all its rows are at the start, so that nothing says when the experiment ends'
+        yield Remark('rates.csv', '', why, 'end with rows of rate 0 at the last time')
 
 
 def _times(data: RecordedData) -> Iterator[Remark]:

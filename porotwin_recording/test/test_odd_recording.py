@@ -19,7 +19,7 @@ RIG = controlled_rig()
 
 
 def recording(
-    *, rate_ml_h: float = 500.0, last: float = 1800.0, end: float = 4800.0, value: float = 0.5
+    *, rate_ml_h: float = 523.2, last: float = 1800.0, end: float = 4800.0, value: float = 0.5
 ) -> RecordedData:
     """Return a recording with one injection until `last` [s] and two maps until `end` [s]."""
     rows = (
@@ -42,6 +42,16 @@ def test_a_usual_recording_is_not_odd() -> None:
     data = replace(recording(), photos=(BASELINE, photo(0.0, 'b.jpg')))
     assert list(remarks_about_recording(data)) == []
     assert list(remarks_about_maps(data)) == []
+
+
+def test_rates_that_the_control_section_does_not_allow_are_odd() -> None:
+    found = list(remarks_about_recording(recording(rate_ml_h=400.0)))
+    assert [remark.why for remark in found] == ['control.fixed says 523.2 ml/h']
+
+
+def test_rates_without_an_end_are_odd() -> None:
+    data = replace(recording(last=0.0), maps=None)
+    assert 'when the experiment ends' in str(list(remarks_about_recording(data))[-1])
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ class PredictionCost:
         """Return the cost in words."""
         return (
             f'{self.cells:,} cells, time steps: {self.steps:,}, about {in_words(self.seconds)} '
-            f'and {in_words(self.preparation_seconds)} once'
+            f'each, after {in_words(self.preparation_seconds)} of preparation at the start'
         )
 
 

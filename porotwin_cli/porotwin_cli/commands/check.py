@@ -52,6 +52,8 @@ def command(
             print(f'{"impossible" if remark.refused else "odd"}: {remark}')
         if checked.cost is not None:
             print(f'one prediction over {photo_interval_s:g} s on {checked.grid}: {checked.cost}')
+        if checked.rig.camera is None:
+            print('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
         print(f'{_verdict(checked.runs, len(checked.remarks))}; picture: {output}')
     if not checked.runs:
         say(f'porotwin: {path}: cannot be run; correct the impossible values')

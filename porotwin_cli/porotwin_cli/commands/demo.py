@@ -15,7 +15,7 @@ def command(
         float,
         typer.Option(
             help='Time under control [min]; 80 as in the paper. Below 60, the tracer has spread '
-            'for 20 min before the twin takes over.',
+            'for 20 min or more before the twin takes over.',
             min=1.0,
         ),
     ] = 30.0,
@@ -70,6 +70,8 @@ def command(
     say(
         f'demo: {minutes:g} min of the small rig, {settings.photographs} photographs, into {folder}'
     )
+    if settings.start_minute > 0.0:
+        say(f'the twin takes over {settings.start_minute:g} min after the start of the injection')
     say(f'this takes about {duration_in_words(settings.expected_seconds())} on two cores')
     figures = run_demo(settings, folder)
     if as_json:

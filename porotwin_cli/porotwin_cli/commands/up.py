@@ -92,7 +92,11 @@ def command(
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:
-        raise InputError(f'{rig_file}: has no camera section; imaging needs its corners_px')
+        raise InputError(
+            f'{rig_file}: has no camera section; add the corners of the rig in the photographs, '
+            'such as camera: {corners_px: [[100, 80], [100, 1020], [1500, 1020], [1500, 80]]} '
+            '(docs/rig.md, Camera)'
+        )
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
     tell_pace(description, cells, preset, photo_interval_s)

@@ -143,11 +143,12 @@ class Rig(Section):
 
     def _length_guess(self, well: Well) -> str:
         """Return a question about the unit of a place: in another one `well` lies in the rig."""
+        guesses = []
         for unit, factor in LENGTHS:
             x, z = well.x_m * factor, well.z_m * factor
             if 0 < x < self.width_m and 0 < z < self.height_m:
-                return f'; was this in {unit}? ({x:g}, {z:g}) m'
-        return ''
+                guesses.append(f'in {unit}, ({x:g}, {z:g}) m')
+        return f'; was this {" or ".join(guesses)}?' if guesses else ''
 
     def _check_sands(self) -> None:
         """Check that the sand is described in one way, and that all its names are known.
