@@ -71,7 +71,8 @@ def test_a_mistaken_unit_is_named(change: dict[str, float], named: str, refused:
 
 
 def test_two_rates_of_a_well_at_one_time_are_odd() -> None:
-    rows = [ScheduleRow(0.0, 'in', WellRate(from_ml_h(rate), 1.0)) for rate in (500.0, 400.0)]
+    rows = [ScheduleRow(0.0, 'in', WellRate(from_ml_h(rate), 1.0)) for rate in (523.2, 400.0)]
+    rows.append(ScheduleRow(60.0, 'in', WellRate()))
     (remark,) = remarks_about_recording(RecordedData(RIG, commanded=Schedule(tuple(rows))))
     assert 'another rate at the same time of 0 s' in str(remark)
 
