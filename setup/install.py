@@ -208,6 +208,19 @@ def steps_to_do() -> list[tuple[str, str, Callable[[], None], str]]:
 def main() -> int:
     if not steps_to_do():
         return 0
+    try:
+        return set_up()
+    except OSError as error:  # a full disk, or a checkout that cannot be written
+        say(f'porotwin setup: {error.filename or VENV}: {error.strerror}; make room, or use a copy')
+        return 2
+
+
+def set_up() -> int:
+    """Do the steps that are not done; return the exit status.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
     STAMPS.mkdir(parents=True, exist_ok=True)
     with (STAMPS / 'lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -3,14 +3,13 @@
 ROS answers wrong values with an abort deep in a library, or ignores them.
 """
 
-import fcntl
+import errno
 import os
 import socket
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Self, TextIO
+from typing import Self
 
 from porotwin_core.errors import InputError
 
@@ -107,30 +106,33 @@ class DomainClaim:
             InputError: a graph on this machine has claimed it.
         """
         self.domain = domain
-        self._file = _lock(domain)
+        self._lock = _lock(domain)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         """Give the domain back."""
-        self._file.close()
+        self._lock.close()
 
 
-def _lock(domain: int) -> TextIO:
-    path = Path(tempfile.gettempdir(), f'porotwin_domain_{domain}')
+def _lock(domain: int) -> socket.socket:
+    """Return the lock of a domain: a name in Linux's abstract sockets.
+
+    It needs no file, so that graphs with other folders for temporary files see it as well.
+    """
+    lock = socket.socket(socket.AF_UNIX)
     try:
-        file = path.open() if path.exists() else path.open('w')  # it may belong to somebody else
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
+        lock.bind(f'\0porotwin_domain_{domain}')
+    except OSError as error:
+        lock.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
         raise InputError(
             f'another graph runs in domain {domain} on this machine, and both would act on the '
             f'same pumps; end it, or set {DOMAIN} to another number for this one'
         ) from None
-    except OSError as error:
-        raise InputError(f'{path}: {error.strerror}; remove the file') from None
-    return file
+    return lock
 
 
 def claim_domain() -> DomainClaim:

@@ -54,6 +54,8 @@ def read_header(path: Path, file_format: str) -> dict[str, Any]:
     Raises:
         InputError: the file is missing, a pickle, no safetensors file, or of another format.
     """
+    if path.exists() and not path.is_file():
+        raise InputError(f'{path}: is no file of weights; name a .safetensors file')
     try:
         with path.open('rb') as file:
             start = file.read(4)

@@ -13,6 +13,7 @@ from sensor_msgs.msg import CompressedImage
 from porotwin_core.conversions import CAMERA_FRAME, header_at
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.qos import BASELINE, PHOTO
+from porotwin_core.single_instance import only_one
 from porotwin_imaging.file_names import one_line, printable
 from porotwin_imaging.photo_clock import Trust
 from porotwin_imaging.photo_forwarding import PhotoForwarder
@@ -195,8 +196,8 @@ class CameraNode(Node):
 
 
 def main() -> None:
-    """Run the node."""
-    run(CameraNode)
+    """Run the node, unless another one is there."""
+    run(only_one(CameraNode, 'camera'))
 
 
 if __name__ == '__main__':

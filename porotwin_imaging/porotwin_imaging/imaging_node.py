@@ -17,6 +17,7 @@ from porotwin_core.conversions import header_at, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
+from porotwin_core.senders import publishers
 from porotwin_core.single_instance import only_one
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
@@ -65,7 +66,16 @@ class ImagingNode(Node):
 
     def _listen(self, role: str, topic: str, profile: Any) -> None:
         def store(message: CompressedImage) -> None:
-            self._queue.put((role, time_from_msg(message.header.stamp), bytes(message.data)))
+            time = time_from_msg(message.header.stamp)
+            senders = sorted({sender.node for sender in publishers(self, topic)})
+            if len(senders) > 1:
+                self._complain(
+                    f'{role} photograph at {time:.3f} s left out: several nodes publish {topic} '
+                    f'({", ".join(senders)}); end all but one',
+                    time,
+                )
+                return
+            self._queue.put((role, time, bytes(message.data)))
 
         self.create_subscription(CompressedImage, topic, store, profile)
 

@@ -38,6 +38,7 @@ class FakeCamera:
 
 @pytest.fixture
 def camera(tmp_path, monkeypatch, empty_photograph) -> FakeCamera:
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('PATH', f'{tmp_path}{os.pathsep}{os.environ["PATH"]}')
     (tmp_path / 'photo.jpg').write_bytes(empty_photograph)
     return FakeCamera(tmp_path)

@@ -83,7 +83,8 @@ def parse_number(text: str, label: str) -> float:
         InputError: `text` is no finite number; `label` opens the message.
     """
     try:
-        value = float(text)
+        # Python reads 5_00 and the digits of other scripts as well
+        value = float(text) if text.isascii() and '_' not in text else math.nan
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -15,6 +15,9 @@ from porotwin_recording.csv_table import number_text, parse_number, read_table, 
 PERCENT = 100.0
 """Largest concentration that was probably written in percent."""
 
+LONGEST_S = 366 * 86400.0
+"""Longest experiment [s]; larger times are mistakes."""
+
 HEADER = ('time_s', 'well', 'rate_ml_h', 'concentration')
 
 
@@ -80,6 +83,8 @@ def _row(words: list[str], where: str, wells: tuple[str, ...]) -> ScheduleRow:
     time = parse_number(words[0], f'{where}: time_s')
     if time < 0:
         raise InputError(f'{where}: time_s {time:g} is negative; times count from the start')
+    if time > LONGEST_S:
+        raise InputError(f'{where}: time_s {time:g} is more than a year; write seconds')
     well = words[1]
     if well not in wells:
         raise InputError(f"{where}: unknown well '{well}'; the rig has {', '.join(wells)}")

@@ -58,6 +58,8 @@ def test_any_rate_in_si_comes_back_within_its_last_digit(
         ('time_s,well,rate_ml_h,concentration\n-1,in,1,0\n', ':2: time_s -1 is negative'),
         ('time_s,well,rate_ml_h,concentration\n5,in,1,0\n1,in,2,0\n', ':3: .*sort the rows'),
         ('time_s,well,rate_ml_h,concentration\n0,in,nan,0\n', ":2: rate_ml_h is 'nan'"),
+        ('time_s,well,rate_ml_h,concentration\n0,in,5_00,0\n', ":2: rate_ml_h is '5_00'"),
+        ('time_s,well,rate_ml_h,concentration\n1e18,in,1,0\n', ':2: time_s 1e.18 is more than'),
         ('time_s,well,rate_ml_h,concentration\n0,in,x,0\n', ":2: rate_ml_h is 'x'"),
         ('time_s,well,rate_ml_h,concentration\n0,in,1,\n', ':2: .*concentration is empty'),
         ('time_s,well,rate_ml_h,concentration\n0,in,1,2\n', ':2: concentration 2; must lie'),

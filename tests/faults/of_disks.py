@@ -14,7 +14,7 @@ FULL_AT_BYTES = 1000
     'The disk of the recorder is full.',
     Status('recorder', 'ERROR', 'the disk refuses data'),
     does='The recorder says how much is recorded and lost. Control goes on.',
-    mends='room on the disk, and a new start of the recorder',
+    mends='room on the disk: the recorder goes on by itself',
 )
 def full_disk(stage: Stage) -> Iterator[None]:
     recorder = stage.pid('recorder')

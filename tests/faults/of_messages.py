@@ -1,5 +1,6 @@
 """Messages. Data on the network that the twin did not make, and settings out of range."""
 
+import array
 import math
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import CompressedImage
 
 from faults.fault import Answer, LogLine, Remark, Status, fault
 from faults.stage import ENVIRONMENT, GRID, Stage
@@ -100,6 +102,20 @@ def negative_state(stage: Stage) -> Iterator[None]:
 )
 def plausible_state(stage: Stage) -> Iterator[None]:
     yield from foreign_state(stage, np.zeros((NZ, NX)), number=9006)
+
+
+@fault(
+    'A foreign node sends a photograph.',
+    Status('imaging', 'ERROR', 'several nodes publish camera/image/compressed'),
+    does='Leaves out all photographs while the foreign node is there. No setpoint follows.',
+    mends=REMOVED,
+)
+def foreign_photograph(stage: Stage) -> Iterator[None]:
+    with stage.foreign('camera/image/compressed', CompressedImage, qos.PHOTO) as send:
+        photograph = CompressedImage(header=conversions.header_at(time.time()), format='jpeg')
+        photograph.data = array.array('B', stage.picture())
+        send(photograph)
+        yield
 
 
 @fault(

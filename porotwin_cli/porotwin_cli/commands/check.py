@@ -31,6 +31,8 @@ def command(
     from porotwin_cli.check_picture import check_picture
     from porotwin_cli.rig_check import check
 
+    if output.is_dir():
+        output = output / 'check.png'
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     check_picture(output, checked)
     if as_json:
