@@ -118,6 +118,7 @@ class HubNode(Node):
             photo_interval=interval,
             controller=self._controller,
             assumed=self._known_limits.safe() if self._known_limits else None,
+            pore_volume=rig.cell_pore_volume(self._grid),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(

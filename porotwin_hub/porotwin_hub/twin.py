@@ -32,6 +32,7 @@ from porotwin_hub.rates_in_force import (
     same_rates,
 )
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
+from porotwin_hub.tracer_balance import imbalance
 
 SAME_TIME_S = 0.5
 """A forecast belongs to a photograph if their times differ by at most this [s]."""
@@ -107,6 +108,7 @@ class Twin:
         photo_interval: float,
         controller: Controller | None = None,
         assumed: WellRates | None = None,
+        pore_volume: FloatArray | None = None,
     ) -> None:
         """Make the loop.
 
@@ -116,7 +118,10 @@ class Twin:
             photo_interval: time between photographs [s]; how far a forecast looks ahead.
             controller: chooses setpoints; None: the twin predicts and does not control.
             assumed: rates until any are known, without a controller; None: all wells are off.
+            pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
+                tracer; None: no balance is made.
         """
+        self._pore_volume = pore_volume
         self._physics = physics
         self._forecaster = Forecaster(physics, data_driven)
         self._photo_interval = photo_interval
@@ -277,6 +282,9 @@ class Twin:
         observed = cycle.observation.concentration
         cycle.prediction_error = relative_error(cycle.elapsed.predicted, observed)
         cycle.corrected_error = relative_error(cycle.elapsed.corrected, observed)
+        if self._pore_volume is not None:
+            remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
+            cycle.remarks += [remark] if remark else []
 
     def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
         now = cycle.observation.time

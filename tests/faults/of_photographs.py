@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from faults.fault import LogLine, Status, fault
+from faults.fault import LogLine, Remark, Status, fault
 from faults.stage import Stage, decoded, encoded
 from porotwin_rig.faults import FAULTS as SPOILED
 
@@ -17,6 +17,16 @@ LEFT_OUT = 'Leaves it out. No state and no setpoint follow.'
 def put_spoiled(stage: Stage, name: str) -> None:
     """Put a photograph with a fault of the mock camera into the folder."""
     stage.put(SPOILED[name](stage.picture()), good=False)
+
+
+@fault(
+    'A photograph shows a plume that no pump has made: it is from another experiment.',
+    Remark('ml of tracer, and by the pumps it would be'),
+    does='Uses it, with a warning and both volumes: the pumps may be wrong instead.',
+    mends='a look at the photographs, the baseline and the pumps',
+)
+def other_plume(stage: Stage) -> None:
+    stage.good_picture(radius_m=0.12)
 
 
 @fault(

@@ -108,14 +108,15 @@ class Stage:
 
     # --- photographs ------------------------------------------------------------------------
 
-    def picture(self, *, ahead_s: float = 0.0) -> bytes:
+    def picture(self, *, ahead_s: float = 0.0, radius_m: float = 0.04) -> bytes:
         """Return a photograph of this moment: a plume that has grown a little.
 
-        The camera's clock is `ahead_s` [s] ahead.
+        The camera's clock is `ahead_s` [s] ahead; the plume began with `radius_m`.
         """
         self._count += 1
         z, x = np.mgrid[0:0.562:57j, 0:0.934:95j]
-        plume = (np.hypot(x - 0.235, z - 0.235) < 0.04 + 0.0002 * self._count).astype(float)
+        radius = radius_m + 0.0002 * self._count
+        plume = (np.hypot(x - 0.235, z - 0.235) < radius).astype(float)
         moment = float(self._count)
         # the light, the noise and the shake follow the number, the EXIF time this moment
         self._taken = math.floor(1000.0 * time.time()) / 1000.0
@@ -162,9 +163,9 @@ class Stage:
         self.good_picture(name)
         return self._good[-1]
 
-    def good_picture(self, name: bytes | None = None) -> bytes:
+    def good_picture(self, name: bytes | None = None, *, radius_m: float = 0.04) -> bytes:
         """Take a photograph that the twin may act on; return the file."""
-        self.newest = self.picture()
+        self.newest = self.picture(radius_m=radius_m)
         self.put(self.newest, good=True, taken=self._taken, name=name and os.fsdecode(name))
         return self.newest
 

@@ -18,13 +18,16 @@ CHECKS = (
 
 ON_ALL_CORES = ['-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '--no-loadscope-reorder']
 
+WITH_NODES = ['-n', '3', *ON_ALL_CORES[2:]]
+"""Three workers: nodes wait most of the time."""
+
 AGAIN = ['--reruns', '1', '-raR']
 """A failed test of real processes runs once more, because other work on this machine may starve
 them. The output says RERUN."""
 
 TESTS = (
     ('tests', [*ON_ALL_CORES, '-m', 'not graph']),
-    ('tests of ROS 2 nodes', [*ON_ALL_CORES, *AGAIN, '-m', 'graph and not slow']),
+    ('tests of ROS 2 nodes', [*WITH_NODES, *AGAIN, '-m', 'graph and not slow']),
     ('tests of whole graphs', [*AGAIN, '-m', 'graph and slow']),
 )
 """Whole graphs run one after the other: with other work beside them, photographs would be late."""

@@ -299,9 +299,12 @@ class Rig(Section):
     @property
     def pore_volume(self) -> float:
         """Volume of the water in the pores of the whole rig [m^3]."""
-        grid = self.grid(PORE_SAMPLES, PORE_SAMPLES)
-        pores = self.field('porosity', grid) * self.field('depth_m', grid)
-        return float(pores.sum() * grid.cell_area)
+        return float(self.cell_pore_volume(self.grid(PORE_SAMPLES, PORE_SAMPLES)).sum())
+
+    def cell_pore_volume(self, grid: Grid) -> FloatArray:
+        """Return the volume of the pores of each cell of `grid` [m^3], (nz, nx)."""
+        pores: FloatArray = self.field('porosity', grid) * self.field('depth_m', grid)
+        return pores * grid.cell_area
 
     @property
     def nominal_maps(self) -> dict[str, FloatArray]:
