@@ -37,6 +37,7 @@ OPTIONS = [
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.graph,  # a real browser: among the tests of real processes
     pytest.mark.skipif(BROWSER is None, reason=f'needs one of {", ".join(NAMES)}'),
 ]
 
@@ -290,7 +291,6 @@ def test_a_lost_connection_is_reported_and_made_again(tmp_path) -> None:
         assert await tab.value("document.querySelector('#done').disabled")
         scene.serve()
         await tab.until("document.querySelector('#live').textContent.startsWith('Stale')")
-        points = "document.querySelector('.panel-chart svg').dataset.points"
-        assert await tab.value(points) == '2'
+        await tab.until("document.querySelector('.panel-chart svg').dataset.points === '2'")
 
     in_browser(tmp_path, work)

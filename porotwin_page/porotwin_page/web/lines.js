@@ -5,6 +5,7 @@ import { element, hasChanged } from './dom.js';
 export function create(root) {
   const list = element('ul');
   root.append(list);
+  root.hidden = true; // until there are lines
   return (lines) => {
     root.hidden = lines.length === 0;
     if (!hasChanged(list, lines)) return;
