@@ -31,7 +31,7 @@ schedule = Schedule(
 times = np.array([10, 25, 40, 80]) * minute
 maps = simulate(rig, schedule, times, grid=grid, preset='fast')
 
-pore_volume = rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
+pore_volume = rig.cell_pore_volume(grid)
 in_rig_ml = 1e6 * float((maps[2] * pore_volume).sum())
 injected_ml = 500.0 * 40 / 60
 print(f'after 40 min: {in_rig_ml:.1f} ml of tracer in the rig, {injected_ml:.1f} ml injected')

@@ -33,7 +33,7 @@ baseline = make_baseline(
 
 photo = recording.photos[-1]
 found = concentration_map(photo.read(), baseline)
-pore_volume = rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
+pore_volume = rig.cell_pore_volume(grid)
 plume = found.values > 0.05  # the noise of clear water does not count
 seen_ml = 1e6 * float((found.values * pore_volume)[plume].sum())
 injector = recording.delivered.at(0.0)['injector']

@@ -23,7 +23,7 @@ reports = [bag.decode(message) for message in bag.messages(['/porotwin/hub/cycle
 
 recording = open_recording(BAG)
 rig, grid, times = recording.rig, recording.grid, recording.times
-pore_volume = rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
+pore_volume = rig.cell_pore_volume(grid)
 assert recording.maps is not None
 tracer_ml = np.array(
     [1e6 * (values * pore_volume)[values > 0.05].sum() for values in recording.maps]

@@ -60,7 +60,7 @@ class ObjectiveKind:
 
 def pore_volume(rig: Rig, grid: Grid) -> FloatArray:
     """Return porosity * depth * cell area, the pore volume of every cell (nz, nx) [m^3]."""
-    return rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
+    return rig.cell_pore_volume(grid)
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,7 @@ def fit_calibration(
     factors = sands.fit_factors(raw, labels, settings.sands)
     lines.append(_sand_line(factors))
     signals = [plane * np.array(factors.values)[labels] for plane in raw]
-    volume = _pore_volume(rig, grid)
+    volume = rig.cell_pore_volume(grid)
     response, growth, injected = _scale(volume, signals, times, schedule, lines, settings)
     calibration = Calibration(
         signal,
@@ -155,11 +155,6 @@ def _calibration_grid(rig: Rig, settings: CalibrationSettings) -> Grid:
     """Return a grid of nearly square cells."""
     columns = settings.columns
     return rig.grid(columns, max(1, round(columns * rig.height_m / rig.width_m)))
-
-
-def _pore_volume(rig: Rig, grid: Grid) -> Array:
-    """Return the pore volume of each cell [m^3], shape (nz, nx)."""
-    return rig.field('porosity', grid) * rig.field('depth_m', grid) * grid.cell_area
 
 
 def _origin(source: str, photographs: int, growth: LinearGrowth | None) -> dict[str, Any]:
