@@ -29,7 +29,7 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
-from porotwin_imaging.denoising import denoised, noise_after_denoising
+from porotwin_imaging.denoising import denoised
 from porotwin_imaging.light_check import (
     exposure_remarks,
     lit_as_baseline,
@@ -38,6 +38,7 @@ from porotwin_imaging.light_check import (
 )
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
+from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
 
@@ -51,7 +52,8 @@ class ConcentrationMap:
     Attributes:
         values: concentration, float32, shape (nz, nx), row 0 at the bottom, 1 = tracer stock, NaN
             where the photograph does not show the sand.
-        noise: standard deviation of `values`, same shape.
+        deviation: standard deviation of `values`, same shape.
+        systematic: the part of it that stays the same from photograph to photograph, same shape.
         calibrated: False if the scale is only a default.
         suspicious: True if a person should check the map.
         status: remarks, one line each.
@@ -60,7 +62,8 @@ class ConcentrationMap:
     """
 
     values: NDArray[np.float32]
-    noise: NDArray[np.float32]
+    deviation: NDArray[np.float32]
+    systematic: NDArray[np.float32]
     calibrated: bool
     suspicious: bool
     status: list[str]
@@ -69,9 +72,12 @@ class ConcentrationMap:
 
     @property
     def typical_noise(self) -> float:
-        """Median standard deviation over the visible cells [-]; NaN if no cell is visible."""
-        known = self.noise[np.isfinite(self.noise)]
-        return float(np.median(known)) if known.size else math.nan
+        """Median of the random deviation of the visible cells [-]; NaN if no cell is visible."""
+        known = np.isfinite(self.deviation)
+        if not known.any():
+            return math.nan
+        variance = self.deviation[known] ** 2 - self.systematic[known] ** 2
+        return float(np.sqrt(max(np.median(variance), 0.0)))
 
 
 @dataclass(frozen=True)
@@ -110,13 +116,14 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
         values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
-        noise = noise_after_denoising(
+        deviation = map_deviation(
             noise, values, baseline.calibration.scale_error, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
         values=values.astype(np.float32),
-        noise=noise.astype(np.float32),
+        deviation=deviation.total.astype(np.float32),
+        systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
         suspicious=compared.suspicious,
         status=uncalibrated + compared.remarks,
