@@ -30,6 +30,7 @@ from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_base
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
+from porotwin_imaging.frame import frame_remarks, in_frame
 from porotwin_imaging.light_check import (
     exposure_remarks,
     lit_as_baseline,
@@ -151,13 +152,16 @@ def compare_with_baseline(
     with watch.stage('remap'):
         sampled = sampling.sample(pixels, alignment.homography)
     with watch.stage('average'):
-        sums = _cell_sums(sampled, baseline)
+        framed = in_frame(sampling, alignment.homography, pixels.shape)
+        usable, share = _in_view(framed, baseline)
+        frame_lines = frame_remarks(baseline.share, share, settings.validity)
+        sums = _cell_sums(sampled, usable, baseline)
         refuse_grey(sums.state, sums.baseline)
         ratio, variance = subtract_baseline(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         blocks = cells_per_block(sampling.samples_across, settings.noise)
-        unclipped, clipped_remarks = unclipped_cells(sums, baseline.share, settings.validity)
+        unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
         visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
@@ -170,7 +174,7 @@ def compare_with_baseline(
         residual = ratio - drift.log_gain
         light_remarks += exposure_remarks(gain, settings.light)
         visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
-    left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
+    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *bright_remarks]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
@@ -184,12 +188,23 @@ def compare_with_baseline(
     )
 
 
-def _cell_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
+def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Array, Array]:
+    """Return the usable samples, and the share of each cell (nz, nx) that they cover.
+
+    `framed` tells which samples lie in the photograph; None if all of them do.
+    """
+    if framed is None:
+        return baseline.usable, baseline.share
+    usable = baseline.usable * framed
+    return usable, baseline.sampling.cell_means(usable.astype(np.float32))
+
+
+def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
     """Return the means of the sampled photograph and the baseline over each cell."""
     return cell_sums(
         sampled,
         baseline.colours,
-        baseline.usable,
+        usable,
         light=LINEAR_LIGHT,
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=baseline.sampling.samples_across,
