@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.wells import RateStep, WellRate
 
 RIG_FRAME = 'rig'
 """Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
@@ -122,6 +123,30 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
         except InputError as error:
             raise InputError(f"well '{message.well}': {error}") from None
     return rates
+
+
+def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
+    """Return the steps of a plan; `check_plan` judges their times.
+
+    Raises:
+        InputError: as `rates_from_msg`.
+    """
+    return tuple(RateStep(step.start, rates_from_msg(step.wells)) for step in messages)
+
+
+def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
+    """Return a cost term for maps on `grid`; `CostTerm.check` judges its times.
+
+    Raises:
+        InputError: a map has not one value for each cell.
+    """
+
+    def map_of(name: str) -> FloatArray | None:
+        values = getattr(message, name)
+        return _values(f'cost term, {name}:', values, grid, np.float64) if len(values) else None
+
+    maps = {name: map_of(name) for name in ('linear', 'quadratic', 'target')}
+    return CostTerm(message.start, message.end, **maps)
 
 
 def _quantity_from_msg(message: Any) -> float | FloatArray:
