@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.rates_in_force import KnownRates
 from porotwin_hub.freshness import IN_TIME, StampJudgement
-from porotwin_hub.rates_in_force import KnownRates
 
 REMEMBERED_STATES = 16
 """States that wait for their refreshed message, and the other way round: half a burst of 30."""
