@@ -1,6 +1,7 @@
 """./porotwin bench: speed and accuracy on this machine."""
 
 import importlib
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -17,16 +18,19 @@ BENCHES = {
 }
 """Parts that can be measured, and the module whose `run()` returns a list of rows."""
 
-LONG = {'faults': 'porotwin_cli.bench_faults'}
-"""Parts that take hours: measured only by name."""
+LONG = {
+    'faults': 'porotwin_cli.bench_faults',
+    'calibration': 'porotwin_validation.calibration_bench',
+}
+"""Parts that take hours or need data: measured only by name."""
 
 
 def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; {", ".join(LONG)} takes hours. '
-            'Default: all but the last.'
+            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: faults (takes hours), '
+            'calibration (needs --baseline). Default: all but these two.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -36,7 +40,14 @@ def command(
     tries: Annotated[
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
-    seed: Annotated[int, typer.Option(help='faults: seed of moments and damages.')] = 1,
+    seed: Annotated[
+        int, typer.Option(help='faults: seed of moments and damages; calibration: of cases.')
+    ] = 1,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
+    ] = None,
+    cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
     as_json: Json = False,
 ) -> None:
     """Measure speed and accuracy on this machine.
@@ -46,10 +57,13 @@ def command(
     Example: ./porotwin bench solver
 
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
+
+    Example: ./porotwin bench calibration --baseline experiment --cases 20
     """
     modules = {**BENCHES, **LONG}
     options: dict[str, dict[str, Any]] = {
-        'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed}
+        'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed},
     }
     results: dict[str, Any] = {}
     for part in parts or list(BENCHES):
