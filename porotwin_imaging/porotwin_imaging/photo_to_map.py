@@ -160,7 +160,7 @@ def compare_with_baseline(
         weight = np.where(visible, sums.share, 0.0)
         drift = light_drift(ratio, weight, gain, settings.light)
         refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
-        residual = ratio - drift.log_gain
+        residual = drift.removed_from(ratio)
         light_remarks += exposure_remarks(gain, settings.light)
         visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
     left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
