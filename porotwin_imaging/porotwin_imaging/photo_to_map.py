@@ -40,6 +40,7 @@ from porotwin_imaging.light_check import (
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
 
@@ -156,13 +157,12 @@ def compare_with_baseline(
         usable, share = _in_view(framed, baseline)
         frame_lines = frame_remarks(baseline.share, share, settings.validity)
         sums = _cell_sums(sampled, usable, baseline)
-        refuse_grey(sums.state, sums.baseline)
+        refuse_grey(sums.blocks.state, sums.blocks.baseline)
         ratio, variance = subtract_baseline(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
-        blocks = cells_per_block(sampling.samples_across, settings.noise)
         unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
-        visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
+        visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
         gain, light_remarks = checker_gain(
@@ -171,7 +171,7 @@ def compare_with_baseline(
         weight = np.where(visible, sums.share, 0.0)
         drift = light_drift(ratio, weight, gain, settings.light)
         refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
-        residual = ratio - drift.log_gain
+        residual = drift.removed_from(ratio)
         light_remarks += exposure_remarks(gain, settings.light)
         visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
     left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *bright_remarks]
@@ -208,17 +208,27 @@ def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) ->
         light=LINEAR_LIGHT,
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=baseline.sampling.samples_across,
+        cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),
     )
 
 
 def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:
     """Return the raw concentration (nz, nx), NaN where it is hidden, and its standard deviation."""
-    calibration, factors = baseline.calibration, baseline.sand_factors
-    signal = calibration.signal.of(compared.log_ratio) * factors
-    noise = calibration.signal.noise(compared.log_ratio, compared.variance)
+    calibration = baseline.calibration
     lowest, highest = baseline.settings.noise.credible
-    raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
-    return (
-        np.where(compared.visible, raw, np.nan),
-        noise * factors * calibration.response.slope_at(signal),
+
+    def band(
+        log_ratio: Array, variance: Array, visible: Array, factors: Array
+    ) -> tuple[Array, Array]:
+        signal = calibration.signal.of(log_ratio) * factors
+        noise = calibration.signal.noise(log_ratio, variance)
+        raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
+        return (
+            np.where(visible, raw, np.nan).astype(np.float32),
+            (noise * factors * calibration.response.slope_at(signal)).astype(np.float32),
+        )
+
+    concentration, noise = by_bands(
+        band, compared.log_ratio, compared.variance, compared.visible, baseline.sand_factors
     )
+    return concentration, noise

@@ -27,8 +27,9 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 256
-    """Side of a tile [cells]: its arrays fit into the cache of one core."""
+    tile_cells: int = 512
+    """Side of a tile [cells]: its arrays stay near the cache of one core, and its overlap is
+    a fifth of it."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
