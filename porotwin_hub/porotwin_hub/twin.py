@@ -45,10 +45,16 @@ and nothing is predicted over it. A few lost photographs are no interruption."""
 
 @dataclass(frozen=True)
 class Observation:
-    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen."""
+    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen.
+
+    `deviation` is its standard deviation, and `systematic` the part of it that stays the same from
+    photograph to photograph, both (nz, nx) [-]; None: not known.
+    """
 
     time: float
     concentration: FloatArray
+    deviation: FloatArray | None = None
+    systematic: FloatArray | None = None
 
 
 @dataclass
