@@ -43,8 +43,8 @@ MAY_IMPORT = {
     'porotwin_page': {'porotwin_core'},
     'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},
     'porotwin_validation': {
-        'porotwin_core', 'porotwin_recording', 'porotwin_solver', 'porotwin_rig',
-        'porotwin_diagnosis',
+        'porotwin_core', 'porotwin_recording', 'porotwin_imaging', 'porotwin_solver',
+        'porotwin_rig', 'porotwin_diagnosis',
     },
     'porotwin_cli': set(PACKAGES),
 }  # fmt: skip

@@ -29,7 +29,8 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
-from porotwin_imaging.denoising import denoised, noise_after_denoising
+from porotwin_imaging.denoising import denoised
+from porotwin_imaging.frame import frame_remarks, in_frame
 from porotwin_imaging.light_check import (
     exposure_remarks,
     lit_as_baseline,
@@ -38,6 +39,7 @@ from porotwin_imaging.light_check import (
 )
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
+from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
 
@@ -51,7 +53,8 @@ class ConcentrationMap:
     Attributes:
         values: concentration, float32, shape (nz, nx), row 0 at the bottom, 1 = tracer stock, NaN
             where the photograph does not show the sand.
-        noise: standard deviation of `values`, same shape.
+        deviation: standard deviation of `values`, same shape.
+        systematic: the part of it that stays the same from photograph to photograph, same shape.
         calibrated: False if the scale is only a default.
         suspicious: True if a person should check the map.
         status: remarks, one line each.
@@ -60,7 +63,8 @@ class ConcentrationMap:
     """
 
     values: NDArray[np.float32]
-    noise: NDArray[np.float32]
+    deviation: NDArray[np.float32]
+    systematic: NDArray[np.float32]
     calibrated: bool
     suspicious: bool
     status: list[str]
@@ -69,9 +73,12 @@ class ConcentrationMap:
 
     @property
     def typical_noise(self) -> float:
-        """Median standard deviation over the visible cells [-]; NaN if no cell is visible."""
-        known = self.noise[np.isfinite(self.noise)]
-        return float(np.median(known)) if known.size else math.nan
+        """Median of the random deviation of the visible cells [-]; NaN if no cell is visible."""
+        known = np.isfinite(self.deviation)
+        if not known.any():
+            return math.nan
+        variance = self.deviation[known] ** 2 - self.systematic[known] ** 2
+        return float(np.sqrt(max(np.median(variance), 0.0)))
 
 
 @dataclass(frozen=True)
@@ -110,13 +117,14 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
         values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
-        noise = noise_after_denoising(
+        deviation = map_deviation(
             noise, values, baseline.calibration.scale_error, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
         values=values.astype(np.float32),
-        noise=noise.astype(np.float32),
+        deviation=deviation.total.astype(np.float32),
+        systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
         suspicious=compared.suspicious,
         status=uncalibrated + compared.remarks,
@@ -144,13 +152,16 @@ def compare_with_baseline(
     with watch.stage('remap'):
         sampled = sampling.sample(pixels, alignment.homography)
     with watch.stage('average'):
-        sums = _cell_sums(sampled, baseline)
+        framed = in_frame(sampling, alignment.homography, pixels.shape)
+        usable, share = _in_view(framed, baseline)
+        frame_lines = frame_remarks(baseline.share, share, settings.validity)
+        sums = _cell_sums(sampled, usable, baseline)
         refuse_grey(sums.state, sums.baseline)
         ratio, variance = subtract_baseline(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         blocks = cells_per_block(sampling.samples_across, settings.noise)
-        unclipped, clipped_remarks = unclipped_cells(sums, baseline.share, settings.validity)
+        unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
         visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
@@ -163,7 +174,7 @@ def compare_with_baseline(
         residual = ratio - drift.log_gain
         light_remarks += exposure_remarks(gain, settings.light)
         visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
-    left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
+    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *bright_remarks]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
@@ -177,12 +188,23 @@ def compare_with_baseline(
     )
 
 
-def _cell_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
+def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Array, Array]:
+    """Return the usable samples, and the share of each cell (nz, nx) that they cover.
+
+    `framed` tells which samples lie in the photograph; None if all of them do.
+    """
+    if framed is None:
+        return baseline.usable, baseline.share
+    usable = baseline.usable * framed
+    return usable, baseline.sampling.cell_means(usable.astype(np.float32))
+
+
+def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
     """Return the means of the sampled photograph and the baseline over each cell."""
     return cell_sums(
         sampled,
         baseline.colours,
-        baseline.usable,
+        usable,
         light=LINEAR_LIGHT,
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=baseline.sampling.samples_across,
