@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_core.rates_in_force import same_rates
 from porotwin_core.wells import WellRates
-from porotwin_hub.rates_in_force import same_rates
 from porotwin_hub.setpoint_limits import Limits
 
 REFUSAL_PHOTOGRAPHS = 6

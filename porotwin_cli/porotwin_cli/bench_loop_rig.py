@@ -7,7 +7,6 @@ import numpy as np
 
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
@@ -206,8 +205,3 @@ def _calibrated_baseline(
         source='known injection',
     )
     return make_baseline(photographer.rig, grid, [first], calibration=fit.calibration)
-
-
-def hand_step() -> float:
-    """Return the smallest change of a rate that is an order to a person [m^3/s]."""
-    return from_ml_h(0.1)

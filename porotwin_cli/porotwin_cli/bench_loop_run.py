@@ -12,12 +12,12 @@ from porotwin_cli.bench_loop_optimum import optimum_schedules, play
 from porotwin_cli.bench_loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_core.errors import InputError
+from porotwin_core.rates_in_force import KnownRates, same_rates
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.rates_in_force import KnownRates, same_rates
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Observation, Twin

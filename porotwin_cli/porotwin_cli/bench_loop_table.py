@@ -3,6 +3,7 @@
 import math
 import statistics
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from porotwin_cli.bench_loop_rig import LoopSettings
@@ -48,11 +49,7 @@ def summary(
 
 
 def _record(scenario: LoopScenario, runs: Mapping[str, LoopFigures]) -> dict[str, Any]:
-    by_run = {
-        name: {column: getattr(found, column) for column in COLUMNS}
-        | {'course_ml': found.course_ml}
-        for name, found in runs.items()
-    }
+    by_run = {name: asdict(found) for name, found in runs.items()}
     by_figure = {
         column: {name: getattr(found, column) for name, found in runs.items()} for column in COLUMNS
     }

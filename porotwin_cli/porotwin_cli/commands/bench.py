@@ -16,10 +16,10 @@ BENCHES = {
     'cycle': 'porotwin_cli.bench_cycle',
     'diagnosis': 'porotwin_validation.diagnosis_bench',
 }
-"""Parts that can be measured, and the module whose `run()` returns a list of rows; that of `loop` returns a table of its own."""
+"""Parts that can be measured, and the module whose `run()` returns a list of rows."""
 
 LONG = {'loop': 'porotwin_cli.bench_loop', 'faults': 'porotwin_cli.bench_faults'}
-"""Parts that take hours: measured only by name."""
+"""Parts that take hours: measured only by name. That of `loop` returns a table of its own."""
 
 
 def command(
