@@ -68,6 +68,7 @@ def run(
     photographs: bool = True,
     settings: LoopSettings | None = None,
     drawn: Sequence[LoopScenario] = (),
+    runs: Sequence[str] = RUNS,
 ) -> dict[str, Any]:
     """Run all scenarios and return their figures; see `bench_loop_table.summary`.
 
@@ -79,6 +80,7 @@ def run(
         photographs: whether the twin sees photographs, or maps with noise.
         settings: how exactly the bench looks; None: the defaults.
         drawn: scenarios to run instead of drawn ones.
+        runs: the runs of every scenario.
 
     Raises:
         InputError: the folder holds another bench, or a camera could not be calibrated.
@@ -89,7 +91,7 @@ def run(
     jobs = [
         LoopJob(scenario, name, settings, folder / f'{scenario.name}_{name}.json')
         for scenario in chosen
-        for name in RUNS
+        for name in runs
     ]
     _work([job for job in jobs if not job.file.exists()], workers or os.cpu_count() or 1)
     figures = {

@@ -48,8 +48,8 @@ class LoopSettings:
 
     photographs: bool = True
     photo_width: int = 800
-    cell_m: float = 0.005
-    rig_cell_m: float = 0.003
+    cell_m: float = 0.01
+    rig_cell_m: float = 0.004
     preset: str = 'fast'
 
     def grid(self, scenario: LoopScenario) -> Grid:
