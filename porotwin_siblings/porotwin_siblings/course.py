@@ -85,9 +85,7 @@ def run_course(order: CourseOrder) -> Course:
             area.append(order.zone.plume_area(seen))
         if moment in order.map_times:
             maps.append(seen.copy())
-    return Course(
-        np.array(tracer), np.array(area), np.array(maps).reshape(-1, *order.grid.shape)
-    )
+    return Course(np.array(tracer), np.array(area), np.array(maps).reshape(-1, *order.grid.shape))
 
 
 def engine_of(rig: Rig, grid: Grid, traits: Traits) -> Engine:

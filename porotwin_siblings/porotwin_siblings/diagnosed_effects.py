@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +36,7 @@ class DiagnosedEffect:
         """Return the effect with the next of `values` for its numbers, within what it allows."""
         known = effect(self.name).parameters
         drawn = {
-            name: within(known[name], float(next(values)), value)
-            for name, value, _ in self.numbers
+            name: within(known[name], float(next(values)), value) for name, value, _ in self.numbers
         }
         return EffectDescription(name=self.name, parameters={**dict(self.fixed), **drawn})
 
@@ -69,7 +69,7 @@ def read_diagnosis(path: Path) -> tuple[DiagnosedEffect, ...]:
         raise InputError(f'{path}: no diagnosis.json ({error!r}); diagnose again') from None
 
 
-def _diagnosed(item: dict[str, dict[str, dict[str, float]]]) -> DiagnosedEffect:
+def _diagnosed(item: dict[str, Any]) -> DiagnosedEffect:
     numbers, fixed = [], []
     for name, entry in item['parameters'].items():
         value = entry['value']

@@ -29,9 +29,7 @@ class Blocks:
     @classmethod
     def of(cls, grid: Grid) -> 'Blocks':
         """Return blocks of about BLOCK_M on `grid`."""
-        return cls(
-            grid.shape, max(1, round(BLOCK_M / grid.dz)), max(1, round(BLOCK_M / grid.dx))
-        )
+        return cls(grid.shape, max(1, round(BLOCK_M / grid.dz)), max(1, round(BLOCK_M / grid.dx)))
 
     def sums(self, values: FloatArray) -> FloatArray:
         """Return the sum of `values` (..., nz, nx) over each block, (..., blocks)."""

@@ -2,20 +2,23 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
+from porotwin_core.wells import RateStep
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.course import Course, CourseOrder, run_course
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 from porotwin_siblings.features import Blocks
+from porotwin_siblings.rate_log import plan_periods
 from porotwin_siblings.traits import Traits, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
 
@@ -64,7 +67,7 @@ class Photograph(NamedTuple):
 
 @dataclass(frozen=True)
 class Outlook:
-    """What the siblings expect from `start` [s] on under the rates of `periods`.
+    """What the siblings expect from `start` [s] on under a `plan` of rates over `horizon` [s].
 
     `times` [s] are after `start`. `zone_tracer` [m^3], `zone_area` [m^2] are (3, times): the ends
     of the 90 % band about the median, in the order of `BAND`. `zone_reached` (times,) is the share
@@ -73,7 +76,8 @@ class Outlook:
     """
 
     start: float
-    periods: tuple[RatePeriod, ...]
+    plan: tuple[RateStep, ...]
+    horizon: float
     times: FloatArray
     zone_tracer: FloatArray
     zone_area: FloatArray
@@ -91,6 +95,13 @@ class _Moment(NamedTuple):
     state: FloatArray
     systematic: FloatArray
     periods: tuple[RatePeriod, ...]
+
+
+class _Standing(NamedTuple):
+    """Where all siblings stand: the newest state, and the traits of each."""
+
+    begin: _Moment
+    traits: tuple[Traits, ...]
 
 
 class Siblings:
@@ -129,25 +140,32 @@ class Siblings:
         self.belief = self._prior
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
+        self._newest: _Standing | None = None
 
     @property
     def started(self) -> bool:
         """Whether there is a state to start from."""
-        return bool(self._past)
+        return self._newest is not None
 
     @property
     def time(self) -> float:
         """Time of the newest state [s]."""
-        return self._past[-1].time
+        return self._standing().begin.time
 
     @property
     def state(self) -> FloatArray:
         """The newest state estimate, (nz, nx) [-]."""
-        return self._past[-1].state
+        return self._standing().begin.state
+
+    def _standing(self) -> '_Standing':
+        if self._newest is None:
+            raise InputError('no photograph has come yet; ask again after the first one')
+        return self._newest
 
     def interrupt(self) -> None:
         """Forget the states, and keep what was learnt of the rig."""
         self._past.clear()
+        self._newest = None
 
     def begin_anew(self) -> None:
         """Forget everything."""
@@ -187,42 +205,48 @@ class Siblings:
                 self._learn(photograph)
             expected = self._expected(photograph.time)
         state = fill_unseen(photograph.concentration, expected)
-        self._past.append(
-            _Moment(photograph.time, state, photograph.systematic, ())
-        )
+        self._past.append(_Moment(photograph.time, state, photograph.systematic, ()))
         while photograph.time - self._past[0].time > WINDOW_S:
             self._past.popleft()
         if len(self._past) == 1:
             self._learnt = photograph.time
+        self._newest = _Standing(self._past[-1], tuple(self.members()))
 
     def outlook(
         self,
-        periods: Sequence[RatePeriod],
+        plan: Sequence[RateStep],
+        horizon: float,
         times: Iterable[float],
         map_times: Iterable[float] = (),
+        *,
+        executor: Executor | None = None,
     ) -> Outlook:
-        """Return what is expected from the newest state on.
+        """Return what is expected from the newest state on; any thread may ask at any time.
 
         Args:
-            periods: consecutive rates, from the time of the newest state on.
+            plan: the rates as commanded; its times count from the newest state.
+            horizon: how long [s].
             times: after the newest state [s], increasing.
             map_times: after the newest state [s], increasing; when maps are wanted.
+            executor: runs the courses instead of the usual one.
 
         Raises:
             InputError: a course cannot be run.
         """
         after, maps_after = np.array(list(times)), np.array(list(map_times))
+        begin, traits = self._standing()
+        periods = plan_periods(plan, begin.time, horizon)
         courses = self._run(
-            self._order(self._past[-1], traits, periods, after, maps_after)
-            for traits in self.members()
+            (self._order(begin, one, periods, after, maps_after) for one in traits), executor
         )
         tracer = np.array([course.zone_tracer for course in courses])
         area = np.array([course.zone_area for course in courses])
         maps = np.array([course.maps for course in courses])
         reached = np.maximum.accumulate(tracer, axis=1) > self.zone.reached_tracer
         return Outlook(
-            self.time,
-            tuple(periods),
+            begin.time,
+            tuple(plan),
+            horizon,
             after,
             np.quantile(tracer, BAND, axis=0),
             np.quantile(area, BAND, axis=0),
@@ -232,8 +256,8 @@ class Siblings:
             maps.std(axis=0),
         )
 
-    def _run(self, orders: Iterable[CourseOrder]) -> list[Course]:
-        return list(self._executor.map(run_course, list(orders)))
+    def _run(self, orders: Iterable[CourseOrder], executor: Executor | None = None) -> list[Course]:
+        return list((executor or self._executor).map(run_course, list(orders)))
 
     def _order(
         self,
@@ -289,6 +313,5 @@ class Siblings:
         noise = blocks.means(photograph.random**2, seen)
         # photographs of one window judge nearly the same course: together they count as one
         alike = RELATED_BLOCKS * max(1.0, length / elapsed)
-        residual = observed - predicted.mean(axis=1)
         variance = alike * (noise + MODEL_DEVIATION**2)
         self.belief = self.belief.updated(self._scores, predicted, observed, variance)
