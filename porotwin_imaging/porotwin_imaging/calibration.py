@@ -137,7 +137,7 @@ def load_calibration(path: Path | str) -> Calibration:
     try:
         if data['schema'] != SCHEMA:
             raise InputError(f'{path}: schema {data["schema"]}; this version reads {SCHEMA}')
-        signal = TracerSignal(data['signal']['contrast'], _weights(data['signal']['weights']))
+        signal = _signal(data['signal'])
         response = Response(
             tuple(float(value) for value in data['response']['signal']),
             tuple(float(value) for value in data['response']['concentration']),
@@ -178,6 +178,8 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
             'concentration': [round(value, 5) for value in calibration.response.concentration],
         },
     }
+    if calibration.signal.absorbance is not None:
+        data['signal']['absorbance'] = [round(value, 4) for value in calibration.signal.absorbance]
     if calibration.sands is not None:
         cv2.imwrite(str(path.with_name('sands.png')), calibration.sands)
         data['sands'] = {
@@ -189,6 +191,16 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
         data['hidden'] = {'file': 'hidden.png'}
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
     path.write_text(text, encoding='utf-8')
+
+
+def _signal(entry: dict[str, Any]) -> TracerSignal:
+    """Return the signal from its entry in the file; older files have no absorbance."""
+    absorbance = entry.get('absorbance')
+    return TracerSignal(
+        entry['contrast'],
+        _weights(entry['weights']),
+        None if absorbance is None else _weights(absorbance),
+    )
 
 
 def _weights(values: Any) -> tuple[float, float, float]:
