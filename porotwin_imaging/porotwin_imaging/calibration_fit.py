@@ -29,7 +29,7 @@ from porotwin_imaging.mass_balance_fit import (
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, ImagingSettings
-from porotwin_imaging.tracer_signal import CHANNELS, TracerSignal, learned_weights
+from porotwin_imaging.tracer_signal import CHANNELS, TracerSignal, learned_weights, mean_absorbance
 
 Array = NDArray[Any]
 
@@ -227,7 +227,7 @@ def _choose_signal(
         f'signal: {name} (red {red:.2f}, green {green:.2f}, blue {blue:.2f}); '
         f'signal-to-noise ratio {clarity[name]:.0f}'
     )
-    return candidates[name]
+    return replace(candidates[name], absorbance=mean_absorbance(ratios[tracer]))
 
 
 def _clarity(tracer: Array, background: Array) -> float:

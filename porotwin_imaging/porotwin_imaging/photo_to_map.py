@@ -10,7 +10,7 @@
 | sample the cells | `sampling`, `cell_sums` |
 | subtract the baseline | `baseline_subtraction` |
 | check which sand is visible | `validity` |
-| correct colours and light | `colour_correction`, `light_drift`, `light_check` |
+| correct colours and light | `colour_correction`, `light_correction` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
 | denoise | `denoising`, `total_variation` |
 
@@ -31,13 +31,9 @@ from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
-from porotwin_imaging.light_check import (
-    exposure_remarks,
-    lit_as_baseline,
-    refuse_grey,
-    refuse_unknown_light,
-)
-from porotwin_imaging.light_drift import LightDrift, light_drift
+from porotwin_imaging.light_check import refuse_grey
+from porotwin_imaging.light_correction import corrected_light
+from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.row_bands import by_bands
@@ -165,25 +161,22 @@ def compare_with_baseline(
         visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
-        gain, light_remarks = checker_gain(
+        gain, chart_remarks = checker_gain(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
-        weight = np.where(visible, sums.share, 0.0)
-        drift = light_drift(ratio, weight, gain, settings.light)
-        refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
-        residual = drift.removed_from(ratio)
-        light_remarks += exposure_remarks(gain, settings.light)
-        visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
-    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *bright_remarks]
+        light = corrected_light(
+            ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
+        )
+    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
-        log_ratio=residual,
-        variance=variance + baseline.fluctuation,
-        visible=visible,
-        drift=drift,
+        log_ratio=light.log_ratio,
+        variance=variance + baseline.fluctuation + light.variance[..., None],
+        visible=light.comparable,
+        drift=light.drift,
         alignment=alignment,
-        remarks=moved_remarks + light_remarks + left_out,
+        remarks=moved_remarks + chart_remarks + light.remarks + left_out,
         suspicious=deformed or bool(left_out),
     )
 
