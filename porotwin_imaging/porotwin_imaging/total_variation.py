@@ -37,6 +37,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, TotalVariationSettings
 
 Array = NDArray[Any]
@@ -81,7 +82,13 @@ def total_variation_denoising(
         spacing: size (dz, dx) of a cell [m].
         settings: total variation weight, tolerance and limits.
     """
-    weight = np.where(np.isfinite(data), np.clip(data_weights, 0.0, 1.0), 0.0).astype(np.float32)
+    (weight,) = by_bands(
+        lambda data, weights: (
+            np.where(np.isfinite(data), np.clip(weights, 0.0, 1.0), 0.0).astype(np.float32),
+        ),
+        data,
+        data_weights,
+    )
     filled = fill(data, weight, settings)
     if settings.weight_m <= 0.0:
         return DenoisedMap(filled, 0.0, 0)
@@ -141,27 +148,36 @@ def fill(
     A pyramid of weighted means: a cell combines its own level, as far as its weight allows, with
     the coarser level (pull-push, Gortler et al., SIGGRAPH 1996).
     """
-    value = np.where(np.isfinite(data), data, 0.0).astype(np.float32) * weight
-    return _filled(value, weight, np.float32(settings.least_data_weight))
+    (weighted,) = by_bands(
+        lambda data, weight: ((np.where(np.isfinite(data), data, 0.0) * weight).astype(np.float32),),
+        data,
+        weight,
+    )
+    return _filled(weighted, weight, np.float32(settings.least_data_weight))
 
 
 def _filled(weighted: Array, weight: Array, full_weight: np.float32) -> NDArray[np.float32]:
     """Return one level of the pyramid from weighted data and weights; `full_weight` counts as 1."""
-    full = np.minimum(weight / full_weight, 1.0)
-    own = weighted / np.maximum(weight, 1e-6)
     rows, columns = weight.shape
-    if min(rows, columns) < _SMALLEST_LEVEL or full.min() >= 1.0:
+    if min(rows, columns) < _SMALLEST_LEVEL or weight.min() >= full_weight:
         total = float(weight.sum())
         mean = float(weighted.sum()) / total if total > 0 else 0.0
-        return (full * own + (1.0 - full) * mean).astype(np.float32)
-    half = ((columns + 1) // 2, (rows + 1) // 2)
-    coarse = _filled(
-        cv2.resize(weighted, half, interpolation=cv2.INTER_AREA),
-        cv2.resize(weight, half, interpolation=cv2.INTER_AREA),
-        full_weight,
-    )
-    coarser = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
-    return (full * own + (1.0 - full) * coarser).astype(np.float32)
+        coarser = np.broadcast_to(np.float32(mean), weight.shape)
+    else:
+        half = ((columns + 1) // 2, (rows + 1) // 2)
+        coarse = _filled(
+            cv2.resize(weighted, half, interpolation=cv2.INTER_AREA),
+            cv2.resize(weight, half, interpolation=cv2.INTER_AREA),
+            full_weight,
+        )
+        coarser = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
+
+    def combined(weighted: Array, weight: Array, coarser: Array) -> tuple[Array]:
+        full = np.minimum(weight / full_weight, 1.0)
+        own = weighted / np.maximum(weight, 1e-6)
+        return ((full * own + (1.0 - full) * coarser).astype(np.float32),)
+
+    return by_bands(combined, weighted, weight, coarser)[0]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
