@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.alignment import Alignment, align, alignment_remarks
 from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
+from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio_variance
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised, noise_after_denoising
@@ -147,7 +147,8 @@ def compare_with_baseline(
     with watch.stage('average'):
         sums = _cell_sums(sampled, baseline)
         refuse_grey(sums.blocks.state, sums.blocks.baseline)
-        ratio, variance = subtract_baseline(
+        ratio = sums.log_ratio
+        variance = log_ratio_variance(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         unclipped, clipped_remarks = unclipped_cells(sums, baseline.share, settings.validity)
@@ -161,6 +162,7 @@ def compare_with_baseline(
         drift = light_drift(ratio, weight, gain, settings.light)
         refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
         residual = drift.removed_from(ratio)
+        variance += baseline.fluctuation
         light_remarks += exposure_remarks(gain, settings.light)
         visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
     left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
@@ -168,7 +170,7 @@ def compare_with_baseline(
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
         log_ratio=residual,
-        variance=variance + baseline.fluctuation,
+        variance=variance,
         visible=visible,
         drift=drift,
         alignment=alignment,
@@ -184,6 +186,7 @@ def _cell_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
         baseline.colours,
         baseline.usable,
         light=LINEAR_LIGHT,
+        matrix=baseline.chart.matrix,
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=baseline.sampling.samples_across,
         cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),
