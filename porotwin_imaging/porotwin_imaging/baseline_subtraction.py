@@ -11,14 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.cell_sums import BlockSums, CellSums
-from porotwin_imaging.row_bands import by_bands
+from porotwin_imaging.cell_sums import LEAST_LIGHT, BlockSums, CellSums
+from porotwin_imaging.row_bands import row_bands
 from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 
 Array = NDArray[Any]
 
-_LEAST_LIGHT = 1e-5
-"""Linear light is raised to this before the logarithm."""
 _LEAST_STATE = 1e-4
 """Linear light is raised to this before it divides a variance."""
 _LEAST_SHARE = 0.05
@@ -28,7 +26,7 @@ _SMALLEST_DIVISOR = 1e-6
 
 def log_ratio(state: Array, baseline: Array) -> Array:
     """Return ln(state / baseline) [-] of linear light; both (nz, nx, 3), 0 without samples."""
-    return np.log(np.maximum(state, _LEAST_LIGHT) / np.maximum(baseline, _LEAST_LIGHT))
+    return np.log(np.maximum(state, LEAST_LIGHT) / np.maximum(baseline, LEAST_LIGHT))
 
 
 def cells_per_block(samples_across: int, settings: NoiseSettings = DEFAULTS.noise) -> int:
@@ -36,37 +34,29 @@ def cells_per_block(samples_across: int, settings: NoiseSettings = DEFAULTS.nois
     return math.ceil(settings.fewest_samples_across / samples_across)
 
 
-def subtract_baseline(
+def log_ratio_variance(
     sums: CellSums,
     matrix: Array,
     samples_across: int,
     settings: NoiseSettings = DEFAULTS.noise,
-) -> tuple[Array, Array]:
-    """Return the log ratio to the baseline and its variance, each (nz, nx, 3 = red, green, blue).
+) -> Array:
+    """Return the variance of the log ratio to the baseline, shape (nz, nx, 3 = red, green, blue).
 
-    The ratio of the sums over a cell weights every grain by its own light. Its variance is the
-    variance of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4). The colour matrix acts
-    on the means of the cells, which equals its action on every pixel because it is linear.
+    The variance is that of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4).
 
     Args:
-        sums: means over the samples of each cell.
+        sums: sums over the samples of each cell.
         matrix: from colours of the camera to colours of the chart, shape (3, 3).
         samples_across: samples of a cell in each direction.
         settings: correlation and pooling of samples.
     """
-    matrix = matrix.astype(np.float32)
-    relative = _scatter(sums.blocks, matrix)
+    relative = _scatter(sums.blocks, matrix.astype(np.float32))
     nz, nx = sums.share.shape
     variance = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
     per_sample = np.float32(settings.correlated_samples / samples_across**2)
-
-    def band(state: Array, before: Array, variance: Array, share: Array) -> tuple[Array, Array]:
-        corrected = (cv2.transform(light, matrix) for light in (state, before))
-        samples = per_sample / np.maximum(share, _LEAST_SHARE)
-        return log_ratio(*corrected), variance * samples[..., None]
-
-    ratio, variance = by_bands(band, sums.state, sums.baseline, variance, sums.share)
-    return ratio, variance
+    for band in row_bands((nz, nx)):
+        variance[band] *= (per_sample / np.maximum(sums.share[band], _LEAST_SHARE))[..., None]
+    return variance
 
 
 def _scatter(blocks: BlockSums, matrix: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import Grid
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 from porotwin_imaging.total_variation import fill, total_variation_denoising
 
@@ -49,5 +50,13 @@ def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
     if not visible.any():
         return np.zeros_like(noise)
     median = float(np.median(noise[visible]))
-    weights = np.minimum((median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2, 1.0)
-    return np.where(visible, weights, 0.0)
+    (weights,) = by_bands(
+        lambda noise, visible: (
+            np.where(
+                visible, np.minimum((median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2, 1.0), 0.0
+            ),
+        ),
+        noise,
+        visible,
+    )
+    return weights

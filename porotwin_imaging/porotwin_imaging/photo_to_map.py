@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.alignment import Alignment, align, alignment_remarks
 from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
+from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio_variance
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
@@ -154,7 +154,8 @@ def compare_with_baseline(
         frame_lines = frame_remarks(baseline.share, share, settings.validity)
         sums = _cell_sums(sampled, usable, baseline)
         refuse_grey(sums.blocks.state, sums.blocks.baseline)
-        ratio, variance = subtract_baseline(
+        ratio = sums.log_ratio
+        variance = log_ratio_variance(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
@@ -199,6 +200,7 @@ def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) ->
         baseline.colours,
         usable,
         light=LINEAR_LIGHT,
+        matrix=baseline.chart.matrix,
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=baseline.sampling.samples_across,
         cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),

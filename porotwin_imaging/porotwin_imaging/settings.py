@@ -28,8 +28,7 @@ class TotalVariationSettings:
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
     tile_cells: int = 512
-    """Side of a tile [cells]: its arrays stay near the cache of one core, and its overlap is
-    a fifth of it."""
+    """Side of a tile [cells]: its overlap costs a fifth, its arrays stay near a core's cache."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
