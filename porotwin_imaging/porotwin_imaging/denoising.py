@@ -47,8 +47,8 @@ def denoised(
 def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
     """Return the data weights (nz, nx) of the denoising: min((median noise / noise)^2, 1).
 
-    Weights of visible cells are at least 0.5. A cell of median noise has the weight 1, so that the total variation weight has the same effect
-    in every photograph. Hidden cells have the weight 0.
+    Weights of visible cells are at least 0.5. A cell of median noise has the weight 1, so that the
+    total variation weight has the same effect in every photograph. Hidden cells have the weight 0.
     """
     if not visible.any():
         return np.zeros_like(noise)
