@@ -231,11 +231,21 @@ def _integrals(planes: Sequence[Array], volume: Array) -> list[float]:
 
 
 def _injected(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
-    """Return the volume of stock injected before each photograph [m^3]; empty without a log."""
+    """Return the volume of stock injected before each photograph [m^3]; empty without a log.
+
+    Raises:
+        InputError: the pump log injects nothing before the photographs.
+    """
     if schedule is None or not schedule.rows:
         return []
     start = min(row.time for row in schedule.rows)
-    return [injected_volume(schedule, min(start, time), time) for time in times]
+    volumes = [injected_volume(schedule, min(start, time), time) for time in times]
+    if max(volumes) <= 0:
+        raise InputError(
+            f'calibration: the pump log injects no tracer until the last photograph ({times[-1]:g} '
+            's); check rates.csv and the times in imaging.csv'
+        )
+    return volumes
 
 
 def _core_concentrations(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
