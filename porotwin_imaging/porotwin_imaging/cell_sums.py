@@ -12,6 +12,11 @@ LEAST_LIGHT = np.float32(1e-5)
 """Linear light is raised to this before it divides, and before a logarithm."""
 
 
+_SQUARE_SAMPLES = (3, 2)
+"""Samples across a square in the order of preference: enough to average grains and noise, and finer
+than a front."""
+
+
 class BlockSums(NamedTuple):
     """Means over the samples of blocks of cells; samples that are not usable count as 0.
 
@@ -63,8 +68,12 @@ def cell_sums(
 ) -> CellSums:
     """Return the sums of a sampled photograph and baseline; both have row 0 at the top.
 
-    The ratio of the sums over a cell weights every grain by its own light. The colour matrix acts
-    on the sums, which equals its action on every sample because it is linear.
+    A front of tracer crosses a cell. The mean of the light is then no measure of the mean tracer,
+    because the bright part outshines the dark one: half stock and half water look like a quarter of
+    stock. The mean of the logarithm is a measure. Single samples are noisy and feel every small
+    blur, so the logarithm is taken of the sums over small squares (`square_across`). Within a
+    square every grain is weighted by its own light. The colour matrix acts on the sums, which
+    equals its action on every sample because it is linear.
 
     Args:
         pixels: sampled photograph, uint8 blue-green-red, shape (rows, columns, 3).
@@ -85,6 +94,7 @@ def cell_sums(
         np.ascontiguousarray(matrix, np.float32),
         glare_level,
         samples_across,
+        square_across(samples_across),
         cells_across,
     )
     state, before, state_square, before_square, product = moments
@@ -95,8 +105,19 @@ def cell_sums(
     )
 
 
+def square_across(samples_across: int) -> int:
+    """Return the samples across a square whose light is summed before the logarithm.
+
+    The whole cell if its samples do not divide into squares of two or three.
+    """
+    for size in _SQUARE_SAMPLES:
+        if samples_across % size == 0:
+            return size
+    return samples_across
+
+
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, cells_across):  # type: ignore[no-untyped-def]
+def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, square, cells_across):  # type: ignore[no-untyped-def]
     nz, nx = usable.shape[0] // factor, usable.shape[1] // factor
     high, wide = -(-nz // cells_across), -(-nx // cells_across)
     log_ratio = np.empty((nz, nx, 3), np.float32)
@@ -106,38 +127,54 @@ def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, cells_ac
     cells = np.zeros((high, wide), np.float32)
     columns = np.arange(nx) * wide // nx
     own = np.empty((5, 3), np.float32)
+    two = np.empty((2, 3), np.float32)
+    logs = np.empty(3, np.float32)
     part = np.float32(1.0 / (factor * factor))
     for k in range(nz):
         lowest = (nz - 1 - k) * factor
         row = k * high // nz
         for n in range(nx):
             own[:] = 0.0
+            logs[:] = 0.0
             count = 0
-            for i in range(lowest, lowest + factor):
-                for j in range(n * factor, (n + 1) * factor):
-                    brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
-                    if usable[i, j] == 0 or brightest >= glare_level:
-                        continue
-                    count += 1
-                    for c in range(3):
-                        now = light[pixels[i, j, 2 - c]]
-                        then = baseline[i, j, c]
-                        own[0, c] += now
-                        own[1, c] += then
-                        own[2, c] += now * now
-                        own[3, c] += then * then
-                        own[4, c] += now * then
+            for corner in range((factor // square) ** 2):
+                top = lowest + corner // (factor // square) * square
+                left = n * factor + corner % (factor // square) * square
+                two[:] = 0.0
+                seen = 0
+                for i in range(top, top + square):
+                    for j in range(left, left + square):
+                        brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
+                        if usable[i, j] == 0 or brightest >= glare_level:
+                            continue
+                        seen += 1
+                        for c in range(3):
+                            now = light[pixels[i, j, 2 - c]]
+                            then = baseline[i, j, c]
+                            two[0, c] += now
+                            two[1, c] += then
+                            own[2, c] += now * now
+                            own[3, c] += then * then
+                            own[4, c] += now * then
+                if seen == 0:
+                    continue
+                count += seen
+                for c in range(3):
+                    own[0, c] += two[0, c]
+                    own[1, c] += two[1, c]
+                    now, then = np.float32(0.0), np.float32(0.0)
+                    for e in range(3):
+                        now += matrix[c, e] * two[0, e]
+                        then += matrix[c, e] * two[1, e]
+                    least = seen * LEAST_LIGHT
+                    logs[c] += seen * np.log(max(now, least) / max(then, least))
             own *= part
             column = columns[n]
             share[k, n] = count * part
             covered[row, column] += share[k, n]
             cells[row, column] += np.float32(1.0)
             for c in range(3):
-                now, then = np.float32(0.0), np.float32(0.0)
-                for e in range(3):
-                    now += matrix[c, e] * own[0, e]
-                    then += matrix[c, e] * own[1, e]
-                log_ratio[k, n, c] = np.log(max(now, LEAST_LIGHT) / max(then, LEAST_LIGHT))
+                log_ratio[k, n, c] = logs[c] / max(count, 1)
                 for moment in range(5):
                     moments[moment, row, column, c] += own[moment, c]
     covered /= cells

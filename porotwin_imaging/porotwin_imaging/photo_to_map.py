@@ -194,7 +194,8 @@ def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Arra
 
 
 def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
-    """Return the means of the sampled photograph and the baseline over each cell."""
+    """Return the sums of the sampled photograph and the baseline over each cell."""
+    samples = baseline.sampling.samples_across
     return cell_sums(
         sampled,
         baseline.colours,
@@ -202,8 +203,8 @@ def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) ->
         light=LINEAR_LIGHT,
         matrix=baseline.chart.matrix,
         glare_level=baseline.settings.decoding.bright_level,
-        samples_across=baseline.sampling.samples_across,
-        cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),
+        samples_across=samples,
+        cells_across=cells_per_block(samples, baseline.settings.noise),
     )
 
 
