@@ -259,9 +259,9 @@ class TrustSettings:
     most_mass_factor: float = 1.25
     """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
     level of stock, so that the maps are right up to it; beyond it the log is of something else."""
-    most_filled_factor: float = 1.6
-    """The same for pore volume and fluid, where no core tells the level of stock [-]. Half of the
-    level is not exactly half of the fluid in a small or smeared plume."""
+    most_filled_factor: float = 1.3
+    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Half
+    of the level is not exactly half of the fluid in a small or smeared plume."""
     told_mass_error: float = 0.03
     """Difference of tracer in the maps and in the pump log that is told [-]."""
     sure_deviations: float = 2.0

@@ -34,7 +34,7 @@ GOOD = CalibrationEvidence(
     mass_misfit=0.005,
     dilution_misfit=NAN,
 )
-PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), (1.7, 0.7), 1.0)
+PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), 1.0)
 
 
 def refusal(evidence: CalibrationEvidence = GOOD, plume: PlumeEvidence = PLUME, edges=()) -> str:
