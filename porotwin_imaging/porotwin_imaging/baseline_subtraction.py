@@ -2,6 +2,11 @@
 
 The difference of two pictures is taken of their logarithms, r = ln(state / baseline). The own
 brightness of the grains cancels, and a change of the light is a constant.
+
+A front of tracer crosses a cell. The mean of the light is then no measure of the mean tracer,
+because the bright part outshines the dark one: half stock and half water look like a quarter of
+stock. The mean of the logarithm is a measure. Single pixels are noisy and feel every small blur, so
+the logarithm is taken over blocks of two or three samples, and averaged over the blocks of a cell.
 """
 
 import math
@@ -25,6 +30,22 @@ _LEAST_SHARE = 0.05
 _SMALLEST_DIVISOR = 1e-6
 
 
+_BLOCK_SAMPLES = (3, 2)
+"""Samples across a block in the order of preference: enough to average grains and noise, and finer
+than a front."""
+
+
+def blocks_across(samples_across: int) -> int:
+    """Return the blocks of a cell in each direction whose log ratios are averaged.
+
+    1 if the samples of the cell do not divide into blocks of two or three.
+    """
+    for size in _BLOCK_SAMPLES:
+        if samples_across % size == 0:
+            return samples_across // size
+    return 1
+
+
 def log_ratio(state: Array, baseline: Array) -> Array:
     """Return ln(state / baseline) [-] of linear light; both (nz, nx, 3), 0 without samples."""
     return np.log(np.maximum(state, _LEAST_LIGHT) / np.maximum(baseline, _LEAST_LIGHT))
@@ -43,23 +64,35 @@ def subtract_baseline(
 ) -> tuple[Array, Array]:
     """Return the log ratio to the baseline and its variance, each (nz, nx, 3 = red, green, blue).
 
-    The ratio of the sums over a cell weights every grain by its own light. Its variance is the
-    variance of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4). The colour matrix acts
-    on the means of the cells, which equals its action on every pixel because it is linear.
+    The ratio of the sums over a block weights every grain by its own light. The variance is that of
+    a ratio estimator (Cochran, Sampling Techniques, sec. 6.4). The colour matrix acts on the means
+    of the blocks, which equals its action on every pixel because it is linear.
 
     Args:
-        sums: means over the samples of each cell.
+        sums: means over the samples of each block, with `blocks_across(samples_across)` blocks in
+            each direction of a cell.
         matrix: from colours of the camera to colours of the chart, shape (3, 3).
         samples_across: samples of a cell in each direction.
         settings: correlation and pooling of samples.
     """
     matrix = matrix.astype(np.float32)
-    state, before = (light @ matrix.T for light in (sums.state, sums.baseline))
-    variance = _scatter(sums, matrix, cells_per_block(samples_across, settings))
+    blocks = blocks_across(samples_across)
+    cells = coarser(sums, blocks)
+    variance = _scatter(cells, matrix, cells_per_block(samples_across, settings))
     variance *= (settings.correlated_samples / samples_across**2) / np.maximum(
-        sums.share, _LEAST_SHARE
+        cells.share, _LEAST_SHARE
     )[..., None]
-    return log_ratio(state, before), variance
+    ratio = log_ratio(sums.state @ matrix.T, sums.baseline @ matrix.T)
+    return _mean_over_blocks(ratio, sums.share, cells.share), variance
+
+
+def _mean_over_blocks(values: Array, share: Array, cell_share: Array) -> Array:
+    """Return the mean of `values` over the blocks of each cell, weighted by their visible share."""
+    if values.shape[:2] == cell_share.shape:
+        return values
+    nz, nx = cell_share.shape
+    weighted = cv2.resize(values * share[..., None], (nx, nz), interpolation=cv2.INTER_AREA)
+    return np.asarray(weighted / np.maximum(cell_share, _LEAST_SHARE)[..., None])
 
 
 def _scatter(sums: CellSums, matrix: Array, cells_across: int) -> Array:

@@ -26,8 +26,12 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.alignment import Alignment, align, alignment_remarks
 from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
-from porotwin_imaging.cell_sums import CellSums, cell_sums
+from porotwin_imaging.baseline_subtraction import (
+    blocks_across,
+    cells_per_block,
+    subtract_baseline,
+)
+from porotwin_imaging.cell_sums import CellSums, cell_sums, coarser
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised, noise_after_denoising
 from porotwin_imaging.light_check import (
@@ -144,10 +148,11 @@ def compare_with_baseline(
     with watch.stage('remap'):
         sampled = sampling.sample(pixels, alignment.homography)
     with watch.stage('average'):
-        sums = _cell_sums(sampled, baseline)
+        fine = _block_sums(sampled, baseline)
+        sums = coarser(fine, blocks_across(sampling.samples_across))
         refuse_grey(sums.state, sums.baseline)
         ratio, variance = subtract_baseline(
-            sums, baseline.chart.matrix, sampling.samples_across, settings.noise
+            fine, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         blocks = cells_per_block(sampling.samples_across, settings.noise)
         unclipped, clipped_remarks = unclipped_cells(sums, baseline.share, settings.validity)
@@ -177,15 +182,16 @@ def compare_with_baseline(
     )
 
 
-def _cell_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
-    """Return the means of the sampled photograph and the baseline over each cell."""
+def _block_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
+    """Return the means of the sampled photograph and the baseline over each block of a cell."""
+    samples = baseline.sampling.samples_across
     return cell_sums(
         sampled,
         baseline.colours,
         baseline.usable,
         light=LINEAR_LIGHT,
         glare_level=baseline.settings.decoding.bright_level,
-        samples_across=baseline.sampling.samples_across,
+        samples_across=samples // blocks_across(samples),
     )
 
 

@@ -20,6 +20,10 @@ from porotwin_imaging.settings import DEFAULTS, SamplingSettings
 Array = NDArray[Any]
 
 
+_FEWEST_FOR_BLOCKS = 4
+"""Samples of a cell in each direction from which they are even, so that they divide into blocks."""
+
+
 def choose_reduction(
     geometry: Geometry,
     grid: Grid,
@@ -66,6 +70,8 @@ class Sampling:
         """Return the sampling with about one point per pixel decoded at `reduction`."""
         pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
         samples_across = max(1, round(pixels_per_cell))
+        if samples_across >= _FEWEST_FOR_BLOCKS:
+            samples_across = 2 * round(pixels_per_cell / 2)
         fine = grid.refined(samples_across)
         x, z = np.meshgrid(fine.x, fine.z[::-1])
         columns, rows = geometry.to_pixels(x, z)

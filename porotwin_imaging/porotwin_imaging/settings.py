@@ -207,24 +207,75 @@ class SandSettings:
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
-    least_signal: float = 0.35
-    """Signal on both sides of an interface, relative to the strongest of the sand [-]."""
+    least_signal: float = 0.3
+    """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
+    tracer at an interface has often not entered the finer sand."""
     fewest_pairs: int = 12
     """Pairs of cells across interfaces that determine a factor."""
+    pairs_together: float = 12.0
+    """Neighbouring pairs that share one error: grains, fronts and labels extend over cells."""
+    jump_error: float = 0.05
+    """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
+    it on one side only."""
+    prior_deviation: float = 0.3
+    """Standard deviation of the log factors before any evidence. Factors of the large FluidFlower
+    differ by up to 0.6."""
+    widest_factor: float = 2.5
+    """Largest factor of a sand, and the inverse of the smallest."""
+
+
+@dataclass(frozen=True)
+class CoreSettings:
+    """Finding the core of a plume (`plume_core.py`)."""
+
+    edge_share: float = 0.4
+    """The edge of a plume lies at this share of the strong signal [-]. Stock in fine sand gives
+    about half the signal of stock in coarse sand."""
+    fewest_cells: int = 40
+    """Cells of a core: their median is known to 1 % although grains scatter by 5 %."""
+    plateau_share: float = 0.88
+    """Cells of the core exceed this share of its top [-]. Paler plumes beside it are no core."""
+    least_share: float = 0.3
+    """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
+    reached: float = 0.99
+    """Share of the highest level at which the plateau is reached [-]."""
+    flattest: float = 0.04
+    """Largest rise inside a core [-]; a plume that rises further has no plateau."""
+    level_error: float = 0.007
+    """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
+    reached."""
+    outlier: float = 0.04
+    """Photographs whose core differs from the others by more disagree with them [-]."""
+    interface_cells: int = 2
+    """Cells this near to another sand belong to no core: pixels and labels mix there."""
 
 
 @dataclass(frozen=True)
 class MassBalanceSettings:
-    """Scaling the signal to the injected mass (`mass_balance_fit.py`)."""
+    """Comparing the imaged with the injected mass (`mass_balance_fit.py`)."""
 
     fewest_photographs: int = 3
-    """Photographs that determine a line and reveal an outlier."""
+    """Photographs that give the level of stock by their mass and reveal an outlier."""
+    log_error: float = 0.012
+    """Relative deviation of the injected mass in the pores [-]: pumps, porosity and depth as a
+    careful laboratory knows them. Larger differences occur, so its distribution has wide tails."""
+    most_factor: float = 5.0
+    """Largest ratio of imaged to injected mass that is considered, and its inverse smallest."""
+    photograph_error: float = 0.005
+    """Relative deviation of the mass in one photograph [-], from light and noise."""
+    common_error: float = 0.003
+    """The same relative to the largest injected mass."""
+    offset_error: float = 0.01
+    """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
+    volume of the tubes, clocks, remaining light."""
     outlier_distance: float = 0.03
-    """Outliers are farther from the line than this share of the injected volume [-]."""
-    knots: int = 9
-    """Points of the response curve."""
-    stiffness: float = 0.02
-    """Weight of the bending of the curve against the misfit of mass, both relative [-]."""
+    """Photographs that are farther from the common line disagree with it, relative to the largest
+    injected mass [-]."""
+    bend_deviation: float = 0.05
+    """Standard deviation of the bend before any evidence [-]. Absorbance in dyed sand bends by up
+    to 0.04 on real photographs."""
+    dilution_error: float = 0.01
+    """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
 
 @dataclass(frozen=True)
@@ -307,6 +358,7 @@ class ImagingSettings:
     validity: ValiditySettings = field(default_factory=ValiditySettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
+    core: CoreSettings = field(default_factory=CoreSettings)
     mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     trust: TrustSettings = field(default_factory=TrustSettings)
