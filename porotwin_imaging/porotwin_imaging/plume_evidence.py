@@ -120,8 +120,9 @@ def _outline(region: Mask) -> Mask:
         region.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
     )
     for contour in contours:
-        part = cv2.drawContours(np.zeros_like(filled), [contour], -1, 1, cv2.FILLED)
-        if (part & region).sum() >= _FEWEST_CELLS:
+        part = np.zeros(region.shape, np.uint8)
+        cv2.drawContours(part, [contour], -1, 1, cv2.FILLED)
+        if region[part > 0].sum() >= _FEWEST_CELLS:
             filled |= part
     return np.asarray(cv2.dilate(filled, np.ones((2 * _MARGIN_CELLS + 1,) * 2, np.uint8)) > 0)
 

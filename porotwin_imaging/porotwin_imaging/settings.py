@@ -338,8 +338,6 @@ class TrustSettings:
     most_bow: float = 0.012
     """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
     the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
-    told_sand_deviation: float = 0.08
-    """Error of the factor of a sand that is told [-]."""
     told_bend_deviation: float = 0.05
     """Error of the response at half stock that is told [-]."""
 
