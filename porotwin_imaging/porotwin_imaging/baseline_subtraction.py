@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.cell_sums import CellSums, coarser
+from porotwin_imaging.cell_sums import BlockSums, CellSums
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 
 Array = NDArray[Any]
@@ -76,36 +77,57 @@ def subtract_baseline(
         settings: correlation and pooling of samples.
     """
     matrix = matrix.astype(np.float32)
-    blocks = blocks_across(samples_across)
-    cells = coarser(sums, blocks)
-    variance = _scatter(cells, matrix, cells_per_block(samples_across, settings))
-    variance *= (settings.correlated_samples / samples_across**2) / np.maximum(
-        cells.share, _LEAST_SHARE
-    )[..., None]
-    ratio = log_ratio(sums.state @ matrix.T, sums.baseline @ matrix.T)
-    return _mean_over_blocks(ratio, sums.share, cells.share), variance
+    cell_share = _cell_means(sums.share, blocks_across(samples_across))
+    nz, nx = cell_share.shape
+    relative = _scatter(sums.blocks, matrix)
+    variance = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    per_sample = np.float32(settings.correlated_samples / samples_across**2)
+
+    def band(state: Array, before: Array) -> tuple[Array]:
+        return (log_ratio(*(cv2.transform(light, matrix) for light in (state, before))),)
+
+    def scaled(variance: Array, share: Array) -> tuple[Array]:
+        return (variance * (per_sample / np.maximum(share, _LEAST_SHARE))[..., None],)
+
+    (ratio,) = by_bands(band, sums.state, sums.baseline)
+    (variance,) = by_bands(scaled, variance, cell_share)
+    return _mean_over_blocks(ratio, sums.share, cell_share), variance
+
+
+def cells_of_blocks(sums: CellSums, blocks: int) -> CellSums:
+    """Return the means over cells of `blocks` x `blocks` blocks each; moments stay as they are."""
+    if blocks == 1:
+        return sums
+    means = (_cell_means(plane, blocks) for plane in (sums.state, sums.baseline, sums.share))
+    return CellSums(*means, sums.blocks)
+
+
+def _cell_means(plane: Array, blocks: int) -> Array:
+    """Return the means of `plane` over cells of `blocks` x `blocks` blocks each."""
+    if blocks == 1:
+        return plane
+    size = (plane.shape[1] // blocks, plane.shape[0] // blocks)
+    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA))
 
 
 def _mean_over_blocks(values: Array, share: Array, cell_share: Array) -> Array:
     """Return the mean of `values` over the blocks of each cell, weighted by their visible share."""
-    if values.shape[:2] == cell_share.shape:
+    blocks = values.shape[0] // cell_share.shape[0]
+    if blocks == 1:
         return values
-    nz, nx = cell_share.shape
-    weighted = cv2.resize(values * share[..., None], (nx, nz), interpolation=cv2.INTER_AREA)
-    return np.asarray(weighted / np.maximum(cell_share, _LEAST_SHARE)[..., None])
+    weighted = _cell_means(values * share[..., None], blocks)
+    return weighted / np.maximum(cell_share, _LEAST_SHARE)[..., None]
 
 
-def _scatter(sums: CellSums, matrix: Array, cells_across: int) -> Array:
-    """Return the relative variance (nz, nx, 3) of a sample about the ratio of its block of cells.
+def _scatter(blocks: BlockSums, matrix: Array) -> Array:
+    """Return the relative variance of a sample about the ratio of its block, shape of the blocks.
 
     With state s, baseline b and ratio R = mean(s) / mean(b), the variance of a sample is
     mean(s^2) - 2 R mean(s b) + R^2 mean(b^2).
     """
-    blocks = coarser(sums, cells_across)
     ratio = blocks.state / np.maximum(blocks.baseline, _SMALLEST_DIVISOR)
     variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
     share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
     state = np.maximum(blocks.state @ matrix.T / share, _LEAST_STATE)
-    relative = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
-    nz, nx = sums.share.shape
-    return np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    relative: Array = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
+    return relative

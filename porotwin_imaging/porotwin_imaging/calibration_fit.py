@@ -140,7 +140,9 @@ def fit_calibration(
     baseline = make_baseline(rig, grid, baselines, settings=settings)
     lines = list(baseline.remarks)
     compared, times = _compare_all(baseline, states, lines, progress)
-    labels = sands.segment(*baseline.sand_appearance(), compared[0].visible, settings.sands)
+    colours, texture = baseline.sand_appearance()
+    labels = sands.segment(colours, texture, compared[0].visible, settings.sands)
+    lights = sands.sand_lights(colours, labels, compared[0].visible)
     choice = choose_signal(
         [one.log_ratio for one in compared],
         [one.visible for one in compared],
@@ -153,7 +155,7 @@ def fit_calibration(
     injected = _injected(schedule, times)
     concentrations = _core_concentrations(schedule, times)
     stock = stock_levels(raw, labels, concentrations, settings.core)
-    factors = sands.fit_factors(raw, labels, stock.levels, stock.strong, settings.sands)
+    factors = sands.fit_factors(raw, labels, stock.levels, stock.strong, lights, settings.sands)
     factor_map = np.array(factors.values)[labels]
     signals = [plane * factor_map for plane in raw]
     volume = rig.cell_pore_volume(grid)

@@ -99,7 +99,7 @@ def segment(
     # texture and hue hardly depend on the lamps, so that these classes separate sand from light
     first = np.zeros(visible.shape, int)
     first[visible] = _clustered([rough, blue], visible, settings)[1]
-    even = brightness - _lamps(brightness, first, visible, settings)
+    even = brightness - _lamps(brightness, first, visible, settings.most_sands)
     values, classes = _clustered([rough, _BRIGHTNESS_WEIGHT * even, blue], visible, settings)
     labels = np.zeros(visible.shape, np.uint8)
     labels[visible] = _merged(values, classes, settings)
@@ -126,17 +126,15 @@ def _clustered(
     return values, classes[:, 0]
 
 
-def _lamps(
-    brightness: Array, classes: Array, visible: NDArray[np.bool_], settings: SandSettings
-) -> Array:
+def _lamps(brightness: Array, classes: Array, visible: NDArray[np.bool_], count: int) -> Array:
     """Return the smooth part (nz, nx) of log brightness, a quadratic common to all classes."""
     rows, columns = np.indices(visible.shape)
     u, v = columns / visible.shape[1] - 0.5, rows / visible.shape[0] - 0.5
     smooth = np.stack([u, v, u * u, u * v, v * v], axis=-1)
-    members = classes[visible][:, None] == np.arange(settings.most_sands)
+    members = classes[visible][:, None] == np.arange(count)
     design = np.column_stack([members, smooth[visible]])
     found = np.linalg.lstsq(design, brightness[visible], rcond=None)[0]
-    return smooth @ found[settings.most_sands :]
+    return smooth @ found[count:]
 
 
 def _masked_median(plane: Array, visible: NDArray[np.bool_]) -> Array:
@@ -229,6 +227,7 @@ def fit_factors(
     labels: Labels,
     levels: Mapping[int, SandLevel],
     strong: float,
+    lights: Array,
     settings: SandSettings = DEFAULTS.sands,
 ) -> SandFactors:
     """Return the factors that make the signal of the same tracer the same in all sands.
@@ -236,20 +235,23 @@ def fit_factors(
     Three kinds of evidence meet in one least squares fit of the log signals of stock. The core of a
     plume shows the signal of stock in its sand. At interfaces the signal is continuous: a pair is
     two cells on either side, extrapolated to the interface, so that a slope of concentration is no
-    jump. A prior keeps all sands near the reference sand, which has the largest core.
+    jump. A prior keeps all sands near what their light tells (`expected_logs`). The reference sand,
+    with the factor 1, has the largest core.
 
     Args:
         signals: signal of each photograph, shape (nz, nx), NaN where it is not visible.
         labels: index of the sand in each cell, shape (nz, nx).
         levels: signal of stock by sand, where a core shows it.
         strong: strong signal of all photographs [-]; far paler pairs are not used.
+        lights: log of the light of each sand (`sand_lights`), shape (sands,).
         settings: thresholds and prior.
     """
     count = int(labels.max()) + 1
     first, second, jump = _jumps(signals, labels, settings.least_signal * strong)
     pairs = np.bincount(np.concatenate([first, second]), minlength=count)
     reference = _reference(levels, pairs)
-    logs, deviations = _joint_fit(count, reference, levels, (first, second, jump), settings)
+    expected = expected_logs(lights, reference, settings)
+    logs, deviations = _joint_fit(expected, reference, levels, (first, second, jump), settings)
     bound = np.log(settings.widest_factor)
     inside = np.clip(logs, -bound, bound)
     sources: list[FactorSource] = [
@@ -269,6 +271,42 @@ def fit_factors(
     )
 
 
+def sand_lights(colours: Array, labels: Labels, visible: NDArray[np.bool_]) -> Array:
+    """Return the log light of each sand in the baseline, without the lamps, shape (sands,).
+
+    Args:
+        colours: linear colours of the baseline, shape (nz, nx, 3).
+        labels: index of the sand in each cell, shape (nz, nx).
+        visible: cells that show sand, shape (nz, nx).
+    """
+    brightness = np.log(np.maximum(colours.mean(axis=2), _LEAST_LIGHT))
+    even = brightness - _lamps(brightness, labels, visible, int(labels.max()) + 1)
+    return np.array(
+        [
+            np.median(even[visible & (labels == sand)]) if (visible & (labels == sand)).any() else 0
+            for sand in range(int(labels.max()) + 1)
+        ]
+    )
+
+
+def expected_logs(lights: Array, reference: int, settings: SandSettings = DEFAULTS.sands) -> Array:
+    """Return the log signals of stock that the light of the sands tells, relative to the reference.
+
+    The law of Kubelka and Munk gives the reflection R of a layer with absorption K and scattering S
+    by K / S = (1 - R)^2 / (2 R). Fine sand scatters more: it is brighter, and the same dye darkens
+    it less. Sand darker than half grey hardly follows.
+
+    Args:
+        lights: log of the light of each sand, shape (sands,).
+        reference: index of the reference sand.
+        settings: slopes of the law.
+    """
+    brighter = lights - lights[reference]
+    return -settings.bright_slope * np.maximum(brighter, 0.0) - settings.dark_slope * np.minimum(
+        brighter, 0.0
+    )
+
+
 def _reference(levels: Mapping[int, SandLevel], pairs: Array) -> int:
     """Return the sand with the largest core, or without cores the one with most pairs."""
     if levels:
@@ -277,14 +315,17 @@ def _reference(levels: Mapping[int, SandLevel], pairs: Array) -> int:
 
 
 def _joint_fit(
-    count: int,
+    expected: Array,
     reference: int,
     levels: Mapping[int, SandLevel],
     found: tuple[Array, Array, Array],
     settings: SandSettings,
 ) -> tuple[Array, Array]:
-    """Return the log signals of stock relative to the reference (count,) and their deviations."""
-    rows, values = [], []
+    """Return the log signals of stock relative to the reference and their deviations.
+
+    `expected`: log signals before any evidence, shape (sands,).
+    """
+    rows, values, count = [], [], len(expected)
 
     def add(a: int, b: int | None, value: float, deviation: float) -> None:
         row = np.zeros(count)
@@ -296,7 +337,8 @@ def _joint_fit(
 
     unit = levels[reference].level if levels else 1.0
     for sand in range(count):
-        add(sand, reference if sand != reference else None, 0.0, settings.prior_deviation)
+        relative_to = reference if sand != reference else None
+        add(sand, relative_to, float(expected[sand]), settings.prior_deviation)
     for sand, one in levels.items():
         add(sand, None, float(np.log(one.level / unit)), one.deviation)
     if not levels:

@@ -27,8 +27,9 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 256
-    """Side of a tile [cells]: its arrays fit into the cache of one core."""
+    tile_cells: int = 512
+    """Side of a tile [cells]: its arrays stay near the cache of one core, and its overlap is
+    a fifth of it."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -217,9 +218,16 @@ class SandSettings:
     jump_error: float = 0.05
     """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
     it on one side only."""
-    prior_deviation: float = 0.3
-    """Standard deviation of the log factors before any evidence. Factors of the large FluidFlower
-    differ by up to 0.6."""
+    bright_slope: float = 0.6
+    """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
+    law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
+    times what sand does."""
+    dark_slope: float = 0.1
+    """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
+    edge is no property of the sand."""
+    prior_deviation: float = 0.2
+    """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
+    large FluidFlower differ by up to 0.3 from the law."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and the inverse of the smallest."""
 
