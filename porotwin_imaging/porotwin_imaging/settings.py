@@ -361,9 +361,9 @@ class TrustSettings:
     most_mass_factor: float = 1.25
     """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
     level of stock, so that the maps are right up to it; beyond it the log is of something else."""
-    most_filled_factor: float = 1.6
-    """The same for pore volume and fluid, where no core tells the level of stock [-]. Half of the
-    level is not exactly half of the fluid in a small or smeared plume."""
+    most_filled_factor: float = 1.3
+    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Half
+    of the level is not exactly half of the fluid in a small or smeared plume."""
     told_mass_error: float = 0.03
     """Difference of tracer in the maps and in the pump log that is told [-]."""
     sure_deviations: float = 2.0
@@ -389,8 +389,6 @@ class TrustSettings:
     most_bow: float = 0.012
     """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
     the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
-    told_sand_deviation: float = 0.08
-    """Error of the factor of a sand that is told [-]."""
     told_bend_deviation: float = 0.05
     """Error of the response at half stock that is told [-]."""
 
