@@ -116,7 +116,7 @@ class _Run:
         kept: list[_KeptStep] = []
         count = 0
         for low, high, number in self._intervals():
-            steps, length = engine.splitting(high - low)
+            _, length = engine.splitting(high - low)
             rates = self.plan[number].rates
             for coefficients in engine.interval(state, rates, high - low):
                 if count == 0:
