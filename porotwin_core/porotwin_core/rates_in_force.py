@@ -153,6 +153,15 @@ def balanced(rates: WellRates, producer: str) -> dict[str, WellRate]:
     return {**others, producer: WellRate(-net_rate(others))}
 
 
+def injected_tracer(periods: Sequence[RatePeriod]) -> float:
+    """Return the volume of tracer stock [m^3] that all wells inject in `periods`."""
+    return sum(
+        (period.end - period.start) * max(well.rate, 0.0) * well.concentration
+        for period in periods
+        for well in period.rates.values()
+    )
+
+
 def describe_difference(periods: Sequence[RatePeriod], expected: WellRates) -> str:
     """Return in words, in ml/h, how the mean rates of `periods` differ from the `expected` ones.
 
