@@ -13,6 +13,7 @@ const PROPOSED = 'var(--s1)';
 const SOON_MIN = 30;  // of the words about the probability
 
 const BODY = `
+  <div class="columns"><div>
   <p class="caption-line"><span class="key present">present rates</span>
     <span class="key proposed" hidden>proposed</span></p>
   <h3>Tracer in the zone, with 90 % bands</h3>
@@ -20,6 +21,7 @@ const BODY = `
   <h3>Probability that the zone is reached</h3>
   <svg class="reached-chart" role="img"></svg>
   <p class="words"></p>
+  </div><div>
   <div class="plume"><svg aria-hidden="true"></svg></div>
   <p class="plume-words"></p>
   <fieldset>
@@ -29,7 +31,8 @@ const BODY = `
     <button type="button" class="quiet reset">back to the present rates</button>
     <p class="fault error" role="status" hidden></p>
     <p class="promise"></p>
-  </fieldset>`;
+  </fieldset>
+  </div></div>`;
 
 export function create(root, declaration, page) {
   root.insertAdjacentHTML('beforeend', BODY);
@@ -108,7 +111,7 @@ function renderCharts(root, { present }, answer, theme) {
 export function reachedWords(name, { minutes, reached_percent: percent }) {
   const index = nearestIndex(minutes, SOON_MIN);
   if (index < 0 || !isNumber(percent[index])) return '';
-  return `${name}: ${number(percent[index], 0)} % within ${number(minutes[index], 0)} min`;
+  return `${name} ${number(percent[index], 0)} % within ${number(minutes[index], 0)} min`;
 }
 
 function renderPlume(root, { present }, answer, page) {
@@ -140,8 +143,8 @@ function renderWords(root, content, proposal, page) {
   const { present } = content;
   const { answer, fault, asking, rates } = proposal;
   find('.proposed', root).hidden = !answer;
-  const words = [reachedWords('Present', present), answer ? reachedWords('proposed', answer) : ''];
-  setText(find('.words', root), words.filter(Boolean).join('; '));
+  const words = [reachedWords('present', present), answer ? reachedWords('proposed', answer) : ''];
+  setText(find('.words', root), `The zone is reached: ${words.filter(Boolean).join('; ')}`);
   setText(find('.plume-words', root),
     `Outline of the plume in ${number(present.outline_minutes, 0)} min; dashed: now`);
   const sum = Object.values(rates ?? presentRates(content)).reduce((all, rate) => all + rate, 0);

@@ -24,5 +24,5 @@ def what_if_view(snapshot: GraphSnapshot, _: Moment) -> Json | None:
 
 
 PANEL = ScriptPanel(
-    title='What to expect, and what if', region=Region.STATUS, order=5, view=what_if_view
+    title='What to expect, and what if', region=Region.MAPS, order=40, view=what_if_view
 )

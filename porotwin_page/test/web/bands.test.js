@@ -13,7 +13,7 @@ test('a band goes up along its high end and back along its low one', () => {
 
 test('the probability is told for half an hour, or the nearest time', () => {
   const plan = { minutes: [10, 20, 40], reached_percent: [0, 12.4, 80] };
-  assert.equal(reachedWords('Present', plan), 'Present: 12 % within 20 min');
+  assert.equal(reachedWords('present', plan), 'present 12 % within 20 min');
   assert.equal(reachedWords('Present', { minutes: [], reached_percent: [] }), '');
 });
 
