@@ -269,12 +269,20 @@ class HubNode(Node):
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             self._door.check_state(concentration, grid)
+            deviation, systematic = (
+                conversions.deviation_from_msg(values, grid)
+                for values in (message.deviation, message.systematic)
+            )
         except InputError as error:
             self._refuse(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
         doubt = self._numbers.doubt(message.sequence)
-        self._inbox.add_state(ArrivedState(message.sequence, stamp, concentration, message, doubt))
+        self._inbox.add_state(
+            ArrivedState(
+                message.sequence, stamp, concentration, message, doubt, deviation, systematic
+            )
+        )
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)

@@ -13,6 +13,15 @@ from dataclasses import dataclass, field
 
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
+from porotwin_core.rates_in_force import (
+    KnownRates,
+    RatePeriod,
+    describe_difference,
+    known_within,
+    latest_known,
+    rates_in_force,
+    same_rates,
+)
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import (
@@ -22,15 +31,6 @@ from porotwin_hub.forecast import (
     PhysicsModel,
 )
 from porotwin_hub.optimisation import Decision
-from porotwin_hub.rates_in_force import (
-    KnownRates,
-    RatePeriod,
-    describe_difference,
-    known_within,
-    latest_known,
-    rates_in_force,
-    same_rates,
-)
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 from porotwin_hub.tracer_balance import imbalance
 
@@ -45,10 +45,16 @@ and nothing is predicted over it. A few lost photographs are no interruption."""
 
 @dataclass(frozen=True)
 class Observation:
-    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen."""
+    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen.
+
+    `deviation` is its standard deviation, and `systematic` the part of it that stays the same from
+    photograph to photograph, both (nz, nx) [-]; None: not known.
+    """
 
     time: float
     concentration: FloatArray
+    deviation: FloatArray | None = None
+    systematic: FloatArray | None = None
 
 
 @dataclass

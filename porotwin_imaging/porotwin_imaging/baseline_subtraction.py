@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.cell_sums import CellSums, coarser
+from porotwin_imaging.cell_sums import BlockSums, CellSums
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 
 Array = NDArray[Any]
@@ -54,25 +55,29 @@ def subtract_baseline(
         settings: correlation and pooling of samples.
     """
     matrix = matrix.astype(np.float32)
-    state, before = (light @ matrix.T for light in (sums.state, sums.baseline))
-    variance = _scatter(sums, matrix, cells_per_block(samples_across, settings))
-    variance *= (settings.correlated_samples / samples_across**2) / np.maximum(
-        sums.share, _LEAST_SHARE
-    )[..., None]
-    return log_ratio(state, before), variance
+    relative = _scatter(sums.blocks, matrix)
+    nz, nx = sums.share.shape
+    variance = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    per_sample = np.float32(settings.correlated_samples / samples_across**2)
+
+    def band(state: Array, before: Array, variance: Array, share: Array) -> tuple[Array, Array]:
+        corrected = (cv2.transform(light, matrix) for light in (state, before))
+        samples = per_sample / np.maximum(share, _LEAST_SHARE)
+        return log_ratio(*corrected), variance * samples[..., None]
+
+    ratio, variance = by_bands(band, sums.state, sums.baseline, variance, sums.share)
+    return ratio, variance
 
 
-def _scatter(sums: CellSums, matrix: Array, cells_across: int) -> Array:
-    """Return the relative variance (nz, nx, 3) of a sample about the ratio of its block of cells.
+def _scatter(blocks: BlockSums, matrix: Array) -> Array:
+    """Return the relative variance of a sample about the ratio of its block, shape of the blocks.
 
     With state s, baseline b and ratio R = mean(s) / mean(b), the variance of a sample is
     mean(s^2) - 2 R mean(s b) + R^2 mean(b^2).
     """
-    blocks = coarser(sums, cells_across)
     ratio = blocks.state / np.maximum(blocks.baseline, _SMALLEST_DIVISOR)
     variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
     share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
     state = np.maximum(blocks.state @ matrix.T / share, _LEAST_STATE)
-    relative = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
-    nz, nx = sums.share.shape
-    return np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    relative: Array = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
+    return relative

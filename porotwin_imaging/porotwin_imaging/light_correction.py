@@ -5,9 +5,10 @@ rest must be tracer: cells that are brighter (`light_check.py`) or have another 
 (`foreign_signal.py`) have no value.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +22,11 @@ from porotwin_imaging.tracer_colour import TracerColour, colour_in
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
+_MOST_BLOCKS = 400
+"""Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
+_LEAST_SHARE = 0.3
+"""Visible share of a block that counts [-]."""
+
 
 @dataclass(frozen=True)
 class CorrectedLight:
@@ -28,15 +34,15 @@ class CorrectedLight:
 
     Attributes:
         log_ratio: log ratios, shape (nz, nx, 3).
-        variance: variance that the correction adds, shape (nz, nx).
+        variance: variance that the correction adds, shape (nz, nx); None if it adds none.
         comparable: visible cells whose change tracer can make, shape (nz, nx).
-        drift: the drift of light that was removed.
+        drift: all changes of light that were removed.
         remarks: what was corrected, one line each.
         left_out: what could not be corrected, one line each.
     """
 
     log_ratio: Array
-    variance: Array
+    variance: Array | None
     comparable: Mask
     drift: LightDrift
     remarks: list[str]
@@ -66,17 +72,49 @@ def corrected_light(
     """
     drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, settings.light)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
-    residual = log_ratio - drift.log_gain
     remarks = exposure_remarks(checker_gain, settings.light)
-    colour = colour or colour_in(residual, visible)
-    local = local_light(residual, visible, colour, settings.local_light)
-    variance: Array = np.zeros(visible.shape, np.float32)
+    blocks, seen = _blocks(log_ratio, visible)
+    residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
+    colour = colour or colour_in(residual, seen)
+    variance = None
+    local = local_light(residual, seen, colour, settings.local_light)
     if local is not None:
         residual = residual - local.log_gain[..., None]
-        variance = local.variance
+        drift = replace(drift, shape=drift.shape + _resized(local.log_gain, visible.shape))
+        variance = _resized(local.variance, visible.shape)
         remarks += local.remarks
-    comparable, bright = lit_as_baseline(residual, visible, settings.light)
+    comparable, bright = lit_as_baseline(residual, seen, settings.light)
     comparable, foreign = without_foreign_signal(
         residual, comparable, colour, settings.foreign_signal
     )
-    return CorrectedLight(residual, variance, comparable, drift, remarks, [*bright, *foreign])
+    left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
+    return CorrectedLight(
+        log_ratio=drift.removed_from(log_ratio),
+        variance=variance,
+        comparable=visible & ~left_out,
+        drift=drift,
+        remarks=remarks,
+        left_out=[*bright, *foreign],
+    )
+
+
+def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:
+    """Return the mean log ratio of blocks of cells (rows, columns, 3), and which show sand.
+
+    The cells of a coarse map are its blocks.
+    """
+    nz, nx = visible.shape
+    if nx <= _MOST_BLOCKS:
+        return log_ratio, visible
+    size = (_MOST_BLOCKS, max(1, round(nz * _MOST_BLOCKS / nx)))
+    share = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    filled = log_ratio * visible[..., None]
+    sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
+    return sums / np.maximum(share, _LEAST_SHARE)[..., None], share > _LEAST_SHARE
+
+
+def _resized(plane: Array, shape: tuple[int, int]) -> Array:
+    """Return a plane at another `shape`, interpolated."""
+    if plane.shape == shape:
+        return plane
+    return np.asarray(cv2.resize(plane, shape[::-1], interpolation=cv2.INTER_LINEAR))

@@ -29,12 +29,14 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
-from porotwin_imaging.denoising import denoised, noise_after_denoising
+from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
 from porotwin_imaging.light_check import refuse_grey
 from porotwin_imaging.light_correction import corrected_light
 from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
+from porotwin_imaging.map_deviation import map_deviation
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
 
@@ -48,7 +50,8 @@ class ConcentrationMap:
     Attributes:
         values: concentration, float32, shape (nz, nx), row 0 at the bottom, 1 = tracer stock, NaN
             where the photograph does not show the sand.
-        noise: standard deviation of `values`, same shape.
+        deviation: standard deviation of `values`, same shape.
+        systematic: the part of it that stays the same from photograph to photograph, same shape.
         calibrated: False if the scale is only a default.
         suspicious: True if a person should check the map.
         status: remarks, one line each.
@@ -57,7 +60,8 @@ class ConcentrationMap:
     """
 
     values: NDArray[np.float32]
-    noise: NDArray[np.float32]
+    deviation: NDArray[np.float32]
+    systematic: NDArray[np.float32]
     calibrated: bool
     suspicious: bool
     status: list[str]
@@ -66,9 +70,12 @@ class ConcentrationMap:
 
     @property
     def typical_noise(self) -> float:
-        """Median standard deviation over the visible cells [-]; NaN if no cell is visible."""
-        known = self.noise[np.isfinite(self.noise)]
-        return float(np.median(known)) if known.size else math.nan
+        """Median of the random deviation of the visible cells [-]; NaN if no cell is visible."""
+        known = np.isfinite(self.deviation)
+        if not known.any():
+            return math.nan
+        variance = self.deviation[known] ** 2 - self.systematic[known] ** 2
+        return float(np.sqrt(max(np.median(variance), 0.0)))
 
 
 @dataclass(frozen=True)
@@ -107,13 +114,14 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
         values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
-        noise = noise_after_denoising(
+        deviation = map_deviation(
             noise, values, baseline.calibration.scale_error, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
         values=values.astype(np.float32),
-        noise=noise.astype(np.float32),
+        deviation=deviation.total.astype(np.float32),
+        systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
         suspicious=compared.suspicious,
         status=uncalibrated + compared.remarks,
@@ -145,13 +153,12 @@ def compare_with_baseline(
         usable, share = _in_view(framed, baseline)
         frame_lines = frame_remarks(baseline.share, share, settings.validity)
         sums = _cell_sums(sampled, usable, baseline)
-        refuse_grey(sums.state, sums.baseline)
+        refuse_grey(sums.blocks.state, sums.blocks.baseline)
         ratio, variance = subtract_baseline(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
-        blocks = cells_per_block(sampling.samples_across, settings.noise)
         unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
-        visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
+        visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
         gain, chart_remarks = checker_gain(
@@ -160,12 +167,15 @@ def compare_with_baseline(
         light = corrected_light(
             ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
         )
+        variance = variance + baseline.fluctuation
+        if light.variance is not None:
+            variance += light.variance[..., None]
     left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
         log_ratio=light.log_ratio,
-        variance=variance + baseline.fluctuation + light.variance[..., None],
+        variance=variance,
         visible=light.comparable,
         drift=light.drift,
         alignment=alignment,
@@ -194,17 +204,27 @@ def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) ->
         light=LINEAR_LIGHT,
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=baseline.sampling.samples_across,
+        cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),
     )
 
 
 def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:
     """Return the raw concentration (nz, nx), NaN where it is hidden, and its standard deviation."""
-    calibration, factors = baseline.calibration, baseline.sand_factors
-    signal = calibration.signal.of(compared.log_ratio) * factors
-    noise = calibration.signal.noise(compared.log_ratio, compared.variance)
+    calibration = baseline.calibration
     lowest, highest = baseline.settings.noise.credible
-    raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
-    return (
-        np.where(compared.visible, raw, np.nan),
-        noise * factors * calibration.response.slope_at(signal),
+
+    def band(
+        log_ratio: Array, variance: Array, visible: Array, factors: Array
+    ) -> tuple[Array, Array]:
+        signal = calibration.signal.of(log_ratio) * factors
+        noise = calibration.signal.noise(log_ratio, variance)
+        raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
+        return (
+            np.where(visible, raw, np.nan).astype(np.float32),
+            (noise * factors * calibration.response.slope_at(signal)).astype(np.float32),
+        )
+
+    concentration, noise = by_bands(
+        band, compared.log_ratio, compared.variance, compared.visible, baseline.sand_factors
     )
+    return concentration, noise

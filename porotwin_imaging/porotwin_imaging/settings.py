@@ -27,8 +27,9 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 256
-    """Side of a tile [cells]: its arrays fit into the cache of one core."""
+    tile_cells: int = 512
+    """Side of a tile [cells]: its arrays stay near the cache of one core, and its overlap is
+    a fifth of it."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -294,6 +295,50 @@ class CalibrationSettings:
 
 
 @dataclass(frozen=True)
+class TrustSettings:
+    """When a calibration is refused, and when a user is told (`calibration_trust.py`).
+
+    Porosity, depth and sorption of a rig are rarely known better than to 10 %, a pump log is.
+    """
+
+    most_mass_factor: float = 1.25
+    """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
+    level of stock, so that the maps are right up to it; beyond it the log is of something else."""
+    most_filled_factor: float = 1.6
+    """The same for pore volume and fluid, where no core tells the level of stock [-]. Half of the
+    level is not exactly half of the fluid in a small or smeared plume."""
+    told_mass_error: float = 0.03
+    """Difference of tracer in the maps and in the pump log that is told [-]."""
+    sure_deviations: float = 2.0
+    """Standard deviations from which a difference is told [-]."""
+    most_offset: float = 0.14
+    """Largest tracer at the start of the pump log, relative to the injected [-]."""
+    told_offset: float = 0.05
+    """Tracer at the start of the pump log that is told [-]."""
+    least_hollow: float = 0.6
+    """Least signal at the injecting well relative to the level of the plume [-]."""
+    least_followers: float = 0.6
+    """Least share of photographs that agree with each other [-]."""
+    most_mass_misfit: float = 0.08
+    """Largest scatter of the photographs about the pump log, relative to the injection [-]."""
+    most_factor: float = 4.0
+    """Largest factor between two sands [-]. Real sands differ by less than 2."""
+    least_strongest: float = 0.85
+    """Least concentration of the injected fluid, relative to stock [-]."""
+    most_core_slope: float = 0.15
+    """Largest relative difference of signal between the inner and the outer half of the core."""
+    most_dilution_misfit: float = 0.15
+    """Largest difference between known and imaged dilutions [-]."""
+    most_bow: float = 0.012
+    """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
+    the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
+    told_sand_deviation: float = 0.08
+    """Error of the factor of a sand that is told [-]."""
+    told_bend_deviation: float = 0.05
+    """Error of the response at half stock that is told [-]."""
+
+
+@dataclass(frozen=True)
 class ImagingSettings:
     """The settings of all steps."""
 
@@ -311,6 +356,7 @@ class ImagingSettings:
     sands: SandSettings = field(default_factory=SandSettings)
     mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+    trust: TrustSettings = field(default_factory=TrustSettings)
 
 
 DEFAULTS = ImagingSettings()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
-from porotwin_imaging.cell_sums import CellSums
+from porotwin_imaging.cell_sums import BlockSums, CellSums
 from porotwin_imaging.settings import DEFAULTS
 
 SAMPLES_ACROSS = 8
@@ -14,7 +14,8 @@ def sums_of(state: np.ndarray, baseline: np.ndarray) -> CellSums:
     """Return the means of samples, shape (nz, nx, samples, 3)."""
     products = (state, baseline, state**2, baseline**2, state * baseline)
     means = [product.mean(axis=2).astype(np.float32) for product in products]
-    return CellSums(*means, np.ones(state.shape[:2], np.float32))
+    blocks = BlockSums(*means, np.ones(state.shape[:2], np.float32))
+    return CellSums(blocks.state, blocks.baseline, blocks.share, blocks)
 
 
 def test_grains_cancel_and_the_ratio_remains() -> None:

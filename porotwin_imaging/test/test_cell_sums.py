@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_imaging.cell_sums import CellSums, cell_sums, coarser
+from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.linear_light import LINEAR_LIGHT, linear_light
 
 SAMPLES_ACROSS = 3
@@ -19,10 +19,13 @@ def sampled() -> tuple[np.ndarray, np.ndarray]:
     return pixels, generator.random(shape).astype(np.float32)
 
 
-def sums_of(pixels: np.ndarray, baseline: np.ndarray, usable: np.ndarray) -> CellSums:
+def sums_of(
+    pixels: np.ndarray, baseline: np.ndarray, usable: np.ndarray, cells_across: int = 1
+) -> CellSums:
     return cell_sums(
         pixels, baseline, usable,
         light=LINEAR_LIGHT, glare_level=250, samples_across=SAMPLES_ACROSS,
+        cells_across=cells_across,
     )  # fmt: skip
 
 
@@ -38,7 +41,7 @@ def test_sums_are_means_of_linear_light(sampled) -> None:
     light = linear_light(pixels)
     np.testing.assert_allclose(sums.state, cell_means(light), rtol=1e-5)
     np.testing.assert_allclose(sums.baseline, cell_means(baseline), rtol=1e-5)
-    np.testing.assert_allclose(sums.product, cell_means(light * baseline), rtol=1e-5)
+    np.testing.assert_allclose(sums.blocks.product, cell_means(light * baseline), rtol=1e-5)
     np.testing.assert_allclose(sums.share, 1.0, rtol=1e-5)
 
 
@@ -54,8 +57,17 @@ def test_glare_and_hidden_samples_do_not_count(sampled) -> None:
 
 def test_blocks_are_means_of_cells(sampled) -> None:
     pixels, baseline = sampled
-    sums = sums_of(pixels[:, :12], baseline[:, :12], np.ones((12, 12), np.uint8))
-    blocks = coarser(sums, 2)
-    expected = sums.state.reshape(2, 2, 2, 2, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(blocks.state, expected, rtol=1e-5)
-    assert coarser(sums, 1) is sums
+    usable = np.ones(pixels.shape[:2], np.uint8)
+    cells = sums_of(pixels, baseline, usable).blocks
+    blocks = sums_of(pixels, baseline, usable, cells_across=2).blocks
+    for own, means in zip(cells, blocks, strict=True):  # columns of 2, 2 and 1 cells
+        assert means.shape[:2] == (2, 3)
+        np.testing.assert_allclose(means[0, 0], own[:2, :2].mean(axis=(0, 1)), rtol=1e-5)
+        np.testing.assert_allclose(means[1, 2], own[2:, 4:].mean(axis=(0, 1)), rtol=1e-5)
+
+
+def test_cells_with_enough_samples_are_their_own_blocks(sampled) -> None:
+    pixels, baseline = sampled
+    sums = sums_of(pixels, baseline, np.ones(pixels.shape[:2], np.uint8))
+    assert sums.blocks.state is sums.state
+    assert sums.blocks.share is sums.share

@@ -6,9 +6,14 @@ from typing import NamedTuple
 
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, mean_rates, net_rate
-from porotwin_hub.setpoint_limits import CONCENTRATION_TOLERANCE, SAME_SETTING_ML_H
 
-SAME_RATE = from_ml_h(SAME_SETTING_ML_H)
+PUMP_STEP_ML_H = 0.1
+"""Resolution of a pump's display [ml/h]; setpoints are rounded down to it."""
+
+CONCENTRATION_TOLERANCE = 1e-6
+"""Round-off allowed in injected concentrations [-]."""
+
+SAME_RATE = from_ml_h(0.5 * PUMP_STEP_ML_H)
 """Rates that differ by at most this are the same setting of a pump [m^3/s]."""
 
 PUMP_ACCURACY = 0.02

@@ -1,0 +1,97 @@
+"""The evidence behind a calibration: what its photographs say, before anyone judges it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Anchor = Literal['dilutions', 'core', 'mass', 'strongest signal']
+"""Where the level of tracer stock comes from: photographs of known dilutions, the core of the
+injected plume, the mass of the pump log, or the strongest signal."""
+FactorSource = Literal['core', 'interface', 'prior']
+"""Where the factor of a sand comes from: its core, the signal across its interfaces, or the
+appearance of its grains."""
+
+
+@dataclass(frozen=True)
+class SandEvidence:
+    """How the factor of one sand was found.
+
+    Attributes:
+        factor: factor on the signal of this sand [-].
+        deviation: relative standard deviation of `factor` [-].
+        source: where the factor comes from.
+        core_cells: cells with the core of a plume in this sand, over all photographs.
+        pairs: pairs of cells across its interfaces.
+        at_bound: True if the photographs ask for a factor outside the bounds.
+    """
+
+    factor: float
+    deviation: float
+    source: FactorSource
+    core_cells: int
+    pairs: int
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class PhotographEvidence:
+    """What one photograph says.
+
+    Attributes:
+        time: exposure time [s].
+        injected: volume of stock that the pumps injected before it [m^3]; NaN without a pump log.
+        imaged: volume of stock in its map [m^3].
+        core_level: concentration in the core of its plume [-]; NaN without a core.
+        core_cells: cells of the core.
+        disagreement: why it disagrees with the others, empty if it does not.
+    """
+
+    time: float
+    injected: float
+    imaged: float
+    core_level: float
+    core_cells: int
+    disagreement: str = ''
+
+
+@dataclass(frozen=True)
+class CalibrationEvidence:
+    """What the photographs, the pump log and the dilutions say about a calibration.
+
+    Attributes:
+        anchor: where the level of tracer stock comes from.
+        photographs: one entry per photograph that was used, in the order of time.
+        sands: one entry per sand.
+        family: name of the response family.
+        bend: deviation of the response from a straight line at half stock [-], concentration.
+        bend_deviation: standard deviation of `bend` [-].
+        colour_bend: by contrast, how far the ratio of the channels changes from pale to stock,
+            relative; the contrast that describes the dye keeps the ratio.
+        core_flatness: relative difference of the signal between the inner and the outer half of
+            the core; 0 for a core that is stock. NaN without a core.
+        mass_factor: imaged over injected volume, fitted with an offset; 1 if log and anchor agree.
+            NaN without a pump log.
+        mass_factor_deviation: standard deviation of `mass_factor`.
+        mass_offset: imaged volume at zero injection, relative to the largest injected volume.
+        mass_misfit: root mean square distance of the photographs from that line, relative to the
+            largest injected volume.
+        dilution_misfit: largest difference between known and imaged dilutions [-]; NaN without.
+    """
+
+    anchor: Anchor
+    photographs: tuple[PhotographEvidence, ...]
+    sands: tuple[SandEvidence, ...]
+    family: str
+    bend: float
+    bend_deviation: float
+    colour_bend: dict[str, float]
+    core_flatness: float
+    mass_factor: float
+    mass_factor_deviation: float
+    mass_offset: float
+    mass_misfit: float
+    dilution_misfit: float
+
+    @property
+    def disagreeing(self) -> tuple[PhotographEvidence, ...]:
+        """The photographs that disagree with the others."""
+        return tuple(one for one in self.photographs if one.disagreement)
