@@ -165,10 +165,16 @@ def compare_with_baseline(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
         light = corrected_light(
-            ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
+            ratio,
+            visible,
+            sums.share,
+            sums.baseline,
+            gain,
+            baseline.calibration.signal.tracer_colour,
+            settings,
         )
         variance = variance + baseline.fluctuation
-        if light.variance is not None:
+        if light.variance.shape == visible.shape:
             variance += light.variance[..., None]
     left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
