@@ -166,14 +166,23 @@ def compare_with_baseline(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
         light = corrected_light(
-            ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
+            ratio,
+            visible,
+            sums.share,
+            sums.baseline,
+            gain,
+            baseline.calibration.signal.tracer_colour,
+            settings,
         )
+        variance = variance + baseline.fluctuation
+        if light.variance.shape == visible.shape:
+            variance += light.variance[..., None]
     left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
         log_ratio=light.log_ratio,
-        variance=variance + baseline.fluctuation + light.variance[..., None],
+        variance=variance,
         visible=light.comparable,
         drift=light.drift,
         alignment=alignment,

@@ -131,6 +131,23 @@ class LightSettings:
 
 
 @dataclass(frozen=True)
+class ToneSettings:
+    """Another tone curve, or haze (`tone_change.py`)."""
+
+    least_spread: float = 0.15
+    """Spread of the brightness of the sands that shows a change of tone [log]."""
+    least_slope: float = 0.006
+    """Drift of the log ratio with the log of brightness from which a change is searched [-]. It is
+    below 0.003 on real and rendered photographs."""
+    brighter: float = 0.05
+    """Cells that are brighter by more count as a sign of it [log ratio]; single cells are noisy."""
+    brighter_share: float = 0.03
+    """Share of such cells from which a change is searched [-]. In ordinary photographs it is 0."""
+    least_gain: float = 1.03
+    """Sand that follows one smooth light after the correction, relative to before [-]."""
+
+
+@dataclass(frozen=True)
 class LocalLightSettings:
     """Soft shadows and lamps (`local_light.py`)."""
 
@@ -403,6 +420,7 @@ class ImagingSettings:
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
     colour_checker: ColourCheckerSettings = field(default_factory=ColourCheckerSettings)
     light: LightSettings = field(default_factory=LightSettings)
+    tone: ToneSettings = field(default_factory=ToneSettings)
     local_light: LocalLightSettings = field(default_factory=LocalLightSettings)
     foreign_signal: ForeignSignalSettings = field(default_factory=ForeignSignalSettings)
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
