@@ -31,6 +31,7 @@ from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
+from porotwin_imaging.level_smoothing import smooth_along_levels
 from porotwin_imaging.light_check import (
     exposure_remarks,
     lit_as_baseline,
@@ -38,6 +39,7 @@ from porotwin_imaging.light_check import (
     refuse_unknown_light,
 )
 from porotwin_imaging.light_drift import LightDrift, light_drift
+from porotwin_imaging.light_error import SeenTracer, light_error
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.stopwatch import Stopwatch
@@ -117,12 +119,17 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
         values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
+        smoothed = smooth_along_levels(
+            concentration, noise, values, baseline.grid.dx, baseline.settings.level_smoothing
+        )
+        seen = SeenTracer(compared.log_ratio, baseline.sand_factors, smoothed.values)
+        wrong_light = light_error(seen, baseline.calibration, baseline.settings.light_error)
         deviation = map_deviation(
-            noise, values, baseline.calibration.scale_error, baseline.settings.noise
+            smoothed, wrong_light, baseline.calibration, baseline.grid, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
-        values=values.astype(np.float32),
+        values=smoothed.values.astype(np.float32),
         deviation=deviation.total.astype(np.float32),
         systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
