@@ -34,11 +34,13 @@ class SeenTracer:
 
     Attributes:
         log_ratio: log of light relative to the baseline, shape (nz, nx, 3 = red, green, blue).
+        light_variance: variance of the local light that was removed, shape (nz, nx).
         factors: factor of the sand of each cell, shape (nz, nx).
         values: concentration, same shape, NaN where it is hidden.
     """
 
     log_ratio: Array
+    light_variance: Array
     factors: Array
     values: Array
 
@@ -56,7 +58,9 @@ def light_error(
     continued = settings.below_plume * (1.0 - clean)
     foreign = _foreign_light(seen, values, visible, calibration, settings)
     veil = _veil(seen, foreign, visible & (values < settings.clean))
-    error = np.sqrt(settings.measured**2 + continued**2 + foreign**2 + veil**2)
+    error = np.sqrt(
+        settings.measured**2 + continued**2 + foreign**2 + veil**2 + seen.light_variance
+    )
     return error * _sensitivity(seen, values, calibration)
 
 

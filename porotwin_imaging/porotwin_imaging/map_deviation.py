@@ -29,6 +29,8 @@ Array = NDArray[Any]
 
 _LARGEST_FAINT = 3.0
 """Values above this many standard deviations are tracer, not clean sand."""
+_LARGEST = 1.0
+"""Largest deviation of a value between 0 and 1 [-]; more says nothing more."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ def map_deviation(
         + (settings.place_error * grid.width * _slope(filled, known, grid)) ** 2
         + (0.5 * settings.blur_cells**2 * _bend(filled, known)) ** 2
     )
-    systematic = np.where(known, systematic, np.nan)
-    return MapDeviation(np.hypot(random, systematic), systematic)
+    systematic = np.where(known, np.minimum(systematic, _LARGEST), np.nan)
+    return MapDeviation(np.minimum(np.hypot(random, systematic), _LARGEST), systematic)
 
 
 def _clean_or_faint(values: Array, noise: Array) -> Array:

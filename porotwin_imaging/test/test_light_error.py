@@ -25,7 +25,7 @@ def error(light: np.ndarray | float = 0.0, *, veil: float = 0.0) -> np.ndarray:
     left = 1.0 - plume()[..., None] * (1.0 - np.exp(STOCK))
     ratio = np.log(left + veil) + np.asarray(light)[..., None]
     values = np.clip((1.0 - np.exp(ratio[..., 0])) / 0.7, 0.0, 1.0)
-    return light_error(SeenTracer(ratio, np.ones(SHAPE), values), CALIBRATION)
+    return light_error(SeenTracer(ratio, np.zeros(SHAPE), np.ones(SHAPE), values), CALIBRATION)
 
 
 def test_in_good_light_the_error_is_small_and_larger_below_the_plume() -> None:
@@ -49,7 +49,7 @@ def test_a_veil_makes_all_values_less_certain_and_stock_most_in_light() -> None:
 
 def test_without_stock_in_the_picture_the_colour_is_not_known() -> None:
     ratio = np.zeros((*SHAPE, 3))
-    seen = SeenTracer(ratio, np.ones(SHAPE), np.zeros(SHAPE))
+    seen = SeenTracer(ratio, np.zeros(SHAPE), np.ones(SHAPE), np.zeros(SHAPE))
     np.testing.assert_allclose(
         light_error(seen, CALIBRATION), DEFAULTS.light_error.measured / 0.7, rtol=0.05
     )
