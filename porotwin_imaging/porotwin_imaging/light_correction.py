@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.cell_sums import BlockSums
 from porotwin_imaging.foreign_signal import without_foreign_signal
 from porotwin_imaging.light_check import exposure_remarks, lit_as_baseline, refuse_unknown_light
 from porotwin_imaging.light_drift import LightDrift, light_drift
@@ -58,7 +59,7 @@ def corrected_light(
     log_ratio: Array,
     visible: Mask,
     share: Array,
-    before: Array,
+    sums: BlockSums,
     checker_gain: Array | None,
     colour: TracerColour | None,
     settings: ImagingSettings = DEFAULTS,
@@ -69,7 +70,7 @@ def corrected_light(
         log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
         share: usable share of each cell, shape (nz, nx).
-        before: linear light of the baseline times `share`, shape (nz, nx, 3).
+        sums: means of the baseline over blocks of cells.
         checker_gain: log gain at the colour chart, shape (3,), or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         settings: settings of all steps.
@@ -79,10 +80,10 @@ def corrected_light(
     """
     variance: Array = np.zeros((1, 1), np.float32)
     blocks, seen = _blocks(log_ratio, visible)
-    tone = tone_change(blocks, _light(before, share, seen.shape), seen, checker_gain, settings)
+    tone = tone_change(blocks, _light(sums, seen.shape), seen, checker_gain, settings)
     remarks = exposure_remarks(checker_gain, settings.light)
     if tone is not None:
-        log_ratio = tone.undone(log_ratio, _light(before, share, share.shape))
+        log_ratio = tone.undone(log_ratio, _light(sums, share.shape))
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
         variance = (_TONE_ERROR * log_ratio.mean(axis=2)) ** 2
@@ -126,19 +127,14 @@ def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:
     return sums / np.maximum(share, _LEAST_SHARE)[..., None], share > _LEAST_SHARE
 
 
-def _light(before: Array, share: Array, shape: tuple[int, int]) -> Array:
+def _light(sums: BlockSums, shape: tuple[int, int]) -> Array:
     """Return the linear light of the baseline at `shape`, with channels."""
-    light, covered = (
-        plane
-        if plane.shape[:2] == shape
-        else cv2.resize(plane, shape[::-1], interpolation=cv2.INTER_AREA)
-        for plane in (before, share)
-    )
-    return np.maximum(light / np.maximum(covered, _LEAST_SHARE)[..., None], _LEAST_LIGHT)
+    light = sums.baseline / np.maximum(sums.share, _LEAST_SHARE)[..., None]
+    return np.maximum(_resized(light, shape), _LEAST_LIGHT)
 
 
 def _resized(plane: Array, shape: tuple[int, int]) -> Array:
     """Return a plane at another `shape`, interpolated."""
-    if plane.shape == shape:
+    if plane.shape[:2] == shape:
         return plane
     return np.asarray(cv2.resize(plane, shape[::-1], interpolation=cv2.INTER_LINEAR))
