@@ -50,7 +50,7 @@ def choose_reduction(
 
 
 def samples_across(geometry: Geometry, grid: Grid, reduction: int) -> int:
-    """Return the samples of a cell in each direction: about one per pixel decoded at `reduction`."""
+    """Return the samples of a cell in each direction, about one per pixel after decoding."""
     pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
     across = max(1, round(pixels_per_cell))
     return across if across < _FEWEST_FOR_BLOCKS else 2 * round(pixels_per_cell / 2)

@@ -389,9 +389,11 @@ class MassBalanceSettings:
     outlier_distance: float = 0.03
     """Photographs that are farther from the common line disagree with it, relative to the largest
     injected mass [-]."""
-    bend_deviation: float = 0.05
-    """Standard deviation of the bend before any evidence [-]. Absorbance in dyed sand bends by up
-    to 0.04 on real photographs."""
+    expected_bend: float = -0.02
+    """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
+    fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
+    bend_deviation: float = 0.04
+    """Standard deviation of the bend before any evidence [-]."""
     dilution_error: float = 0.01
     """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 

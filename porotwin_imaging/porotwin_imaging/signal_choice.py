@@ -99,8 +99,8 @@ def choose_signal(
         f'signal: {chosen} ({reason}), weights {name} (red {red:.2f}, green {green:.2f}, blue '
         f'{blue:.2f}); signal-to-noise ratio {clarity:.0f}'
     )
-    signal = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
-    return SignalChoice(signal, dict(bends), line)
+    coloured = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
+    return SignalChoice(coloured, dict(bends), line)
 
 
 def _straighter(bends: dict[Contrast, float]) -> Contrast:
