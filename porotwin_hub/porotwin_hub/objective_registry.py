@@ -1,7 +1,7 @@
 """All objectives by name, and the objective that a rig description asks for."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import pydantic
@@ -14,6 +14,8 @@ from porotwin_core.rig import Control, Rig
 from porotwin_core.rig.complaints import one_line
 from porotwin_hub import objectives
 from porotwin_hub.objective import Objective, ObjectiveKind, ObjectiveParameters, WeightedSum
+
+P = TypeVar('P', bound=ObjectiveParameters)
 
 OBJECTIVES: dict[str, ObjectiveKind] = discovered(
     objectives.__name__, 'OBJECTIVE', ObjectiveKind, 'docs/extend/objective.md'
@@ -91,9 +93,7 @@ def _made(
     return objective
 
 
-def _checked[P: ObjectiveParameters](
-    model: type[P], given: Mapping[str, Any], name: str
-) -> P:
+def _checked(model: type[P], given: Mapping[str, Any], name: str) -> P:
     section = f"objective '{name}'"
     try:
         return model.model_validate(given)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.wells import WellRates
-from porotwin_hub.controller import Controller
+from porotwin_hub.controller import Planner
 from porotwin_hub.forecast import (
     Forecast,
     Forecaster,
@@ -106,9 +106,10 @@ class Twin:
         data_driven: CorrectionFn,
         *,
         photo_interval: float,
-        controller: Controller | None = None,
+        controller: Planner | None = None,
         assumed: WellRates | None = None,
         pore_volume: FloatArray | None = None,
+        began: float | None = None,
     ) -> None:
         """Make the loop.
 
@@ -120,6 +121,7 @@ class Twin:
             assumed: rates until any are known, without a controller; None: all wells are off.
             pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
                 tracer; None: no balance is made.
+            began: time of the start of the experiment [s]; None: the first observation.
         """
         self._pore_volume = pore_volume
         self._physics = physics
@@ -127,6 +129,8 @@ class Twin:
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
+        self._known_start = began
+        self._began = began
         self._assumed = assumed or {}
         self.validity = validity(photo_interval)
         """How long a setpoint is valid after its photograph [s]."""
@@ -145,6 +149,7 @@ class Twin:
     def begin_anew(self) -> None:
         """Forget everything, also the setpoint in force: time went back."""
         self.interrupt()
+        self._began = self._known_start
         self._command = None
         self._pumped = None
 
@@ -153,7 +158,7 @@ class Twin:
         """Whether setpoints are chosen."""
         return self._controller is not None
 
-    def change_controller(self, controller: Controller | None) -> None:
+    def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
         self._controller = controller
 
@@ -219,6 +224,7 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
+        self._began = now if self._began is None else self._began
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
@@ -286,13 +292,17 @@ class Twin:
             remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
             cycle.remarks += [remark] if remark else []
 
-    def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
+    def _choose_setpoint(self, cycle: Cycle, controller: Planner) -> None:
         now = cycle.observation.time
         begin = time.perf_counter()
         try:
             cycle.decision = controller.decide(
-                self._physics, cycle.state, self._commanded_rates(now)
+                self._physics,
+                cycle.state,
+                self._commanded_rates(now),
+                now=now - (self._began or 0.0),
             )
+            cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
             cycle.setpoint = self._setpoint_without_model(now, str(error), controller)
             cycle.remarks.append(f'not optimised: {error}')
