@@ -149,6 +149,7 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         record=folder / 'bag',
         page=settled(settings.page) if settings.page else '',
         page_token=folder / 'page_token' if settings.page else None,
+        siblings=bool(settings.page),
         use_sim_time=True,
     )
     page_nodes = _page_from_the_start(graph)

@@ -16,6 +16,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.from_messages import RIG_FRAME as RIG_FRAME
 from porotwin_core.from_messages import cost_term_from_msg as cost_term_from_msg
+from porotwin_core.from_messages import deviation_from_msg as deviation_from_msg
 from porotwin_core.from_messages import grid_from_msg as grid_from_msg
 from porotwin_core.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.from_messages import rates_from_msg as rates_from_msg
@@ -70,12 +71,18 @@ def grid_to_msg(grid: Grid) -> GridInfo:
 
 def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
     """Return the message of a concentration map (nz, nx) [-] at `seconds` [s], as float32."""
-    values = np.ascontiguousarray(concentration, dtype=np.float32)
     return TracerField(
         header=header_at(seconds),
         grid=grid_to_msg(grid),
-        concentration=array.array('f', values.tobytes()),
+        concentration=map_to_msg(concentration),
     )
+
+
+def map_to_msg(values: FloatArray | None) -> 'array.array[float]':
+    """Return the float32 field of a message for a map (nz, nx); empty for None: not known."""
+    if values is None:
+        return array.array('f')
+    return array.array('f', np.ascontiguousarray(values, dtype=np.float32).tobytes())
 
 
 def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:

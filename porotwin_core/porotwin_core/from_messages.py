@@ -72,6 +72,28 @@ def tracer_from_msg(message: Any) -> tuple[FloatArray, Grid]:
     return values.astype(np.float64), grid
 
 
+def deviation_from_msg(values: Any, grid: Grid) -> FloatArray | None:
+    """Return a map (nz, nx) of standard deviations [-] in double precision; None if not known.
+
+    Args:
+        values: field `deviation` or `systematic` of a state, empty if not known.
+        grid: the grid of its concentrations.
+
+    Raises:
+        InputError: the number of values does not fit the grid, or one is negative or infinite.
+    """
+    if len(values) == 0:
+        return None
+    deviation = _values('deviation', values, grid, np.float32)
+    wrong = deviation[(deviation < 0.0) | np.isinf(deviation)]
+    if wrong.size:
+        raise InputError(
+            f'deviation of {wrong[0]:g} in {wrong.size} cells; a standard deviation is 0 or more, '
+            'NaN where nothing was seen'
+        )
+    return deviation.astype(np.float64)
+
+
 def source_from_msg(message: Any) -> tuple[FloatArray, Grid]:
     """Return the tracer source (nz, nx) [1/s] and its grid.
 

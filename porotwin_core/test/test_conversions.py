@@ -19,7 +19,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import parse_rig, rig_from_maps
 from porotwin_core.wells import RateStep, WellRate
-from porotwin_msgs.msg import Outcome
+from porotwin_msgs.msg import NewState, Outcome
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
 GRID = Grid(7, 4, 0.934, 0.562)
@@ -53,6 +53,25 @@ def test_a_map_survives_the_wire() -> None:
     np.testing.assert_array_equal(field, values)
     assert grid == GRID
     assert conversions.time_from_msg(received.header.stamp) == 12.5
+
+
+def test_deviations_survive_the_wire_and_may_be_missing() -> None:
+    values = np.random.default_rng(2).random(GRID.shape).astype(np.float32)
+    values[1, 2] = np.nan
+    message = NewState(deviation=conversions.map_to_msg(values))
+    received = deserialize_message(serialize_message(message), NewState)
+    np.testing.assert_array_equal(conversions.deviation_from_msg(received.deviation, GRID), values)
+    assert conversions.deviation_from_msg(received.systematic, GRID) is None
+
+
+@pytest.mark.parametrize('wrong', [-0.1, np.inf])
+def test_a_deviation_that_is_none_is_refused(wrong: float) -> None:
+    values = np.full(GRID.shape, 0.1)
+    values[0, 0] = wrong
+    with pytest.raises(InputError, match='a standard deviation is 0 or more'):
+        conversions.deviation_from_msg(conversions.map_to_msg(values), GRID)
+    with pytest.raises(InputError, match='has 3 values on a grid of 7 x 4'):
+        conversions.deviation_from_msg(conversions.map_to_msg(np.ones(3)), GRID)
 
 
 def test_a_source_survives_the_wire_in_double_precision() -> None:

@@ -11,21 +11,16 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.rates_in_force import CONCENTRATION_TOLERANCE
 from porotwin_core.rig import PUMP_STEP_ML_H, Rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, net_rate
-
-SAME_SETTING_ML_H = 0.5 * PUMP_STEP_ML_H
-"""Rates that differ by at most this are the same setting of a pump [ml/h]."""
 
 STEP_ROUND_OFF = 1e-6
 """Part of a pump step that round-off may take from a rate without costing a whole step."""
 
 RATE_TOLERANCE = from_ml_h(1e-6)
 """Round-off allowed in sums of rates [m^3/s]."""
-
-CONCENTRATION_TOLERANCE = 1e-6
-"""Round-off allowed in injected concentrations [-]."""
 
 
 @dataclass(frozen=True)
