@@ -24,7 +24,7 @@ from porotwin_core.rates_in_force import (
 )
 from porotwin_core.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.wells import WellRates
-from porotwin_hub.controller import Controller
+from porotwin_hub.controller import Planner
 from porotwin_hub.forecast import (
     Forecast,
     Forecaster,
@@ -118,9 +118,10 @@ class Twin:
         data_driven: CorrectionFn,
         *,
         photo_interval: float,
-        controller: Controller | None = None,
+        controller: Planner | None = None,
         assumed: WellRates | None = None,
         pore_volume: FloatArray | None = None,
+        began: float | None = None,
         state_filter: StateFilter | None = None,
     ) -> None:
         """Make the loop.
@@ -133,6 +134,7 @@ class Twin:
             assumed: rates until any are known, without a controller; None: all wells are off.
             pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
                 tracer; None: no balance is made.
+            began: time of the start of the experiment [s]; None: the first observation.
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
         """
@@ -144,6 +146,8 @@ class Twin:
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
+        self._known_start = began
+        self._began = began
         self._assumed = assumed or {}
         self.validity = validity(photo_interval)
         """How long a setpoint is valid after its photograph [s]."""
@@ -163,6 +167,7 @@ class Twin:
     def begin_anew(self) -> None:
         """Forget everything, also the setpoint in force: time went back."""
         self.interrupt()
+        self._began = self._known_start
         self._command = None
         self._pumped = None
 
@@ -171,7 +176,7 @@ class Twin:
         """Whether setpoints are chosen."""
         return self._controller is not None
 
-    def change_controller(self, controller: Controller | None) -> None:
+    def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
         self._controller = controller
 
@@ -237,6 +242,7 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
+        self._began = now if self._began is None else self._began
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
@@ -322,13 +328,17 @@ class Twin:
             remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
             cycle.remarks += [remark] if remark else []
 
-    def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
+    def _choose_setpoint(self, cycle: Cycle, controller: Planner) -> None:
         now = cycle.observation.time
         begin = time.perf_counter()
         try:
             cycle.decision = controller.decide(
-                self._physics, cycle.state, self._commanded_rates(now)
+                self._physics,
+                cycle.state,
+                self._commanded_rates(now),
+                now=now - (self._began or 0.0),
             )
+            cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
             cycle.setpoint = self._setpoint_without_model(now, str(error), controller)
             cycle.remarks.append(f'not optimised: {error}')
@@ -343,7 +353,7 @@ class Twin:
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
     def _setpoint_without_model(
-        self, now: float, reason: str, controller: Controller
+        self, now: float, reason: str, controller: Planner
     ) -> SetpointDecision:
         """Return the setpoint in force while it is valid, afterwards the safe rates."""
         held = self._command
