@@ -4,11 +4,9 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, mean_rates, net_rate
-
-PUMP_STEP_ML_H = 0.1
-"""Resolution of a pump's display [ml/h]; setpoints are rounded down to it."""
 
 CONCENTRATION_TOLERANCE = 1e-6
 """Round-off allowed in injected concentrations [-]."""
