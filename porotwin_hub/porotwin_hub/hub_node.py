@@ -22,6 +22,7 @@ from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, 
 from porotwin_core.rig import Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
+from porotwin_core.state_filter import StateFilter
 from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
 from porotwin_hub.controller import Controller
 from porotwin_hub.door import Door, StateNumbers
@@ -119,6 +120,7 @@ class HubNode(Node):
             controller=self._controller,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
+            state_filter=self._declare_filter(rig),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(
@@ -141,6 +143,20 @@ class HubNode(Node):
         if self._controller is None:
             self._log_prediction_only(rig)
         threading.Thread(target=self._work, daemon=True).start()
+
+    def _declare_filter(self, rig: Rig) -> StateFilter | None:
+        estimate = declare(
+            self,
+            'state_estimate',
+            'filter',
+            'state that predictions start from: filter weighs photograph and prediction by their '
+            'errors, photograph takes the map as it is',
+            choices=('filter', 'photograph'),
+        )
+        if estimate == 'photograph':
+            return None
+        grid = self._grid
+        return StateFilter(rig.cell_pore_volume(grid), (grid.dz, grid.dx))
 
     def _declare_timeout(self) -> float:
         """Return the longest wait for a model [s].

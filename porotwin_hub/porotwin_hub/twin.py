@@ -17,13 +17,14 @@ from porotwin_core.rates_in_force import (
     KnownRates,
     RatePeriod,
     describe_difference,
-    known_within,
+    injected_tracer,
     latest_known,
     rates_in_force,
     same_rates,
 )
+from porotwin_core.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.wells import WellRates
-from porotwin_hub.controller import Controller
+from porotwin_hub.controller import Planner
 from porotwin_hub.forecast import (
     Forecast,
     Forecaster,
@@ -63,7 +64,9 @@ class Cycle:
 
     Attributes:
         observation: the state that the asset emitted.
-        state: the observation with its unseen cells filled in, (nz, nx) [-].
+        state: the state estimate, (nz, nx) [-]; without a filter the observation with its unseen
+            cells filled in.
+        observed: the observation, with a filter without the error of its scale, (nz, nx) [-].
         periods: the rates in force [m^3/s] since the last observation; empty: there was none, or
             no model.
         pumped: the rates in force when the observation was made.
@@ -98,6 +101,9 @@ class Cycle:
     notes: list[str] = field(default_factory=list)
     previous_command: SetpointDecision | None = None
 
+    def __post_init__(self) -> None:
+        self.observed = self.observation.concentration
+
 
 class Twin:
     """The loop between two photographs; `cycle` advances it by one observation.
@@ -112,9 +118,11 @@ class Twin:
         data_driven: CorrectionFn,
         *,
         photo_interval: float,
-        controller: Controller | None = None,
+        controller: Planner | None = None,
         assumed: WellRates | None = None,
         pore_volume: FloatArray | None = None,
+        began: float | None = None,
+        state_filter: StateFilter | None = None,
     ) -> None:
         """Make the loop.
 
@@ -126,13 +134,20 @@ class Twin:
             assumed: rates until any are known, without a controller; None: all wells are off.
             pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
                 tracer; None: no balance is made.
+            began: time of the start of the experiment [s]; None: the first observation.
+            state_filter: estimates the state from photograph and prediction; None: the state is the
+                photograph, its unseen cells filled in (the paper's way).
         """
         self._pore_volume = pore_volume
+        self._filter = state_filter
+        self._estimate: Estimate | None = None
         self._physics = physics
         self._forecaster = Forecaster(physics, data_driven)
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
+        self._known_start = began
+        self._began = began
         self._assumed = assumed or {}
         self.validity = validity(photo_interval)
         """How long a setpoint is valid after its photograph [s]."""
@@ -147,10 +162,12 @@ class Twin:
         self._state = None
         self._forecast = None
         self._expected = None
+        self._estimate = None
 
     def begin_anew(self) -> None:
         """Forget everything, also the setpoint in force: time went back."""
         self.interrupt()
+        self._began = self._known_start
         self._command = None
         self._pumped = None
 
@@ -159,7 +176,7 @@ class Twin:
         """Whether setpoints are chosen."""
         return self._controller is not None
 
-    def change_controller(self, controller: Controller | None) -> None:
+    def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
         self._controller = controller
 
@@ -225,6 +242,7 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
+        self._began = now if self._began is None else self._began
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
@@ -241,18 +259,39 @@ class Twin:
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         if gap > self._longest_gap:
             cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
-        if self._state is not None and known_within(known, self._state.time, now):
-            self._forecast_elapsed_again(cycle, self._state)
-        expected = cycle.elapsed.corrected if cycle.elapsed is not None else self._expected
-        cycle.state = fill_unseen(observation.concentration, expected)
+        if self._state is not None:
+            self._forecast_elapsed(cycle, self._state)
+        self._estimate_state(cycle)
         return cycle
 
-    def _forecast_elapsed_again(self, cycle: Cycle, last: Observation) -> None:
-        """Forecast the observation again if other rates were pumped than its forecast assumed."""
+    def _estimate_state(self, cycle: Cycle) -> None:
+        """Set the state of `cycle` from its observation and the prediction for it."""
+        observation, elapsed = cycle.observation, cycle.elapsed
+        expected = elapsed.corrected if elapsed is not None else self._expected
+        if self._filter is None:
+            cycle.state = fill_unseen(observation.concentration, expected)
+            return
+        seen = Seen.of(observation.concentration, observation.deviation, observation.systematic)
+        if elapsed is None or self._estimate is None:
+            self._estimate = self._filter.begin(seen, expected)
+        else:
+            injected = injected_tracer(cycle.periods)
+            self._estimate = self._filter.update(self._estimate, elapsed.corrected, seen, injected)
+        cycle.state = self._estimate.concentration
+        cycle.observed = self._estimate.observed
+
+    def _forecast_elapsed(self, cycle: Cycle, last: Observation) -> None:
+        """Set the forecast that was made for the observation, if there was one.
+
+        It is made again if other rates were pumped than it assumed, or if the photograph came at
+        another time.
+        """
         planned = self._forecast
-        if planned is None or all(
-            same_rates(period.rates, planned.rates) for period in cycle.periods
-        ):
+        if planned is None:
+            return
+        as_planned = all(same_rates(period.rates, planned.rates) for period in cycle.periods)
+        if as_planned and abs(planned.time - cycle.observation.time) <= SAME_TIME_S:
+            cycle.elapsed = planned
             return
         try:
             cycle.elapsed = self._forecaster.forecast(last.concentration, cycle.periods)
@@ -260,7 +299,7 @@ class Twin:
             cycle.remarks.append(f'no prediction for this photograph: {error}')
             cycle.periods = ()
             return
-        difference = describe_difference(cycle.periods, planned.rates)
+        difference = '' if as_planned else describe_difference(cycle.periods, planned.rates)
         if difference:
             cycle.notes.append(f'predicted again with the rates in force: {difference}')
 
@@ -276,29 +315,30 @@ class Twin:
         """Compare the observation with its forecast, or with one made now for its time."""
         if self._state is None or not cycle.periods:
             return
-        planned, now = self._forecast, cycle.observation.time
-        if cycle.elapsed is None and planned and abs(planned.time - now) <= SAME_TIME_S:
-            cycle.elapsed = planned
         if cycle.elapsed is None:
             try:
                 cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
             except ModelUnavailable as error:
                 cycle.remarks.append(f'no prediction for this photograph: {error}')
                 return
-        observed = cycle.observation.concentration
-        cycle.prediction_error = relative_error(cycle.elapsed.predicted, observed)
-        cycle.corrected_error = relative_error(cycle.elapsed.corrected, observed)
+        cycle.prediction_error = relative_error(cycle.elapsed.predicted, cycle.observed)
+        cycle.corrected_error = relative_error(cycle.elapsed.corrected, cycle.observed)
         if self._pore_volume is not None:
+            observed = cycle.observation.concentration
             remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
             cycle.remarks += [remark] if remark else []
 
-    def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
+    def _choose_setpoint(self, cycle: Cycle, controller: Planner) -> None:
         now = cycle.observation.time
         begin = time.perf_counter()
         try:
             cycle.decision = controller.decide(
-                self._physics, cycle.state, self._commanded_rates(now)
+                self._physics,
+                cycle.state,
+                self._commanded_rates(now),
+                now=now - (self._began or 0.0),
             )
+            cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
             cycle.setpoint = self._setpoint_without_model(now, str(error), controller)
             cycle.remarks.append(f'not optimised: {error}')

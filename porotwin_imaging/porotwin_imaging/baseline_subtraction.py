@@ -11,13 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.cell_sums import CellSums, coarser
+from porotwin_imaging.cell_sums import LEAST_LIGHT, BlockSums, CellSums
+from porotwin_imaging.row_bands import row_bands
 from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 
 Array = NDArray[Any]
 
-_LEAST_LIGHT = 1e-5
-"""Linear light is raised to this before the logarithm."""
 _LEAST_STATE = 1e-4
 """Linear light is raised to this before it divides a variance."""
 _LEAST_SHARE = 0.05
@@ -27,7 +26,7 @@ _SMALLEST_DIVISOR = 1e-6
 
 def log_ratio(state: Array, baseline: Array) -> Array:
     """Return ln(state / baseline) [-] of linear light; both (nz, nx, 3), 0 without samples."""
-    return np.log(np.maximum(state, _LEAST_LIGHT) / np.maximum(baseline, _LEAST_LIGHT))
+    return np.log(np.maximum(state, LEAST_LIGHT) / np.maximum(baseline, LEAST_LIGHT))
 
 
 def cells_per_block(samples_across: int, settings: NoiseSettings = DEFAULTS.noise) -> int:
@@ -35,44 +34,40 @@ def cells_per_block(samples_across: int, settings: NoiseSettings = DEFAULTS.nois
     return math.ceil(settings.fewest_samples_across / samples_across)
 
 
-def subtract_baseline(
+def log_ratio_variance(
     sums: CellSums,
     matrix: Array,
     samples_across: int,
     settings: NoiseSettings = DEFAULTS.noise,
-) -> tuple[Array, Array]:
-    """Return the log ratio to the baseline and its variance, each (nz, nx, 3 = red, green, blue).
+) -> Array:
+    """Return the variance of the log ratio to the baseline, shape (nz, nx, 3 = red, green, blue).
 
-    The ratio of the sums over a cell weights every grain by its own light. Its variance is the
-    variance of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4). The colour matrix acts
-    on the means of the cells, which equals its action on every pixel because it is linear.
+    The variance is that of a ratio estimator (Cochran, Sampling Techniques, sec. 6.4).
 
     Args:
-        sums: means over the samples of each cell.
+        sums: sums over the samples of each cell.
         matrix: from colours of the camera to colours of the chart, shape (3, 3).
         samples_across: samples of a cell in each direction.
         settings: correlation and pooling of samples.
     """
-    matrix = matrix.astype(np.float32)
-    state, before = (light @ matrix.T for light in (sums.state, sums.baseline))
-    variance = _scatter(sums, matrix, cells_per_block(samples_across, settings))
-    variance *= (settings.correlated_samples / samples_across**2) / np.maximum(
-        sums.share, _LEAST_SHARE
-    )[..., None]
-    return log_ratio(state, before), variance
+    relative = _scatter(sums.blocks, matrix.astype(np.float32))
+    nz, nx = sums.share.shape
+    variance: Array = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    per_sample = np.float32(settings.correlated_samples / samples_across**2)
+    for band in row_bands((nz, nx)):
+        variance[band] *= (per_sample / np.maximum(sums.share[band], _LEAST_SHARE))[..., None]
+    return variance
 
 
-def _scatter(sums: CellSums, matrix: Array, cells_across: int) -> Array:
-    """Return the relative variance (nz, nx, 3) of a sample about the ratio of its block of cells.
+def _scatter(blocks: BlockSums, matrix: Array) -> Array:
+    """Return the relative variance of a sample about the ratio of its block, shape of the blocks.
 
     With state s, baseline b and ratio R = mean(s) / mean(b), the variance of a sample is
     mean(s^2) - 2 R mean(s b) + R^2 mean(b^2).
     """
-    blocks = coarser(sums, cells_across)
     ratio = blocks.state / np.maximum(blocks.baseline, _SMALLEST_DIVISOR)
     variance = blocks.state_square - 2 * ratio * blocks.product + ratio**2 * blocks.baseline_square
     share = np.maximum(blocks.share, _LEAST_SHARE)[..., None]
     state = np.maximum(blocks.state @ matrix.T / share, _LEAST_STATE)
-    relative = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
-    nz, nx = sums.share.shape
-    return np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    relative: Array = np.maximum(variance / share, 0.0) @ (matrix**2).T / state**2
+    return relative

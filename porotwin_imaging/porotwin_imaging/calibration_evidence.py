@@ -3,12 +3,22 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 Anchor = Literal['dilutions', 'core', 'mass', 'strongest signal']
 """Where the level of tracer stock comes from: photographs of known dilutions, the core of the
 injected plume, the mass of the pump log, or the strongest signal."""
 FactorSource = Literal['core', 'interface', 'prior']
 """Where the factor of a sand comes from: its core, the signal across its interfaces, or the
 appearance of its grains."""
+
+_ANCHORS: dict[Anchor, str] = {
+    'dilutions': 'photographs of known dilutions',
+    'core': 'the core of the plume',
+    'mass': 'the mass of the pump log, because no plume has an even core',
+    'strongest signal': 'the strongest signal: there is neither an even core nor a pump log',
+}
+"""How each anchor is named to a person."""
 
 
 @dataclass(frozen=True)
@@ -95,3 +105,58 @@ class CalibrationEvidence:
     def disagreeing(self) -> tuple[PhotographEvidence, ...]:
         """The photographs that disagree with the others."""
         return tuple(one for one in self.photographs if one.disagreement)
+
+
+def evidence_lines(evidence: CalibrationEvidence) -> list[str]:
+    """Return a summary for the operator, one line per kind of evidence."""
+    lines = [_sand_line(evidence), _stock_line(evidence), _response_line(evidence)]
+    if np.isfinite(evidence.mass_factor):
+        lines.append(_mass_line(evidence))
+    lines += [f'photograph at {one.time:g} s: {one.disagreement}' for one in evidence.disagreeing]
+    return lines
+
+
+def _sand_line(evidence: CalibrationEvidence) -> str:
+    if len(evidence.sands) == 1:
+        return 'sands: one'
+    words = ', '.join(
+        f'{one.factor:.2f} +- {one.factor * one.deviation:.2f} ({one.source})'
+        for one in evidence.sands
+    )
+    guessed = sum(one.source == 'prior' for one in evidence.sands)
+    warning = (
+        f'; {guessed} not reached by the plume: their factors are guesses from the other sands'
+        if guessed
+        else ''
+    )
+    return f'sands: {len(evidence.sands)}, factors {words}{warning}'
+
+
+def _stock_line(evidence: CalibrationEvidence) -> str:
+    line = f'tracer stock: from {_ANCHORS[evidence.anchor]}'
+    cored = [one for one in evidence.photographs if one.core_cells]
+    if evidence.anchor == 'core':
+        line += (
+            f'; {len(cored)} of {len(evidence.photographs)} photographs have one, '
+            f'its signal rises by {100 * evidence.core_flatness:.1f} % inwards'
+        )
+    if evidence.anchor == 'dilutions':
+        line += f'; they are met to {evidence.dilution_misfit:.3f}'
+    return line
+
+
+def _response_line(evidence: CalibrationEvidence) -> str:
+    return (
+        f'response: {evidence.family}, {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
+        'the straight line at half stock'
+    )
+
+
+def _mass_line(evidence: CalibrationEvidence) -> str:
+    agreeing = len(evidence.photographs) - len(evidence.disagreeing)
+    return (
+        f'mass: {agreeing} of {len(evidence.photographs)} photographs agree to '
+        f'{100 * evidence.mass_misfit:.1f} %; the maps hold {evidence.mass_factor:.3f} +- '
+        f'{evidence.mass_factor_deviation:.3f} times the injected mass, '
+        f'{100 * evidence.mass_offset:+.1f} % of it before the injection'
+    )

@@ -1,20 +1,27 @@
 """Means of a photograph and its baseline over the cells of a map, in one pass over the samples."""
 
-import math
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+LEAST_LIGHT = np.float32(1e-5)
+"""Linear light is raised to this before it divides, and before a logarithm."""
 
-class CellSums(NamedTuple):
-    """Means over the samples of each cell; samples that are not usable count as 0.
 
-    All arrays have shape (nz, nx, 3 = red, green, blue), row 0 at the bottom, except `share`.
+_SQUARE_SAMPLES = (3, 2)
+"""Samples across a square in the order of preference: enough to average grains and noise, and finer
+than a front."""
+
+
+class BlockSums(NamedTuple):
+    """Means over the samples of blocks of cells; samples that are not usable count as 0.
+
+    A block holds enough samples to tell the scatter of light and the pattern of grains. All arrays
+    have shape (rows, columns, 3 = red, green, blue), row 0 at the bottom, except `share`.
 
     Attributes:
         state: linear light of the photograph.
@@ -22,7 +29,7 @@ class CellSums(NamedTuple):
         state_square: squared linear light of the photograph.
         baseline_square: squared linear light of the baseline.
         product: product of both.
-        share: share of the samples that are usable in both pictures, shape (nz, nx).
+        share: share of the samples that are usable in both pictures, shape (rows, columns).
     """
 
     state: Array
@@ -33,16 +40,19 @@ class CellSums(NamedTuple):
     share: Array
 
 
-def coarser(sums: CellSums, cells_across: int) -> CellSums:
-    """Return the means over blocks of `cells_across` x `cells_across` cells.
+class CellSums(NamedTuple):
+    """Sums over the samples of each cell, and over blocks of cells.
 
-    The last block of a row or column may be smaller.
+    Attributes:
+        log_ratio: log of the corrected light of the photograph over that of the baseline, shape
+            (nz, nx, 3 = red, green, blue), row 0 at the bottom; 0 without usable samples.
+        share: share of the samples that are usable in both pictures, shape (nz, nx).
+        blocks: light and its second moments over blocks of cells.
     """
-    if cells_across == 1:
-        return sums
-    nz, nx = sums.share.shape
-    size = (math.ceil(nx / cells_across), math.ceil(nz / cells_across))
-    return CellSums(*(cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in sums))
+
+    log_ratio: Array
+    share: Array
+    blocks: BlockSums
 
 
 def cell_sums(
@@ -51,45 +61,124 @@ def cell_sums(
     usable: NDArray[np.uint8],
     *,
     light: Array,
+    matrix: Array,
     glare_level: int,
     samples_across: int,
+    cells_across: int = 1,
 ) -> CellSums:
-    """Return the means of a sampled photograph and baseline; both have row 0 at the top.
+    """Return the sums of a sampled photograph and baseline; both have row 0 at the top.
+
+    A front of tracer crosses a cell. The mean of the light is then no measure of the mean tracer,
+    because the bright part outshines the dark one: half stock and half water look like a quarter of
+    stock. The mean of the logarithm is a measure. Single samples are noisy and feel every small
+    blur, so the logarithm is taken of the sums over small squares (`square_across`). Within a
+    square every grain is weighted by its own light. The colour matrix acts on the sums, which
+    equals its action on every sample because it is linear.
 
     Args:
         pixels: sampled photograph, uint8 blue-green-red, shape (rows, columns, 3).
         baseline: linear red-green-blue of the baseline, shape (rows, columns, 3).
         usable: 1 where the baseline shows sand, otherwise 0, shape (rows, columns).
         light: linear light of each grey level, shape (256,).
+        matrix: from colours of the camera to colours of the chart, shape (3, 3).
         glare_level: lowest grey level of over-exposed pixels.
         samples_across: samples of a cell in each direction.
+        cells_across: cells of a block in each direction. Where the cells of the map are no multiple
+            of it, the blocks differ by a cell.
     """
-    return CellSums(*_sums(pixels, baseline, usable, light, glare_level, samples_across))
+    log_ratio, share, moments, covered = _sums(
+        pixels,
+        baseline,
+        usable,
+        light,
+        np.ascontiguousarray(matrix, np.float32),
+        glare_level,
+        samples_across,
+        square_across(samples_across),
+        cells_across,
+    )
+    state, before, state_square, before_square, product = moments
+    return CellSums(
+        log_ratio,
+        share,
+        BlockSums(state, before, state_square, before_square, product, covered),
+    )
+
+
+def square_across(samples_across: int) -> int:
+    """Return the samples across a square whose light is summed before the logarithm.
+
+    The whole cell if its samples do not divide into squares of two or three.
+    """
+    for size in _SQUARE_SAMPLES:
+        if samples_across % size == 0:
+            return size
+    return samples_across
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sums(pixels, baseline, usable, light, glare_level, factor):  # type: ignore[no-untyped-def]
-    rows, columns = usable.shape
-    nz, nx = rows // factor, columns // factor
-    sums = np.zeros((5, nz, nx, 3), np.float32)
-    share = np.zeros((nz, nx), np.float32)
+def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, square, cells_across):  # type: ignore[no-untyped-def]
+    nz, nx = usable.shape[0] // factor, usable.shape[1] // factor
+    high, wide = -(-nz // cells_across), -(-nx // cells_across)
+    log_ratio = np.empty((nz, nx, 3), np.float32)
+    share = np.empty((nz, nx), np.float32)
+    moments = np.zeros((5, high, wide, 3), np.float32)
+    covered = np.zeros((high, wide), np.float32)
+    cells = np.zeros((high, wide), np.float32)
+    columns = np.arange(nx) * wide // nx
+    own = np.empty((5, 3), np.float32)
+    two = np.empty((2, 3), np.float32)
+    logs = np.empty(3, np.float32)
     part = np.float32(1.0 / (factor * factor))
-    for i in range(nz * factor):
-        k = nz - 1 - i // factor
+    for k in range(nz):
+        lowest = (nz - 1 - k) * factor
+        row = k * high // nz
         for n in range(nx):
-            for j in range(n * factor, (n + 1) * factor):
-                if usable[i, j] == 0:
+            own[:] = 0.0
+            logs[:] = 0.0
+            count = 0
+            for corner in range((factor // square) ** 2):
+                top = lowest + corner // (factor // square) * square
+                left = n * factor + corner % (factor // square) * square
+                two[:] = 0.0
+                seen = 0
+                for i in range(top, top + square):
+                    for j in range(left, left + square):
+                        brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
+                        if usable[i, j] == 0 or brightest >= glare_level:
+                            continue
+                        seen += 1
+                        for c in range(3):
+                            now = light[pixels[i, j, 2 - c]]
+                            then = baseline[i, j, c]
+                            two[0, c] += now
+                            two[1, c] += then
+                            own[2, c] += now * now
+                            own[3, c] += then * then
+                            own[4, c] += now * then
+                if seen == 0:
                     continue
-                if max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2]) >= glare_level:
-                    continue
-                share[k, n] += part
+                count += seen
                 for c in range(3):
-                    now = light[pixels[i, j, 2 - c]]
-                    then = baseline[i, j, c]
-                    sums[0, k, n, c] += now
-                    sums[1, k, n, c] += then
-                    sums[2, k, n, c] += now * now
-                    sums[3, k, n, c] += then * then
-                    sums[4, k, n, c] += now * then
-    sums *= part
-    return sums[0], sums[1], sums[2], sums[3], sums[4], share
+                    own[0, c] += two[0, c]
+                    own[1, c] += two[1, c]
+                    now, then = np.float32(0.0), np.float32(0.0)
+                    for e in range(3):
+                        now += matrix[c, e] * two[0, e]
+                        then += matrix[c, e] * two[1, e]
+                    least = seen * LEAST_LIGHT
+                    logs[c] += seen * np.log(max(now, least) / max(then, least))
+            own *= part
+            column = columns[n]
+            share[k, n] = count * part
+            covered[row, column] += share[k, n]
+            cells[row, column] += np.float32(1.0)
+            for c in range(3):
+                log_ratio[k, n, c] = logs[c] / max(count, 1)
+                for moment in range(5):
+                    moments[moment, row, column, c] += own[moment, c]
+    covered /= cells
+    for row in range(high):
+        for column in range(wide):
+            moments[:, row, column] /= cells[row, column]
+    return log_ratio, share, moments, covered

@@ -6,12 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import Grid
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 from porotwin_imaging.total_variation import fill, total_variation_denoising
 
 Array = NDArray[Any]
 
 _SMALLEST_DIVISOR = 1e-9
+_LEAST_VISIBLE_WEIGHT = 0.5
+"""Smallest data weight of a visible cell [-]: dark stock is noisier than water in absorbance, but
+must not lose more of its height, which is inverse to the weight."""
 
 
 def denoised(
@@ -43,11 +47,26 @@ def denoised(
 def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
     """Return the data weights (nz, nx) of the denoising: min((median noise / noise)^2, 1).
 
+    Weights of visible cells are at least 0.5.
     A cell of median noise has the weight 1, so that the total variation weight has the same effect
     in every photograph. Hidden cells have the weight 0.
     """
     if not visible.any():
         return np.zeros_like(noise)
     median = float(np.median(noise[visible]))
-    weights = np.minimum((median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2, 1.0)
-    return np.where(visible, weights, 0.0)
+    (weights,) = by_bands(
+        lambda noise, visible: (
+            np.where(
+                visible,
+                np.clip(
+                    (median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2,
+                    _LEAST_VISIBLE_WEIGHT,
+                    1.0,
+                ),
+                0.0,
+            ),
+        ),
+        noise,
+        visible,
+    )
+    return weights

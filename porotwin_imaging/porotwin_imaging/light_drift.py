@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.row_bands import row_bands
 from porotwin_imaging.settings import DEFAULTS, LightSettings
 
 Array = NDArray[Any]
@@ -35,12 +36,25 @@ class LightDrift:
     """The light of a photograph relative to its baseline.
 
     Attributes:
-        log_gain: log of the ratio, shape (nz, nx, 3).
+        channels: log of the ratio in red, green and blue, shape (3,).
+        shape: what all channels have beside it, shape (nz, nx).
         background: share of the visible cells that determined it [-]; 0 if only the chart did.
     """
 
-    log_gain: Array
+    channels: Array
+    shape: Array
     background: float
+
+    @property
+    def log_gain(self) -> Array:
+        """Log of the ratio, shape (nz, nx, 3)."""
+        return self.channels + self.shape[..., None]
+
+    def removed_from(self, log_ratio: Array) -> Array:
+        """Subtract the drift from the log ratio (nz, nx, 3) to the baseline in place; return it."""
+        for band in row_bands(self.shape.shape):
+            log_ratio[band] -= self.channels + self.shape[band][..., None]
+        return log_ratio
 
 
 def light_drift(
@@ -64,10 +78,10 @@ def light_drift(
     found = _robust_fit(log_ratio[subset], weight[subset], _terms(*places), checker_gain, settings)
     if found is None:
         gain = np.zeros(3) if checker_gain is None else checker_gain
-        return LightDrift(np.broadcast_to(gain, (*shape, 3)), 0.0)
+        return LightDrift(gain.astype(np.float32), np.zeros(shape, np.float32), 0.0)
     constants, coefficients, background = found
-    slope = _quadratic(coefficients, *_places(shape)).astype(np.float32)
-    return LightDrift(constants.astype(np.float32) + slope[..., None], background)
+    quadratic = _quadratic(coefficients.astype(np.float32), *_places(shape))
+    return LightDrift(constants.astype(np.float32), quadratic, background)
 
 
 def _robust_fit(
@@ -125,7 +139,8 @@ def _start(
 
 def _places(shape: tuple[int, int]) -> tuple[Array, Array]:
     """Return the coordinates of rows and columns, from -1 to 1."""
-    return np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1])
+    rows, columns = (np.linspace(-1, 1, count, dtype=np.float32) for count in shape)
+    return rows, columns
 
 
 def _terms(z: Array, x: Array) -> Array:

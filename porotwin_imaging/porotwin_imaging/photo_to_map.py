@@ -10,7 +10,7 @@
 | sample the cells | `sampling`, `cell_sums` |
 | subtract the baseline | `baseline_subtraction` |
 | check which sand is visible | `validity` |
-| correct colours and light | `colour_correction`, `light_drift`, `light_check` |
+| correct colours and light | `colour_correction`, `light_correction` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
 | denoise | `denoising`, `total_variation` |
 
@@ -26,20 +26,17 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.alignment import Alignment, align, alignment_remarks
 from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import cells_per_block, subtract_baseline
+from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio_variance
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
-from porotwin_imaging.light_check import (
-    exposure_remarks,
-    lit_as_baseline,
-    refuse_grey,
-    refuse_unknown_light,
-)
-from porotwin_imaging.light_drift import LightDrift, light_drift
+from porotwin_imaging.light_check import refuse_grey
+from porotwin_imaging.light_correction import corrected_light
+from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
 
@@ -156,34 +153,31 @@ def compare_with_baseline(
         usable, share = _in_view(framed, baseline)
         frame_lines = frame_remarks(baseline.share, share, settings.validity)
         sums = _cell_sums(sampled, usable, baseline)
-        refuse_grey(sums.state, sums.baseline)
-        ratio, variance = subtract_baseline(
+        refuse_grey(sums.blocks.state, sums.blocks.baseline)
+        ratio = sums.log_ratio
+        variance = log_ratio_variance(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
-        blocks = cells_per_block(sampling.samples_across, settings.noise)
         unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
-        visible, hidden_remarks = visible_cells(sums, blocks, settings.validity)
+        visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
-        gain, light_remarks = checker_gain(
+        gain, chart_remarks = checker_gain(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
-        weight = np.where(visible, sums.share, 0.0)
-        drift = light_drift(ratio, weight, gain, settings.light)
-        refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
-        residual = ratio - drift.log_gain
-        light_remarks += exposure_remarks(gain, settings.light)
-        visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
-    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *bright_remarks]
+        light = corrected_light(
+            ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
+        )
+    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
-        log_ratio=residual,
-        variance=variance + baseline.fluctuation,
-        visible=visible,
-        drift=drift,
+        log_ratio=light.log_ratio,
+        variance=variance + baseline.fluctuation + light.variance[..., None],
+        visible=light.comparable,
+        drift=light.drift,
         alignment=alignment,
-        remarks=moved_remarks + light_remarks + left_out,
+        remarks=moved_remarks + chart_remarks + light.remarks + left_out,
         suspicious=deformed or bool(left_out),
     )
 
@@ -200,25 +194,37 @@ def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Arra
 
 
 def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
-    """Return the means of the sampled photograph and the baseline over each cell."""
+    """Return the sums of the sampled photograph and the baseline over each cell."""
+    samples = baseline.sampling.samples_across
     return cell_sums(
         sampled,
         baseline.colours,
         usable,
         light=LINEAR_LIGHT,
+        matrix=baseline.chart.matrix,
         glare_level=baseline.settings.decoding.bright_level,
-        samples_across=baseline.sampling.samples_across,
+        samples_across=samples,
+        cells_across=cells_per_block(samples, baseline.settings.noise),
     )
 
 
 def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:
     """Return the raw concentration (nz, nx), NaN where it is hidden, and its standard deviation."""
-    calibration, factors = baseline.calibration, baseline.sand_factors
-    signal = calibration.signal.of(compared.log_ratio) * factors
-    noise = calibration.signal.noise(compared.log_ratio, compared.variance)
+    calibration = baseline.calibration
     lowest, highest = baseline.settings.noise.credible
-    raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
-    return (
-        np.where(compared.visible, raw, np.nan),
-        noise * factors * calibration.response.slope_at(signal),
+
+    def band(
+        log_ratio: Array, variance: Array, visible: Array, factors: Array
+    ) -> tuple[Array, Array]:
+        signal = calibration.signal.of(log_ratio) * factors
+        noise = calibration.signal.noise(log_ratio, variance)
+        raw = np.clip(calibration.response.concentration_of(signal), lowest, highest)
+        return (
+            np.where(visible, raw, np.nan).astype(np.float32),
+            (noise * factors * calibration.response.slope_at(signal)).astype(np.float32),
+        )
+
+    concentration, noise = by_bands(
+        band, compared.log_ratio, compared.variance, compared.visible, baseline.sand_factors
     )
+    return concentration, noise

@@ -27,8 +27,8 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 256
-    """Side of a tile [cells]: its arrays fit into the cache of one core."""
+    tile_cells: int = 512
+    """Side of a tile [cells]: its overlap costs a fifth, its arrays stay near a core's cache."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -131,6 +131,50 @@ class LightSettings:
 
 
 @dataclass(frozen=True)
+class LocalLightSettings:
+    """Soft shadows and lamps (`local_light.py`)."""
+
+    blocks_across: int = 140
+    """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
+    nodes_across: int = 28
+    """Nodes of the field of light across the rig; soft edges are a few nodes wide."""
+    least_share: float = 0.3
+    """Visible share of a block that counts [-]."""
+    darkest: float = 0.9
+    """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
+    most_brighter: float = 0.08
+    """Brighter places are corrected by at most so much [log ratio]; more is a reflection."""
+    least_change: float = 0.02
+    """Missing light that no ordinary photograph has [log ratio]; there it stays below 0.01."""
+    least_part: float = 0.01
+    """Share of the sand without tracer that must be changed so [-]."""
+    tolerance: float = 0.06
+    """Cut-off of Tukey's biweight [log ratio]: blocks further from the field show objects."""
+
+
+@dataclass(frozen=True)
+class ForeignSignalSettings:
+    """Changes that tracer cannot make (`foreign_signal.py`).
+
+    The limits hold for averages over small windows. In brackets: the largest values on real and
+    rendered photographs of tracer.
+    """
+
+    most_brighter: float = 0.1
+    """Brightening of one colour channel [log ratio] (0.053)."""
+    hue_error: float = 0.05
+    """Hue that noise and light make [log ratio] (0.04)."""
+    most_turned: float = 0.8
+    """Hue across the direction of the dye relative to the hue along it [-] (0.6)."""
+    least_dark: float = 0.15
+    """Darkening from which the hue of the dye must be seen [log ratio]."""
+    least_hue: float = 0.3
+    """Hue relative to the hue of tracer that darkens as much [-] (0.5)."""
+    most_share: float = 0.15
+    """Share of the sand above which a photograph is refused [-]."""
+
+
+@dataclass(frozen=True)
 class BaselineMaskSettings:
     """Where the baseline shows sand (`baseline_mask.py`)."""
 
@@ -207,24 +251,82 @@ class SandSettings:
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
-    least_signal: float = 0.35
-    """Signal on both sides of an interface, relative to the strongest of the sand [-]."""
+    least_signal: float = 0.3
+    """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
+    tracer at an interface has often not entered the finer sand."""
     fewest_pairs: int = 12
     """Pairs of cells across interfaces that determine a factor."""
+    pairs_together: float = 12.0
+    """Neighbouring pairs that share one error: grains, fronts and labels extend over cells."""
+    jump_error: float = 0.05
+    """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
+    it on one side only."""
+    bright_slope: float = 0.6
+    """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
+    law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
+    times what sand does."""
+    dark_slope: float = 0.1
+    """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
+    edge is no property of the sand."""
+    prior_deviation: float = 0.2
+    """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
+    large FluidFlower differ by up to 0.3 from the law."""
+    widest_factor: float = 2.5
+    """Largest factor of a sand, and the inverse of the smallest."""
+
+
+@dataclass(frozen=True)
+class CoreSettings:
+    """Finding the core of a plume (`plume_core.py`)."""
+
+    edge_share: float = 0.4
+    """The edge of a plume lies at this share of the strong signal [-]. Stock in fine sand gives
+    about half the signal of stock in coarse sand."""
+    fewest_cells: int = 40
+    """Cells of a core: their median is known to 1 % although grains scatter by 5 %."""
+    plateau_share: float = 0.88
+    """Cells of the core exceed this share of its top [-]. Paler plumes beside it are no core."""
+    least_share: float = 0.3
+    """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
+    reached: float = 0.99
+    """Share of the highest level at which the plateau is reached [-]."""
+    flattest: float = 0.04
+    """Largest rise inside a core [-]; a plume that rises further has no plateau."""
+    level_error: float = 0.007
+    """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
+    reached."""
+    outlier: float = 0.04
+    """Photographs whose core differs from the others by more disagree with them [-]."""
+    interface_cells: int = 2
+    """Cells this near to another sand belong to no core: pixels and labels mix there."""
 
 
 @dataclass(frozen=True)
 class MassBalanceSettings:
-    """Scaling the signal to the injected mass (`mass_balance_fit.py`)."""
+    """Comparing the imaged with the injected mass (`mass_balance_fit.py`)."""
 
     fewest_photographs: int = 3
-    """Photographs that determine a line and reveal an outlier."""
+    """Photographs that give the level of stock by their mass and reveal an outlier."""
+    log_error: float = 0.012
+    """Relative deviation of the injected mass in the pores [-]: pumps, porosity and depth as a
+    careful laboratory knows them. Larger differences occur, so its distribution has wide tails."""
+    most_factor: float = 5.0
+    """Largest ratio of imaged to injected mass that is considered, and its inverse smallest."""
+    photograph_error: float = 0.005
+    """Relative deviation of the mass in one photograph [-], from light and noise."""
+    common_error: float = 0.003
+    """The same relative to the largest injected mass."""
+    offset_error: float = 0.01
+    """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
+    volume of the tubes, clocks, remaining light."""
     outlier_distance: float = 0.03
-    """Outliers are farther from the line than this share of the injected volume [-]."""
-    knots: int = 9
-    """Points of the response curve."""
-    stiffness: float = 0.02
-    """Weight of the bending of the curve against the misfit of mass, both relative [-]."""
+    """Photographs that are farther from the common line disagree with it, relative to the largest
+    injected mass [-]."""
+    bend_deviation: float = 0.05
+    """Standard deviation of the bend before any evidence [-]. Absorbance in dyed sand bends by up
+    to 0.04 on real photographs."""
+    dilution_error: float = 0.01
+    """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
 
 @dataclass(frozen=True)
@@ -250,6 +352,48 @@ class CalibrationSettings:
 
 
 @dataclass(frozen=True)
+class TrustSettings:
+    """When a calibration is refused, and when a user is told (`calibration_trust.py`).
+
+    Porosity, depth and sorption of a rig are rarely known better than to 10 %, a pump log is.
+    """
+
+    most_mass_factor: float = 1.25
+    """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
+    level of stock, so that the maps are right up to it; beyond it the log is of something else."""
+    most_filled_factor: float = 1.3
+    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Half
+    of the level is not exactly half of the fluid in a small or smeared plume."""
+    told_mass_error: float = 0.03
+    """Difference of tracer in the maps and in the pump log that is told [-]."""
+    sure_deviations: float = 2.0
+    """Standard deviations from which a difference is told [-]."""
+    most_offset: float = 0.14
+    """Largest tracer at the start of the pump log, relative to the injected [-]."""
+    told_offset: float = 0.05
+    """Tracer at the start of the pump log that is told [-]."""
+    least_hollow: float = 0.6
+    """Least signal at the injecting well relative to the level of the plume [-]."""
+    least_followers: float = 0.6
+    """Least share of photographs that agree with each other [-]."""
+    most_mass_misfit: float = 0.08
+    """Largest scatter of the photographs about the pump log, relative to the injection [-]."""
+    most_factor: float = 4.0
+    """Largest factor between two sands [-]. Real sands differ by less than 2."""
+    least_strongest: float = 0.85
+    """Least concentration of the injected fluid, relative to stock [-]."""
+    most_core_slope: float = 0.15
+    """Largest relative difference of signal between the inner and the outer half of the core."""
+    most_dilution_misfit: float = 0.15
+    """Largest difference between known and imaged dilutions [-]."""
+    most_bow: float = 0.012
+    """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
+    the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
+    told_bend_deviation: float = 0.05
+    """Error of the response at half stock that is told [-]."""
+
+
+@dataclass(frozen=True)
 class ImagingSettings:
     """The settings of all steps."""
 
@@ -259,12 +403,16 @@ class ImagingSettings:
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
     colour_checker: ColourCheckerSettings = field(default_factory=ColourCheckerSettings)
     light: LightSettings = field(default_factory=LightSettings)
+    local_light: LocalLightSettings = field(default_factory=LocalLightSettings)
+    foreign_signal: ForeignSignalSettings = field(default_factory=ForeignSignalSettings)
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
     validity: ValiditySettings = field(default_factory=ValiditySettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
+    core: CoreSettings = field(default_factory=CoreSettings)
     mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+    trust: TrustSettings = field(default_factory=TrustSettings)
 
 
 DEFAULTS = ImagingSettings()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_imaging.cell_sums import CellSums, coarser
+from porotwin_imaging.cell_sums import BlockSums, CellSums
 from porotwin_imaging.settings import DEFAULTS, ValiditySettings
 
 Array = NDArray[Any]
@@ -27,17 +27,15 @@ _SMALLEST_WINDOW = 5
 
 
 def visible_cells(
-    sums: CellSums, cells_across: int, settings: ValiditySettings = DEFAULTS.validity
+    sums: CellSums, settings: ValiditySettings = DEFAULTS.validity
 ) -> tuple[Mask, list[str]]:
     """Return the visible cells (nz, nx), and a remark if sand is covered or damaged.
-
-    `cells_across`: cells in each direction that are pooled to judge the pattern of grains.
 
     Raises:
         InputError: most of the sand is covered, or the file is damaged.
     """
     expected = sums.share > settings.least_visible_share
-    blocks = hidden_sand(coarser(sums, cells_across), settings).astype(np.uint8)
+    blocks = hidden_sand(sums.blocks, settings).astype(np.uint8)
     nz, nx = sums.share.shape
     hidden = cv2.resize(blocks, (nx, nz), interpolation=cv2.INTER_NEAREST).astype(bool) & expected
     share = float(hidden.sum() / max(1, expected.sum()))
@@ -75,11 +73,8 @@ def unclipped_cells(
     return ~clipped, [f'{100 * part:.1f} % of the sand is over-exposed: left out']
 
 
-def hidden_sand(sums: CellSums, settings: ValiditySettings = DEFAULTS.validity) -> Mask:
-    """Return where (nz, nx) the pattern of grains is not the pattern of the baseline.
-
-    The cells of `sums` must hold a few samples in each direction.
-    """
+def hidden_sand(sums: BlockSums, settings: ValiditySettings = DEFAULTS.validity) -> Mask:
+    """Return the blocks (rows, columns) whose pattern of grains is not that of the baseline."""
     parts = [sums.state_square, sums.product, sums.baseline_square, sums.state, sums.baseline]
     judged = sums.share > _LEAST_BLOCK_SHARE
     share = np.maximum(sums.share, _LEAST_BLOCK_SHARE)[..., None]

@@ -18,16 +18,20 @@ BENCHES = {
 }
 """Parts that can be measured, and the module whose `run()` returns a list of rows."""
 
-LONG = {'loop': 'porotwin_cli.bench_loop', 'faults': 'porotwin_cli.bench_faults'}
-"""Parts that take hours: measured only by name. That of `loop` returns a table of its own."""
+LONG = {
+    'loop': 'porotwin_cli.bench_loop',
+    'faults': 'porotwin_cli.bench_faults',
+    'calibration': 'porotwin_validation.calibration_bench',
+}
+"""Parts that take long or need data: measured only by name. `loop` has a table of its own."""
 
 
 def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; {" and ".join(LONG)} take an hour or '
-            'more. Default: all but these.'
+            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop and faults, which '
+            'take an hour or more, and calibration, which needs --baseline. Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -37,7 +41,14 @@ def command(
     tries: Annotated[
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
-    seed: Annotated[int, typer.Option(help='loop, faults: seed of everything drawn.')] = 1,
+    seed: Annotated[
+        int, typer.Option(help='loop, faults, calibration: seed of everything drawn.')
+    ] = 1,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
+    ] = None,
+    cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
     scenarios: Annotated[int, typer.Option(help='loop: number of scenarios.', min=1)] = 20,
     maps: Annotated[
         bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
@@ -60,10 +71,13 @@ def command(
     Example: ./porotwin bench loop --scenarios 3 --output runs/bench
 
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
+
+    Example: ./porotwin bench calibration --baseline experiment --cases 20
     """
     modules = {**BENCHES, **LONG}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed},
         'loop': {
             'scenarios': scenarios, 'seed': seed, 'workers': workers, 'output': output,
             'photographs': not maps,

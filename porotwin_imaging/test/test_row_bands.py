@@ -1,0 +1,30 @@
+"""Work band by band gives what the work on the whole map gives."""
+
+import numpy as np
+
+from porotwin_imaging.row_bands import CELLS_PER_BAND, by_bands
+
+
+def test_bands_change_no_bit() -> None:
+    generator = np.random.default_rng(41)
+    nz, nx = 9, CELLS_PER_BAND // 4  # four rows to a band, and one left over
+    light = generator.random((nz, nx, 3)).astype(np.float32)
+    weight = generator.random((nz, nx))
+
+    def work(light: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.log(light) * weight[..., None], weight > 0.5
+
+    for found, whole in zip(by_bands(work, light, weight), work(light, weight), strict=True):
+        assert found.dtype == whole.dtype
+        np.testing.assert_array_equal(found, whole)
+
+
+def test_a_small_map_is_one_band() -> None:
+    calls = []
+
+    def work(field: np.ndarray) -> tuple[np.ndarray]:
+        calls.append(field.shape)
+        return (2 * field,)
+
+    by_bands(work, np.ones((150, 200)))
+    assert calls == [(150, 200)]
