@@ -62,8 +62,8 @@ class Caller:
     ) -> Any:
         """Return the response to `request` from the service called `name`.
 
-        The call has failed after its time limit, or after `patience` [s] if that is shorter. A call that has failed by its time limit is ended by the service called `cancel`, so that
-        the model is free for the next one.
+        The call has failed after its time limit, or after `patience` [s] if that is shorter. It is
+        then ended by the service called `cancel`, so that the model is free for the next one.
 
         Raises:
             ModelUnavailable: the service is absent, silent, or refuses the request.
@@ -151,7 +151,7 @@ class PhysicsModelClient:
 
 
 class PlanModelClient:
-    """The costs of plans behind `solver/cost_gradient`; a `foresight.PlanModel`."""
+    """The costs of plans behind `solver/cost_gradient`; a `plan_controller.PlanModel`."""
 
     def __init__(self, call: Caller, rig: Rig) -> None:
         """Ask for the plans of `rig`."""

@@ -1,5 +1,6 @@
 """Plans of the control wells: rates over blocks of time, and their stages between two orders."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -7,9 +8,9 @@ from typing import Self
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.units import from_ml_h
+from porotwin_core.rates_in_force import SAME_RATE
 from porotwin_core.wells import WellRates
-from porotwin_hub.setpoint_limits import SAME_SETTING_ML_H, Limits
+from porotwin_hub.setpoint_limits import Limits
 
 FIRST_BLOCK_S = 60.0
 """Length of the first block [s]: two photo intervals, the time scale of an order by hand."""
@@ -20,9 +21,6 @@ without its exact moment, which is found when it comes near."""
 
 SHORTEST_BLOCK_S = 20.0
 """Shorter blocks are joined with a neighbour [s]."""
-
-SAME_RATE = from_ml_h(SAME_SETTING_ML_H)
-"""Rates that differ by at most this are the same setting of a pump [m^3/s]."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +66,14 @@ class ControlPlan:
 
     def stages(self) -> 'ControlPlan':
         """Return the same rates in as few blocks as possible: one for each order."""
-        changed = [not same(b, a) for a, b in zip(self.rates[:-1], self.rates[1:], strict=True)]
+        changed = [not same(b, a) for a, b in itertools.pairwise(self.rates)]
         kept = np.flatnonzero([True, *changed])
         return ControlPlan(self.starts[kept], self.rates[kept], self.horizon)
 
     def orders(self, previous: FloatArray) -> int:
         """Return how often rates change, `previous` (wells,) being those before the plan."""
         seen = [previous, *self.rates]
-        return sum(not same(a, b) for a, b in zip(seen[:-1], seen[1:], strict=True))
+        return sum(not same(a, b) for a, b in itertools.pairwise(seen))
 
     def executable(self, limits: Limits, previous: WellRates, interval: float) -> 'ControlPlan':
         """Return the plan as the pumps can be set, after the `previous` rates.

@@ -1,7 +1,7 @@
 """The controllers: they choose the rates of the control wells by predictions (paper, section 4).
 
-`Controller` is the paper's: constant rates over a horizon, found by COBYLA. `foresight.Foresight`
-plans the whole rest of the experiment by gradients.
+`Controller` is the paper's: constant rates over a horizon, found by COBYLA. `PlanController` in
+`plan_controller` plans the whole rest of the experiment by gradients.
 """
 
 import math
@@ -57,7 +57,9 @@ class Planner(Protocol):
 
 @dataclass(frozen=True)
 class Controller:
-    """The paper's controller: constant rates over a horizon. Minimises an objective of the predicted state over the rates within the limits.
+    """The paper's controller: constant rates over a horizon.
+
+    It minimises an objective of the predicted state over the rates within the limits.
 
     Attributes:
         limits: the rates that may be commanded.

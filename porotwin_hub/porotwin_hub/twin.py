@@ -353,7 +353,7 @@ class Twin:
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
     def _setpoint_without_model(
-        self, now: float, reason: str, controller: Controller
+        self, now: float, reason: str, controller: Planner
     ) -> SetpointDecision:
         """Return the setpoint in force while it is valid, afterwards the safe rates."""
         held = self._command

@@ -76,7 +76,7 @@ class GridModels:
         with_gradient: bool,
         patience: float = math.inf,
     ) -> tuple[float, FloatArray | None]:
-        """Return the cost of `plan` from `initial` (nz, nx) on its grid and, if asked, its gradient.
+        """Return the cost of `plan` from `initial` (nz, nx) and, if asked, its gradient.
 
         The arguments are those of `schedule_cost`; `patience` is not used, because nothing waits.
 

@@ -18,14 +18,20 @@ from typing import Protocol
 import numpy as np
 
 from porotwin_core.cost_term import CostTerm
-from porotwin_core.grid import FloatArray, conservative_resample
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.control_plan import ControlPlan, growing_blocks
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
+from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.optimisation import Decision, OutOfTimeError
 from porotwin_hub.projected_gradient import descend
 from porotwin_hub.setpoint_limits import Limits
+
+S_PER_MIN = 60.0
+"""Seconds in a minute."""
 
 DEAD_PUMP = 0.05
 """A well that delivers less than this share of its rate has failed; it is left out."""
@@ -42,6 +48,11 @@ SWITCHES = (0.25, 0.5, 0.75)
 
 JOININGS = 3
 """Orders tried to be taken back before the others stay."""
+
+
+PLAN_CELLS = 2300
+"""Cells of the grid of plans: 15 mm on the small rig. Coarser cells blur the zone, finer ones cost
+more and leave kinks: with cells of 10 mm some searches end at 100 ml min, all of these at 58."""
 
 
 class PlanModel(Protocol):
@@ -78,7 +89,7 @@ class LastPlan:
 
 
 @dataclass(frozen=True)
-class Foresight:
+class PlanController:
     """Plans the rates over the rest of the experiment, and returns the ones for now.
 
     Attributes:
@@ -149,12 +160,51 @@ class Foresight:
         return self.horizon
 
 
+def plan_controller(
+    rig: Rig,
+    grid: Grid,
+    model: PlanModel,
+    *,
+    horizon: float,
+    interval: float,
+    patience: float = math.inf,
+) -> PlanController:
+    """Return the controller of `rig.yaml` for maps on `grid`.
+
+    Args:
+        rig: the rig with its control section: limits, objective, cost of an order, end.
+        grid: the grid of the maps.
+        model: tells the cost of plans.
+        horizon: how far a plan looks ahead without an end of the experiment [s].
+        interval: time between photographs [s].
+        patience: longest wall-clock time of a decision [s].
+
+    Raises:
+        InputError: the rig has no control section, or its objective is wrong.
+    """
+    limits, objective = Limits.of(rig), make_objective(rig, grid)
+    assert rig.control is not None
+    coarse = rig.default_grid(math.sqrt(rig.width_m * rig.height_m / PLAN_CELLS))
+    end_min = rig.control.end_min
+    return PlanController(
+        limits,
+        objective,
+        model,
+        cells=(min(coarse.nz, grid.nz), min(coarse.nx, grid.nx)),
+        horizon=horizon,
+        interval=interval,
+        end=None if end_min is None else S_PER_MIN * end_min,
+        change_cost=from_ml_min(rig.control.change_cost_ml_min),
+        patience=patience,
+    )
+
+
 class _Task:
     """One decision: the costs of plans, and the best plan so far."""
 
     def __init__(
         self,
-        controller: Foresight,
+        controller: PlanController,
         state: FloatArray,
         previous: WellRates,
         now: float,
