@@ -33,10 +33,13 @@ from porotwin_imaging.calibration_evidence import (
     SandEvidence,
     evidence_lines,
 )
+from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
+from porotwin_imaging.plume_evidence import plume_evidence
 from porotwin_imaging.response_fit import Dilution, ResponseFit, fit_response
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.sand_edges import sand_edges
 from porotwin_imaging.sands import SandFactors
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, ImagingSettings
 from porotwin_imaging.signal_choice import choose_signal
@@ -75,6 +78,7 @@ class CalibrationFit:
     Attributes:
         calibration: the result.
         evidence: what the photographs say, for the judgement of the calibration.
+        trust: the judgement; its objections refuse the calibration.
         lines: a summary for the operator, one line per step.
         response: the fit of the response.
         dilutions: known dilutions with their relative signals.
@@ -88,6 +92,7 @@ class CalibrationFit:
 
     calibration: Calibration
     evidence: CalibrationEvidence
+    trust: Trust
     lines: list[str]
     response: ResponseFit
     dilutions: list[Dilution]
@@ -127,8 +132,9 @@ def fit_calibration(
         settings: settings of all steps.
 
     Raises:
-        InputError: no photograph can be used, none shows tracer, or the level of stock cannot be
-            found.
+        CalibrationRefused: no photograph can be used, none shows tracer, or the level of stock
+            cannot be found.
+        InputError: the rig has no camera, or the baseline cannot be used.
     """
     grid = _calibration_grid(rig, settings.calibration)
     baseline = make_baseline(rig, grid, baselines, settings=settings)
@@ -189,7 +195,9 @@ def fit_calibration(
         mass_misfit=line.misfit if line else float('nan'),
         dilution_misfit=_dilution_misfit(known, response),
     )
-    lines += evidence_lines(evidence)
+    plume = plume_evidence(signals, times, rig=rig, grid=grid, schedule=schedule)
+    trust = judged(evidence, plume, sand_edges(baseline.mask.unlit), settings.trust)
+    lines += [*evidence_lines(evidence), *trust.remarks]
     calibration = Calibration(
         choice.signal,
         curve,
@@ -202,6 +210,7 @@ def fit_calibration(
     return CalibrationFit(
         calibration=calibration,
         evidence=evidence,
+        trust=trust,
         lines=lines,
         response=response,
         dilutions=known,
@@ -300,12 +309,12 @@ def _level_by_mass(
     """
     fewest = settings.mass_balance.fewest_photographs
     if len(injected) < fewest:
-        raise InputError(
+        raise CalibrationRefused(
             f'calibration: {len(injected)} photographs during the injection; take at least {fewest}'
         )
     line = fit_line(integrals, injected, settings.mass_balance)
     if line.factor <= 0 or line.agree.sum() < fewest:
-        raise InputError(
+        raise CalibrationRefused(
             'calibration: the signal does not grow with the injected volume; check rates.csv, the '
             'times of the photographs and the baseline'
         )
@@ -436,7 +445,7 @@ def _compare_all(
         compared.append(found)
         times.append(time)
     if not compared:
-        raise InputError('calibration: no photograph of the injection can be used')
+        raise CalibrationRefused('calibration: no photograph of the injection can be used')
     return compared, times
 
 

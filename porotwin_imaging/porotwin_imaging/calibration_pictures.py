@@ -13,16 +13,30 @@ from numpy.typing import NDArray
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
 from porotwin_imaging.calibration_fit import CalibrationFit
+from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.colour_checker import REFERENCE
 
 Array = NDArray[Any]
 
+REFUSED = 'refused.txt'
+"""File with the reasons beside the pictures of a refused calibration."""
+
 
 def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
-    """Write calibration.yaml and a picture of every step into `folder`; return the pictures."""
+    """Write calibration.yaml and a picture of every step into `folder`; return the pictures.
+
+    Raises:
+        CalibrationRefused: the calibration cannot be trusted. The pictures are written and show
+            why; `REFUSED` holds the line, and there is no calibration.yaml.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    pictures = draw_fit(fit, folder)
+    if fit.trust.objections:
+        (folder / REFUSED).write_text(fit.trust.refusal + '\n', encoding='utf-8')
+        raise CalibrationRefused(fit.trust.refusal)
+    (folder / REFUSED).unlink(missing_ok=True)
     save_calibration(fit.calibration, folder / 'calibration.yaml')
-    return draw_fit(fit, folder)
+    return pictures
 
 
 def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:

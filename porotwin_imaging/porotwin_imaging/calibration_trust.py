@@ -241,10 +241,6 @@ def _remarks(
     evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
 ) -> Iterator[str]:
     """Yield the lines of a calibration that can be trusted."""
-    yield from (
-        f'photograph at {one.time:g} s disagrees: {one.disagreement}'
-        for one in evidence.disagreeing
-    )
     apart = evidence.mass_factor - 1
     sure = settings.sure_deviations * evidence.mass_factor_deviation
     if evidence.anchor != 'mass' and abs(apart) > max(settings.told_mass_error, sure):
@@ -262,16 +258,6 @@ def _remarks(
         yield 'no photograph shows a core of stock: the scale follows the pump log alone'
     if wells := _elsewhere(plume):
         yield wells.removeprefix('; ') + ': check the well in rates.csv'
-    unknown = [
-        f'{number} ({100 * one.deviation:.0f} %)'
-        for number, one in enumerate(evidence.sands)
-        if one.source == 'prior' and one.deviation > settings.told_sand_deviation
-    ]
-    if unknown:
-        yield (
-            f'sands without a plume, and the error of their factor: {", ".join(unknown)}; inject '
-            'there to know them'
-        )
     if evidence.bend_deviation > settings.told_bend_deviation:
         yield (
             f'concentrations between water and stock are uncertain by {evidence.bend_deviation:.2f}'

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings
 from porotwin_imaging.tracer_signal import (
     CHANNELS,
@@ -75,7 +75,7 @@ def choose_signal(
         settings: thresholds.
 
     Raises:
-        InputError: no photograph shows tracer.
+        CalibrationRefused: no photograph shows tracer.
     """
     ratios = np.concatenate([one[seen] for one, seen in zip(log_ratios, visible, strict=True)])
     strength = -ratios.mean(axis=1)
@@ -84,7 +84,10 @@ def choose_signal(
     deviation = float(np.median(np.abs(strength - np.median(strength))))
     quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
     if tracer.sum() < settings.fewest_tracer_cells or strongest < settings.least_log_ratio:
-        raise InputError('calibration: no photograph shows tracer; use ones of an injection')
+        raise CalibrationRefused(
+            'calibration: no photograph shows tracer; use ones of an injection with a dye that '
+            'darkens the sand'
+        )
     sand = np.concatenate([labels[seen] for seen in visible])
     main = sand == np.bincount(sand[tracer]).argmax()
     bends = {name: _colour_bend(name, ratios[main]) for name in get_args(Contrast)}

@@ -34,7 +34,7 @@ GOOD = CalibrationEvidence(
     mass_misfit=0.005,
     dilution_misfit=NAN,
 )
-PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), (1.7, 0.7), 1.0)
+PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), 1.0)
 
 
 def refusal(evidence: CalibrationEvidence = GOOD, plume: PlumeEvidence = PLUME, edges=()) -> str:
@@ -112,11 +112,9 @@ def disagreeing(count: int) -> CalibrationEvidence:
     return replace(GOOD, photographs=(*some, *PHOTOGRAPHS[count:]))
 
 
-def test_one_photograph_that_disagrees_is_named_and_four_of_seven_are_refused() -> None:
-    trust = judged(disagreeing(1), PLUME)
-    assert not trust.objections
-    assert trust.remarks == ('photograph at 300 s disagrees: a shadow',)
-    assert '3 of 7 photographs agree' in refusal(disagreeing(4))
+def test_most_photographs_must_agree_and_the_others_are_named() -> None:
+    assert refusal(disagreeing(2)) == ''
+    assert '3 of 7 photographs agree (300 s: a shadow; ' in refusal(disagreeing(4))
 
 
 def test_a_sand_with_an_impossible_factor_is_refused_unless_no_tracer_was_there() -> None:
@@ -125,9 +123,7 @@ def test_a_sand_with_an_impossible_factor_is_refused_unless_no_tracer_was_there(
     at_bound = replace(SAND, factor=1.6, at_bound=True)
     assert 'sand 1 x 1.60' in refusal(replace(GOOD, sands=(SAND, at_bound)))
     guessed = replace(SAND, source='prior', deviation=0.2)
-    trust = judged(replace(GOOD, sands=(SAND, guessed)), PLUME)
-    assert not trust.objections
-    assert 'sands without a plume' in trust.remarks[0]
+    assert refusal(replace(GOOD, sands=(SAND, guessed))) == ''
 
 
 def test_a_dilution_is_no_calibration_up_to_stock() -> None:

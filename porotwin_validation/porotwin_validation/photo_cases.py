@@ -20,6 +20,7 @@ import yaml
 from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
+from porotwin_core.grid import conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
@@ -36,6 +37,9 @@ Array = NDArray[Any]
 
 TRUTH_GRID = (280, 150)
 """Columns and rows of the true maps on a rig of the shape of the large FluidFlower."""
+_FINER = 2
+"""The tracer is simulated and photographed on a grid finer by this. Interpolation of the true maps
+themselves would blur their fronts."""
 PHOTOGRAPHS = 7
 """Photographs of an injection for a calibration, beside the baseline."""
 RECORDED = 9
@@ -176,7 +180,7 @@ def write_case(case: PhotoCase, baseline: NDArray[np.uint8], output: Path) -> Pa
     write_folder(recording, RecordedData(told, commanded=case.recording.schedule, photos=photos))
     with ConcentrationWriter(recording / 'truth.nc', case.rig.grid(*TRUTH_GRID)) as truth:
         for time, values in zip(case.recording.times, maps, strict=True):
-            truth.append(time, values)
+            truth.append(time, conservative_resample(values, TRUTH_GRID[::-1]))
     (recording / 'truth.yaml').write_text(yaml.safe_dump(_truth(case), sort_keys=False))
     injected = _maps(case, case.calibration)
     photos = _photos(scene, case.calibration, injected, (case.seed, 1), clock=flaw.clock_s)
@@ -202,14 +206,15 @@ def baseline_of(folder: Path) -> tuple[Rig, NDArray[np.uint8]]:
 
 
 def _maps(case: PhotoCase, take: Take) -> Array:
-    """Return the concentration at the times of the photographs, shape (n, nz, nx)."""
+    """Return the concentration at the times of the photographs on the fine grid, (n, nz, nx)."""
     shown = (take.baseline_time, *take.times[1:])
     order = np.argsort(shown, kind='stable')
     maps = simulate(
         case.rig,
         take.schedule,
         np.array(shown)[order],
-        grid=case.rig.grid(*TRUTH_GRID),
+        grid=case.rig.grid(*TRUTH_GRID).refined(_FINER),
+        preset='fast',
         effects=case.effects,
     )
     return np.clip(maps[np.argsort(order, kind='stable')], 0.0, 1.0)

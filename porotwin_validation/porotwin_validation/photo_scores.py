@@ -19,6 +19,7 @@ from porotwin_core.errors import InputError
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.calibration_fit import fit_calibration
+from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.experiment_folder import folder_data
@@ -135,7 +136,7 @@ def calibrated(folder: Path) -> tuple[Calibration, list[str]]:
     """Return the calibration of the injection in `folder` and its lines.
 
     Raises:
-        InputError: the calibration is refused.
+        CalibrationRefused: the calibration cannot be trusted.
     """
     data = folder_data(folder)
     fit = fit_calibration(
@@ -145,6 +146,8 @@ def calibrated(folder: Path) -> tuple[Calibration, list[str]]:
         schedule=data.measured or data.commanded,
         source=folder.name,
     )
+    if fit.trust.objections:
+        raise CalibrationRefused(fit.trust.refusal)
     return fit.calibration, fit.lines
 
 
