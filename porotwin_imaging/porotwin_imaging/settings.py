@@ -331,7 +331,7 @@ class SandSettings:
     bright_slope: float = 0.6
     """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
     law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
-    times what sand does."""
+    times as much as sand."""
     dark_slope: float = 0.1
     """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
     edge is no property of the sand."""
@@ -356,8 +356,8 @@ class CoreSettings:
     least_share: float = 0.3
     """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
     reached: float = 0.99
-    """Share of the highest level at which the plateau is reached [-]."""
-    flattest: float = 0.04
+    """The plateau begins at this share of the highest level [-]."""
+    flattest: float = 0.025
     """Largest rise inside a core [-]; a plume that rises further has no plateau."""
     level_error: float = 0.007
     """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
