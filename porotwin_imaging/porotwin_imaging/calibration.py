@@ -178,7 +178,7 @@ def load_calibration(path: Path | str) -> Calibration:
         if data['schema'] not in _READ_SCHEMAS:
             versions = ' and '.join(map(str, _READ_SCHEMAS))
             raise InputError(f'{path}: schema {data["schema"]}; this version reads {versions}')
-        signal = TracerSignal(data['signal']['contrast'], _weights(data['signal']['weights']))
+        signal = _signal(data['signal'])
         curve = data['response']
         response = Response(
             _numbers(curve['signal']),
@@ -223,6 +223,8 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
             'deviation': [round(value, 5) for value in calibration.response.deviation],
         },
     }
+    if calibration.signal.absorbance is not None:
+        data['signal']['absorbance'] = [round(value, 4) for value in calibration.signal.absorbance]
     if calibration.sands is not None:
         cv2.imwrite(str(path.with_name('sands.png')), calibration.sands)
         data['sands'] = {
@@ -240,6 +242,16 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
 def _numbers(values: Any) -> tuple[float, ...]:
     """Return `values` as numbers."""
     return tuple(float(value) for value in values)
+
+
+def _signal(entry: dict[str, Any]) -> TracerSignal:
+    """Return the signal from its entry in the file; older files have no absorbance."""
+    absorbance = entry.get('absorbance')
+    return TracerSignal(
+        entry['contrast'],
+        _weights(entry['weights']),
+        None if absorbance is None else _weights(absorbance),
+    )
 
 
 def _weights(values: Any) -> tuple[float, float, float]:

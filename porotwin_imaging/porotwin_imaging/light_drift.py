@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
-from porotwin_imaging.row_bands import by_bands
+from porotwin_imaging.row_bands import row_bands
 from porotwin_imaging.settings import DEFAULTS, LightSettings
 
 Array = NDArray[Any]
@@ -51,13 +51,10 @@ class LightDrift:
         return self.channels + self.shape[..., None]
 
     def removed_from(self, log_ratio: Array) -> Array:
-        """Return the log ratio (nz, nx, 3) to the baseline without the drift."""
-        (residual,) = by_bands(
-            lambda ratio, shape: (ratio - (self.channels + shape[..., None]),),
-            log_ratio,
-            self.shape,
-        )
-        return residual
+        """Subtract the drift from the log ratio (nz, nx, 3) to the baseline in place; return it."""
+        for band in row_bands(self.shape.shape):
+            log_ratio[band] -= self.channels + self.shape[band][..., None]
+        return log_ratio
 
 
 def light_drift(

@@ -10,7 +10,7 @@
 | sample the cells | `sampling`, `cell_sums` |
 | subtract the baseline | `baseline_subtraction` |
 | check which sand is visible | `validity` |
-| correct colours and light | `colour_correction`, `light_drift`, `light_check` |
+| correct colours and light | `colour_correction`, `light_correction` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
 | denoise | `denoising`, `total_variation` |
 
@@ -26,23 +26,14 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.alignment import Alignment, align, alignment_remarks
 from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import (
-    blocks_across,
-    cells_of_blocks,
-    cells_per_block,
-    subtract_baseline,
-)
+from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio_variance
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
-from porotwin_imaging.light_check import (
-    exposure_remarks,
-    lit_as_baseline,
-    refuse_grey,
-    refuse_unknown_light,
-)
-from porotwin_imaging.light_drift import LightDrift, light_drift
+from porotwin_imaging.light_check import refuse_grey
+from porotwin_imaging.light_correction import corrected_light
+from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.row_bands import by_bands
@@ -161,35 +152,32 @@ def compare_with_baseline(
         framed = in_frame(sampling, alignment.homography, pixels.shape)
         usable, share = _in_view(framed, baseline)
         frame_lines = frame_remarks(baseline.share, share, settings.validity)
-        fine = _block_sums(sampled, usable, baseline)
-        sums = cells_of_blocks(fine, blocks_across(sampling.samples_across))
+        sums = _cell_sums(sampled, usable, baseline)
         refuse_grey(sums.blocks.state, sums.blocks.baseline)
-        ratio, variance = subtract_baseline(
-            fine, baseline.chart.matrix, sampling.samples_across, settings.noise
+        ratio = sums.log_ratio
+        variance = log_ratio_variance(
+            sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
         unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
         visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
-        gain, light_remarks = checker_gain(
+        gain, chart_remarks = checker_gain(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
-        weight = np.where(visible, sums.share, 0.0)
-        drift = light_drift(ratio, weight, gain, settings.light)
-        refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
-        residual = drift.removed_from(ratio)
-        light_remarks += exposure_remarks(gain, settings.light)
-        visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
-    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *bright_remarks]
+        light = corrected_light(
+            ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
+        )
+    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
-        log_ratio=residual,
-        variance=variance + baseline.fluctuation,
-        visible=visible,
-        drift=drift,
+        log_ratio=light.log_ratio,
+        variance=variance + baseline.fluctuation + light.variance[..., None],
+        visible=light.comparable,
+        drift=light.drift,
         alignment=alignment,
-        remarks=moved_remarks + light_remarks + left_out,
+        remarks=moved_remarks + chart_remarks + light.remarks + left_out,
         suspicious=deformed or bool(left_out),
     )
 
@@ -205,18 +193,17 @@ def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Arra
     return usable, baseline.sampling.cell_means(usable.astype(np.float32))
 
 
-def _block_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
-    """Return the means of the sampled photograph and the baseline over each block of a cell."""
-    samples = baseline.sampling.samples_across
-    blocks = blocks_across(samples)
+def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
+    """Return the means of the sampled photograph and the baseline over each cell."""
     return cell_sums(
         sampled,
         baseline.colours,
         usable,
         light=LINEAR_LIGHT,
+        matrix=baseline.chart.matrix,
         glare_level=baseline.settings.decoding.bright_level,
-        samples_across=samples // blocks,
-        cells_across=blocks * cells_per_block(samples, baseline.settings.noise),
+        samples_across=baseline.sampling.samples_across,
+        cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),
     )
 
 

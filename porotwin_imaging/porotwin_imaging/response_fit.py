@@ -118,7 +118,7 @@ def fit_response(
     first = next(iter(FAMILIES))
     # masses alone do not tell families apart, and noise about water bends a power law
     for family in FAMILIES if dilutions else (first,):
-        logs = -0.5 * (_BENDS / settings.bend_deviation) ** 2
+        logs = -0.5 * ((_BENDS - settings.expected_bend) / settings.bend_deviation) ** 2
         logs = logs + _dilution_evidence(family, dilutions, settings)
         if len(injected):
             counts = [_pore_volume_by_signal(plane, pore_volume) for plane in signals]

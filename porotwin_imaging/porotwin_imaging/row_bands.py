@@ -5,7 +5,7 @@ leave the cache, and each one costs memory of the operating system. A band of ro
 cache. The result is the same to the last bit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,12 @@ CELLS_PER_BAND = 32_768
 """Cells of a band: a float32 array of three channels has 400 kB, a fifth of the cache of a core."""
 
 
+def row_bands(shape: tuple[int, ...]) -> Iterator[slice]:
+    """Return the bands of a map of `shape` (nz, nx, ...), from the first row to the last."""
+    height = max(1, CELLS_PER_BAND // shape[1])
+    return (slice(start, start + height) for start in range(0, shape[0], height))
+
+
 def by_bands(work: Callable[..., tuple[Array, ...]], *fields: Array) -> tuple[Array, ...]:
     """Return `work(*fields)`, computed band by band.
 
@@ -26,12 +32,11 @@ def by_bands(work: Callable[..., tuple[Array, ...]], *fields: Array) -> tuple[Ar
         fields: arrays with the same number of rows, shape (nz, nx, ...).
     """
     rows = len(fields[0])
-    height = max(1, CELLS_PER_BAND // fields[0].shape[1])
-    if rows <= height:
+    bands = list(row_bands(fields[0].shape))
+    if len(bands) == 1:
         return work(*fields)
     whole: list[Array] = []
-    for start in range(0, rows, height):
-        band = slice(start, start + height)
+    for band in bands:
         parts = work(*(field[band] for field in fields))
         if not whole:
             whole = [np.empty((rows, *part.shape[1:]), part.dtype) for part in parts]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.grid import Grid
 from porotwin_imaging.geometry import Geometry, apply_homography
+from porotwin_imaging.row_bands import by_bands, row_bands
 from porotwin_imaging.settings import DEFAULTS, SamplingSettings
 
 Array = NDArray[Any]
@@ -73,10 +74,13 @@ class Sampling:
         if samples_across >= _FEWEST_FOR_BLOCKS:
             samples_across = 2 * round(pixels_per_cell / 2)
         fine = grid.refined(samples_across)
-        x, z = np.meshgrid(fine.x, fine.z[::-1])
-        columns, rows = geometry.to_pixels(x, z)
-        decoded = [((c + 0.5) / reduction - 0.5).astype(np.float32) for c in (columns, rows)]
-        return cls(grid, samples_across, decoded[0], decoded[1])
+
+        def band(z: Array) -> tuple[Array, ...]:
+            pixels = geometry.to_pixels(*np.meshgrid(fine.x, z[:, 0]))
+            return tuple(((c + 0.5) / reduction - 0.5).astype(np.float32) for c in pixels)
+
+        columns, rows = by_bands(band, np.broadcast_to(fine.z[::-1, None], fine.shape))
+        return cls(grid, samples_across, columns, rows)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -88,13 +92,16 @@ class Sampling:
 
         `homography` (3, 3) moves the points from the baseline to the photograph.
         """
-        columns, rows = self.columns, self.rows
-        if homography is not None:
-            moved = apply_homography(homography.astype(np.float32), columns, rows)
-            columns, rows = moved[0].astype(np.float32), moved[1].astype(np.float32)
-        return cv2.remap(
-            pixels, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0
-        )
+        sampled = np.empty((*self.shape, *pixels.shape[2:]), pixels.dtype)
+        for band in row_bands(self.shape):
+            columns, rows = self.columns[band], self.rows[band]
+            if homography is not None:
+                columns, rows = apply_homography(homography.astype(np.float32), columns, rows)
+            cv2.remap(
+                pixels, columns, rows, cv2.INTER_LINEAR, dst=sampled[band],
+                borderMode=cv2.BORDER_CONSTANT, borderValue=0,
+            )  # fmt: skip
+        return sampled
 
     def cell_means(self, picture: Array) -> Array:
         """Return the mean of a sampled picture over each cell, (nz, nx) or (nz, nx, channels)."""

@@ -28,8 +28,7 @@ class TotalVariationSettings:
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
     tile_cells: int = 512
-    """Side of a tile [cells]: its arrays stay near the cache of one core, and its overlap is
-    a fifth of it."""
+    """Side of a tile [cells]: its overlap costs a fifth, its arrays stay near a core's cache."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -129,6 +128,50 @@ class LightSettings:
     rendered photographs the averages over 3 x 3 cells stay below 0.022."""
     most_brighter_share: float = 0.15
     """Photographs that are brighter on more than this share of the sand are refused [-]."""
+
+
+@dataclass(frozen=True)
+class LocalLightSettings:
+    """Soft shadows and lamps (`local_light.py`)."""
+
+    blocks_across: int = 140
+    """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
+    nodes_across: int = 28
+    """Nodes of the field of light across the rig; soft edges are a few nodes wide."""
+    least_share: float = 0.3
+    """Visible share of a block that counts [-]."""
+    darkest: float = 0.9
+    """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
+    most_brighter: float = 0.08
+    """Brighter places are corrected by at most so much [log ratio]; more is a reflection."""
+    least_change: float = 0.02
+    """Missing light that no ordinary photograph has [log ratio]; there it stays below 0.01."""
+    least_part: float = 0.01
+    """Share of the sand without tracer that must be changed so [-]."""
+    tolerance: float = 0.06
+    """Cut-off of Tukey's biweight [log ratio]: blocks further from the field show objects."""
+
+
+@dataclass(frozen=True)
+class ForeignSignalSettings:
+    """Changes that tracer cannot make (`foreign_signal.py`).
+
+    The limits hold for averages over small windows. In brackets: the largest values on real and
+    rendered photographs of tracer.
+    """
+
+    most_brighter: float = 0.1
+    """Brightening of one colour channel [log ratio] (0.053)."""
+    hue_error: float = 0.05
+    """Hue that noise and light make [log ratio] (0.04)."""
+    most_turned: float = 0.8
+    """Hue across the direction of the dye relative to the hue along it [-] (0.6)."""
+    least_dark: float = 0.15
+    """Darkening from which the hue of the dye must be seen [log ratio]."""
+    least_hue: float = 0.3
+    """Hue relative to the hue of tracer that darkens as much [-] (0.5)."""
+    most_share: float = 0.15
+    """Share of the sand above which a photograph is refused [-]."""
 
 
 @dataclass(frozen=True)
@@ -279,9 +322,11 @@ class MassBalanceSettings:
     outlier_distance: float = 0.03
     """Photographs that are farther from the common line disagree with it, relative to the largest
     injected mass [-]."""
-    bend_deviation: float = 0.05
-    """Standard deviation of the bend before any evidence [-]. Absorbance in dyed sand bends by up
-    to 0.04 on real photographs."""
+    expected_bend: float = -0.02
+    """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
+    fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
+    bend_deviation: float = 0.04
+    """Standard deviation of the bend before any evidence [-]."""
     dilution_error: float = 0.01
     """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
@@ -318,9 +363,10 @@ class TrustSettings:
     most_mass_factor: float = 1.25
     """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
     level of stock, so that the maps are right up to it; beyond it the log is of something else."""
-    most_filled_factor: float = 1.3
-    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Half
-    of the level is not exactly half of the fluid in a small or smeared plume."""
+    most_filled_factor: float = 1.15
+    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Then
+    the pump log alone gives the scale, so that it must agree better. A plume too small for a core
+    seems larger than it is."""
     told_mass_error: float = 0.03
     """Difference of tracer in the maps and in the pump log that is told [-]."""
     sure_deviations: float = 2.0
@@ -339,6 +385,9 @@ class TrustSettings:
     """Largest factor between two sands [-]. Real sands differ by less than 2."""
     least_strongest: float = 0.85
     """Least concentration of the injected fluid, relative to stock [-]."""
+    most_bend: float = 0.17
+    """Largest deviation of the response from a straight line at half stock [-]. A dye that bends as
+    much in absorbance would lose a third of its effect from pale to stock."""
     most_core_slope: float = 0.15
     """Largest relative difference of signal between the inner and the outer half of the core."""
     most_dilution_misfit: float = 0.15
@@ -360,6 +409,8 @@ class ImagingSettings:
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
     colour_checker: ColourCheckerSettings = field(default_factory=ColourCheckerSettings)
     light: LightSettings = field(default_factory=LightSettings)
+    local_light: LocalLightSettings = field(default_factory=LocalLightSettings)
+    foreign_signal: ForeignSignalSettings = field(default_factory=ForeignSignalSettings)
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
     validity: ValiditySettings = field(default_factory=ValiditySettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)

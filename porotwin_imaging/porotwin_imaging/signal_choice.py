@@ -6,7 +6,7 @@ contrast their ratio changes. This needs no known concentration.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings
-from porotwin_imaging.tracer_signal import CHANNELS, Contrast, TracerSignal, learned_weights
+from porotwin_imaging.tracer_signal import (
+    CHANNELS,
+    Contrast,
+    TracerSignal,
+    learned_weights,
+    mean_absorbance,
+)
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -93,7 +99,8 @@ def choose_signal(
         f'signal: {chosen} ({reason}), weights {name} (red {red:.2f}, green {green:.2f}, blue '
         f'{blue:.2f}); signal-to-noise ratio {clarity:.0f}'
     )
-    return SignalChoice(signal, dict(bends), line)
+    coloured = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
+    return SignalChoice(coloured, dict(bends), line)
 
 
 def _straighter(bends: dict[Contrast, float]) -> Contrast:

@@ -16,13 +16,13 @@ v = f + div p / w. The duality gap G bounds both distances,
 
     1/2 int w (u - u*)^2 dA + 1/2 int w (v - u*)^2 dA <= G,
 
-because the primal problem is strongly convex in u and the dual one in div p. By the parallelogram
-law their mean m = (u + v) / 2 is closer than either bound tells,
+because the primal problem is strongly convex in u and the dual one in div p. With norms weighted by
+w, u* therefore lies in a ball around the mean of u and v (parallelogram law), and
 
-    int w (m - u*)^2 dA <= G - 1/4 int w (u - v)^2 dA.
+    |u - u*| <= 1/2 |u - v| + sqrt(G - 1/4 |u - v|^2),
 
-The result is m. The iteration stops when this bound, divided by int w dA, is below the square of
-the tolerance, a weighted root mean square error.
+which is up to 1.4 times less than sqrt(2 G). The iteration stops when this bound, relative to the
+square root of int w dA, is below the tolerance: a weighted root mean square error.
 
 The kernels keep to the order of operations as written. Faster rounding (numba's `fastmath`) would
 save nothing here, and maps would depend on whether a kernel was compiled now or earlier.
@@ -37,6 +37,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, TotalVariationSettings
 
 Array = NDArray[Any]
@@ -81,7 +82,13 @@ def total_variation_denoising(
         spacing: size (dz, dx) of a cell [m].
         settings: total variation weight, tolerance and limits.
     """
-    weight = np.where(np.isfinite(data), np.clip(data_weights, 0.0, 1.0), 0.0).astype(np.float32)
+    (weight,) = by_bands(
+        lambda data, weights: (
+            np.where(np.isfinite(data), np.clip(weights, 0.0, 1.0), 0.0).astype(np.float32),
+        ),
+        data,
+        data_weights,
+    )
     filled = fill(data, weight, settings)
     if settings.weight_m <= 0.0:
         return DenoisedMap(filled, 0.0, 0)
@@ -141,27 +148,38 @@ def fill(
     A pyramid of weighted means: a cell combines its own level, as far as its weight allows, with
     the coarser level (pull-push, Gortler et al., SIGGRAPH 1996).
     """
-    value = np.where(np.isfinite(data), data, 0.0).astype(np.float32) * weight
-    return _filled(value, weight, np.float32(settings.least_data_weight))
+    (weighted,) = by_bands(
+        lambda data, weight: (
+            (np.where(np.isfinite(data), data, 0.0) * weight).astype(np.float32),
+        ),
+        data,
+        weight,
+    )
+    return _filled(weighted, weight, np.float32(settings.least_data_weight))
 
 
 def _filled(weighted: Array, weight: Array, full_weight: np.float32) -> NDArray[np.float32]:
     """Return one level of the pyramid from weighted data and weights; `full_weight` counts as 1."""
-    full = np.minimum(weight / full_weight, 1.0)
-    own = weighted / np.maximum(weight, 1e-6)
     rows, columns = weight.shape
-    if min(rows, columns) < _SMALLEST_LEVEL or full.min() >= 1.0:
+    if min(rows, columns) < _SMALLEST_LEVEL or weight.min() >= full_weight:
         total = float(weight.sum())
         mean = float(weighted.sum()) / total if total > 0 else 0.0
-        return (full * own + (1.0 - full) * mean).astype(np.float32)
-    half = ((columns + 1) // 2, (rows + 1) // 2)
-    coarse = _filled(
-        cv2.resize(weighted, half, interpolation=cv2.INTER_AREA),
-        cv2.resize(weight, half, interpolation=cv2.INTER_AREA),
-        full_weight,
-    )
-    coarser = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
-    return (full * own + (1.0 - full) * coarser).astype(np.float32)
+        coarser = np.broadcast_to(np.float32(mean), weight.shape)
+    else:
+        half = ((columns + 1) // 2, (rows + 1) // 2)
+        coarse = _filled(
+            cv2.resize(weighted, half, interpolation=cv2.INTER_AREA),
+            cv2.resize(weight, half, interpolation=cv2.INTER_AREA),
+            full_weight,
+        )
+        coarser = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
+
+    def combined(weighted: Array, weight: Array, coarser: Array) -> tuple[Array]:
+        full = np.minimum(weight / full_weight, 1.0)
+        own = weighted / np.maximum(weight, 1e-6)
+        return ((full * own + (1.0 - full) * coarser).astype(np.float32),)
+
+    return by_bands(combined, weighted, weight, coarser)[0]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -207,48 +225,37 @@ def _iterate(u, bar, p, q, f, w, steps, strength, az, ax):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bound_row(sums, u, above, p, below, q, f, w, strength, az, ax):  # type: ignore[no-untyped-def]
-    """Add the terms of the bound along one row to the sums of their columns (float64)."""
+def bound_row(apart, slack, u, above, p, below, q, f, w, strength, az, ax):  # type: ignore[no-untyped-def]
+    """Add the terms of 1/4 |u - v|^2 and of G - 1/2 |u - v|^2 along one row, column by column."""
     quarter = np.float32(0.25)
     for j in range(u.size):
         divergence = az * (p[j] - below[j]) + ax * (q[j + 1] - q[j])
-        apart = u[j] - f[j] - divergence / w[j]
-        sums[j] += quarter * w[j] * apart * apart
-    # the gap is the sum of 1/2 w (u - v)^2 and of these terms, none of which is negative
+        difference = u[j] - f[j] - divergence / w[j]
+        apart[j] += quarter * w[j] * difference * difference
     for j in range(u.size - 1):
         dz = az * (above[j] - u[j])
         dx = ax * (u[j + 1] - u[j])
-        sums[j] += strength * np.sqrt(dz * dz + dx * dx) - (p[j] * dz + q[j + 1] * dx)
+        slack[j] += strength * np.sqrt(dz * dz + dx * dx) - (p[j] * dz + q[j + 1] * dx)
     j = u.size - 1
     dz = az * (above[j] - u[j])
-    sums[j] += strength * abs(dz) - p[j] * dz
+    slack[j] += strength * abs(dz) - p[j] * dz
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def _bound(u, p, q, f, w, strength, az, ax):  # type: ignore[no-untyped-def]
-    """Return the bound of the module on int w (m - u*)^2 dA, as a sum over cells."""
+    """Return the bound of the module on |u - u*|, with sums over cells as integrals."""
     nz, nx = u.shape
-    sums = np.zeros(nx, np.float64)
+    apart, slack = np.zeros(nx, np.float64), np.zeros(nx, np.float64)
     for i in range(nz):
         above = u[min(i + 1, nz - 1)]
-        bound_row(sums, u[i], above, p[i + 1], p[i], q[i], f[i], w[i], strength, az, ax)
-    return sums.sum()
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _mean_with_dual(u, p, q, f, w, az, ax):  # type: ignore[no-untyped-def]
-    """Replace u by its mean with the map of the dual variable."""
-    half = np.float32(0.5)
-    nz, nx = u.shape
-    for i in range(nz):
-        for j in range(nx):
-            divergence = az * (p[i + 1, j] - p[i, j]) + ax * (q[i, j + 1] - q[i, j])
-            u[i, j] = half * (u[i, j] + f[i, j] + divergence / w[i, j])
+        bound_row(apart, slack, u[i], above, p[i + 1], p[i], q[i], f[i], w[i], strength, az, ax)
+    half_squared = apart.sum()
+    return np.sqrt(half_squared) + np.sqrt(half_squared + max(slack.sum(), 0.0))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def _primal_dual(f, w, strength, az, ax, tolerance, max_iterations):  # type: ignore[no-untyped-def]
-    """Return (m, error bound, iterations).
+    """Return (u, error bound, iterations).
 
     The dual variable is on faces: p[i + 1] above row i, q[:, j + 1] to the right of column j. The
     outermost faces stay 0.
@@ -274,8 +281,7 @@ def _primal_dual(f, w, strength, az, ax, tolerance, max_iterations):  # type: ig
             _iterate(u, bar, p, q, f, w, steps, strength, az, ax)
             primal *= beyond
         count += CHECK_EVERY
-        error = np.sqrt(max(_bound(u, p, q, f, w, strength, az, ax), 0.0) / total)
+        error = _bound(u, p, q, f, w, strength, az, ax) / np.sqrt(total)
         if error < tolerance:
             break
-    _mean_with_dual(u, p, q, f, w, az, ax)
     return u, error, count

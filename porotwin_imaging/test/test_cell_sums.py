@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from porotwin_imaging.baseline_subtraction import log_ratio
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.linear_light import LINEAR_LIGHT, linear_light
 
 SAMPLES_ACROSS = 3
+IDENTITY = np.eye(3)
 NZ, NX = 4, 5
 
 
@@ -20,11 +22,15 @@ def sampled() -> tuple[np.ndarray, np.ndarray]:
 
 
 def sums_of(
-    pixels: np.ndarray, baseline: np.ndarray, usable: np.ndarray, cells_across: int = 1
+    pixels: np.ndarray,
+    baseline: np.ndarray,
+    usable: np.ndarray,
+    cells_across: int = 1,
+    matrix: np.ndarray = IDENTITY,
 ) -> CellSums:
     return cell_sums(
         pixels, baseline, usable,
-        light=LINEAR_LIGHT, glare_level=250, samples_across=SAMPLES_ACROSS,
+        light=LINEAR_LIGHT, matrix=matrix, glare_level=250, samples_across=SAMPLES_ACROSS,
         cells_across=cells_across,
     )  # fmt: skip
 
@@ -39,10 +45,25 @@ def test_sums_are_means_of_linear_light(sampled) -> None:
     pixels, baseline = sampled
     sums = sums_of(pixels, baseline, np.ones(pixels.shape[:2], np.uint8))
     light = linear_light(pixels)
-    np.testing.assert_allclose(sums.state, cell_means(light), rtol=1e-5)
-    np.testing.assert_allclose(sums.baseline, cell_means(baseline), rtol=1e-5)
+    np.testing.assert_allclose(sums.blocks.state, cell_means(light), rtol=1e-5)
+    np.testing.assert_allclose(sums.blocks.baseline, cell_means(baseline), rtol=1e-5)
     np.testing.assert_allclose(sums.blocks.product, cell_means(light * baseline), rtol=1e-5)
     np.testing.assert_allclose(sums.share, 1.0, rtol=1e-5)
+
+
+def test_the_ratio_is_that_of_corrected_light(sampled) -> None:
+    pixels, baseline = sampled
+    matrix = np.array([[1.1, -0.1, 0.0], [0.05, 0.9, 0.05], [0.0, -0.2, 1.2]])
+    sums = sums_of(pixels, baseline, np.ones(pixels.shape[:2], np.uint8), matrix=matrix)
+    corrected = [cell_means(light) @ matrix.T for light in (linear_light(pixels), baseline)]
+    np.testing.assert_allclose(sums.log_ratio, log_ratio(*corrected), atol=1e-5)
+
+
+def test_cells_without_samples_have_no_ratio(sampled) -> None:
+    pixels, baseline = sampled
+    sums = sums_of(pixels, baseline, np.zeros(pixels.shape[:2], np.uint8))
+    assert (sums.log_ratio == 0).all()
+    assert (sums.share == 0).all()
 
 
 def test_glare_and_hidden_samples_do_not_count(sampled) -> None:
@@ -66,8 +87,14 @@ def test_blocks_are_means_of_cells(sampled) -> None:
         np.testing.assert_allclose(means[1, 2], own[2:, 4:].mean(axis=(0, 1)), rtol=1e-5)
 
 
-def test_cells_with_enough_samples_are_their_own_blocks(sampled) -> None:
-    pixels, baseline = sampled
-    sums = sums_of(pixels, baseline, np.ones(pixels.shape[:2], np.uint8))
-    assert sums.blocks.state is sums.state
-    assert sums.blocks.share is sums.share
+def test_a_front_across_a_cell_counts_by_its_logarithm() -> None:
+    """Half stock and half water are half of the absorbance, although water outshines stock."""
+    pixels = np.full((6, 6, 3), 200, np.uint8)
+    pixels[:, 3:] = 80
+    baseline = linear_light(np.full((6, 6, 3), 200, np.uint8))
+    sums = cell_sums(
+        pixels, baseline, np.ones((6, 6), np.uint8), light=LINEAR_LIGHT, matrix=np.eye(3),
+        glare_level=250, samples_across=6,
+    )  # fmt: skip
+    dark = np.log(LINEAR_LIGHT[80] / LINEAR_LIGHT[200])
+    np.testing.assert_allclose(sums.log_ratio, 0.5 * dark, rtol=1e-5)

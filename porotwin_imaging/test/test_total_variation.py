@@ -147,11 +147,11 @@ def test_the_kernels_round_as_written() -> None:
         u, bar, above, p, below, q, f, w = (row.copy() for row in rows)
         u, bar, above, p, below, f = (row[:-1] for row in (u, bar, above, p, below, f))
         weights = np.abs(w[:-1])
-        sums = np.zeros(u.size)
+        sums = np.zeros((2, u.size))
         for _ in range(5):
             dual(bar, above, p, q, *numbers)
             primal(u, bar, p, below, q, f, weights, numbers[0], numbers[3], *numbers[2:])
-            bound(sums, u, above, p, below, q, f, weights, *numbers[1:])
+            bound(*sums, u, above, p, below, q, f, weights, *numbers[1:])
         results.append((u, bar, p, q, sums))
     for compiled_result, written in zip(*results, strict=True):
         np.testing.assert_array_equal(compiled_result, written)

@@ -311,8 +311,7 @@ def _told(schedule: Schedule, flaw: Flaw, wells: Sequence[str]) -> Schedule:
     rows = []
     for row in schedule.rows:
         well = next((name for name in wells if name != row.well), row.well)
-        concentration = 1.0 if flaw.hidden_pale else row.rate.concentration
-        rate = WellRate(row.rate.rate * flaw.log_factor, concentration)
+        rate = WellRate(row.rate.rate * flaw.log_factor, row.rate.concentration)
         rows.append(ScheduleRow(row.time, well if flaw.log_well else row.well, rate))
     return Schedule(tuple(rows))
 

@@ -47,7 +47,7 @@ def command(
     rig = recording.rig
     map_grid = grid_of(grid, rig)
     baselines = [photo for photo in recording.photos if photo.role == 'baseline']
-    states = [photo for photo in recording.photos if photo.role != 'baseline']
+    states = [photo for photo in recording.photos if photo.role == 'state']
     if not baselines or not states:
         raise InputError(
             f'{experiment}: needs a baseline and at least one state photograph; '
