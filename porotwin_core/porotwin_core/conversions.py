@@ -31,7 +31,7 @@ from porotwin_core.rig import (
     EffectDescription,
     Rig,
 )
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import from_ml_h, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_msgs.msg import (
     CameraGeometry,
@@ -180,6 +180,11 @@ def _control_to_msg(control: Control) -> ControlLimits:
         fixed=rates_to_msg(fixed),
         max_rate=from_ml_h(control.max_rate_ml_h),
         max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+        rate_step=from_ml_h(control.rate_step_ml_h),
+        min_rate=from_ml_h(control.min_rate_ml_h),
+        max_change=from_ml_h(control.max_change_ml_h or 0.0),
+        change_cost=from_ml_min(control.change_cost_ml_min),
+        end=60.0 * (control.end_min or 0.0),
         disallowed_zone=[value for point in control.disallowed_zone_m for value in point],
         fuzziness=control.fuzziness_m,
         objective=control.objective.name,

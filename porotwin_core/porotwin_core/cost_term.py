@@ -56,6 +56,12 @@ class CostTerm:
     def _gap(self, concentration: FloatArray) -> FloatArray:
         return concentration if self.target is None else concentration - self.target
 
+    def weighted(self, weight: float) -> Self:
+        """Return `weight` [-] times the term."""
+        linear = None if self.linear is None else weight * self.linear
+        quadratic = None if self.quadratic is None else weight * self.quadratic
+        return type(self)(self.start, self.end, linear, quadratic, self.target)
+
     def on_cells(self, shape: tuple[int, int]) -> Self:
         """Return the term for maps of another `shape` (nz, nx) of the same rig.
 

@@ -15,7 +15,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import to_ml_h, to_ml_min
 from porotwin_core.wells import RateStep, WellRate
 
 RIG_FRAME = 'rig'
@@ -215,9 +215,24 @@ def _control_from_msg(message: Any) -> dict[str, Any]:
         'fixed': fixed,
         'max_rate_ml_h': _rounded(to_ml_h(message.max_rate)),
         'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
+        **_orders_from_msg(message),
         'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
         'fuzziness_m': message.fuzziness,
         'objective': _objective_from_msg(message),
+    }
+
+
+def _orders_from_msg(message: Any) -> dict[str, Any]:
+    """Return how rates are set; empty for a bag that was recorded before this could be said."""
+    if not getattr(message, 'rate_step', 0.0):
+        return {}
+    max_change = _rounded(to_ml_h(message.max_change))
+    return {
+        'rate_step_ml_h': _rounded(to_ml_h(message.rate_step)),
+        'min_rate_ml_h': _rounded(to_ml_h(message.min_rate)),
+        'max_change_ml_h': max_change or None,
+        'change_cost_ml_min': _rounded(to_ml_min(message.change_cost)),
+        'end_min': _rounded(message.end / 60.0) or None,
     }
 
 

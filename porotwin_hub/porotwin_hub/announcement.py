@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from porotwin_core.rates_in_force import PUMP_STEP_ML_H
+from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 

@@ -4,8 +4,7 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
-from porotwin_core.rates_in_force import PUMP_STEP_ML_H
-from porotwin_core.rig import Rig
+from porotwin_core.rig import PUMP_STEP_ML_H, Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.announcement import Announcement, announce, announce_expiry, clock_time

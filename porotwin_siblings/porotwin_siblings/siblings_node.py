@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.safe_rates import safe_rates
@@ -96,6 +96,7 @@ class SiblingsNode(Node):
         self.siblings = Siblings(
             self._rig,
             self._declare_grid(),
+            map_grid=self._map_grid,
             executor=_learning_executor(self._declare_scheduler(), workers),
             count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
@@ -206,15 +207,15 @@ class SiblingsNode(Node):
         values, grid = conversions.tracer_from_msg(message.tracer)
         deviation = conversions.deviation_from_msg(message.deviation, grid)
         systematic = conversions.deviation_from_msg(message.systematic, grid)
-        shape = self.siblings.grid.shape
+        if grid != self._map_grid:
+            raise InputError(f'its map is {grid}, the siblings work on {self._map_grid}')
         stamp = conversions.time_from_msg(message.header.stamp)
-        photograph = Photograph.plain(stamp, conservative_resample(values, shape))
+        photograph = Photograph.plain(stamp, values)
         if deviation is None or systematic is None:
             return photograph
         variance = np.maximum(deviation**2 - systematic**2, 0.0)
         return photograph._replace(
-            random=np.sqrt(_finite(conservative_resample(variance, shape))),
-            systematic=_finite(conservative_resample(systematic, shape)),
+            random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
         )
 
     # --- work ---------------------------------------------------------------------------------

@@ -49,18 +49,17 @@ def command(
         raise InputError(
             f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
         )
-    dilutions = [
-        DilutionPhoto(photo.time, photo.read(), photo.concentration)
-        for photo in recording.photos
-        if photo.concentration is not None
-    ]
     try:
         fit = fit_calibration(
             recording.rig,
             baselines,
             states,
             schedule=recording.measured or recording.commanded,
-            dilutions=dilutions,
+            dilutions=[
+                DilutionPhoto(photo.time, photo.read(), photo.concentration)
+                for photo in recording.photos
+                if photo.concentration is not None
+            ],
             contrast=contrast,
             source=folder.name,
             progress=say,
