@@ -258,6 +258,20 @@ class ValiditySettings:
 
 
 @dataclass(frozen=True)
+class ThinObjectSettings:
+    """Tubes and cables that were laid before the sand after the baseline (`thin_objects.py`)."""
+
+    core: float = 6.0
+    """Scatter in a block relative to its surroundings that shows an object [-]."""
+    edge: float = 4.0
+    """The same for the blocks between [-]."""
+    least_length: float = 10.0
+    """Length of an object [blocks]. In ordinary photographs blocks join to at most 5."""
+    least_seeds: float = 0.4
+    """Blocks above `core` per block of its length [-]."""
+
+
+@dataclass(frozen=True)
 class NoiseSettings:
     """Standard deviation of a map (`baseline_subtraction.py`, `denoising.py`)."""
 
@@ -483,6 +497,7 @@ class ImagingSettings:
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
     validity: ValiditySettings = field(default_factory=ValiditySettings)
     light_error: LightErrorSettings = field(default_factory=LightErrorSettings)
+    thin_objects: ThinObjectSettings = field(default_factory=ThinObjectSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
     core: CoreSettings = field(default_factory=CoreSettings)
