@@ -77,7 +77,7 @@ def plume_evidence(
 ) -> PlumeEvidence:
     """Return the plume of an injection.
 
-    Only photographs before the first water or production count, if there are any.
+    Only photographs before the first injection of water count, if there are any.
 
     Args:
         signals: signal times sand factor of each photograph, shape (nz, nx), NaN where hidden.
@@ -136,11 +136,12 @@ def _tracer_rows(schedule: Schedule | None) -> list[ScheduleRow]:
 
 
 def _tracer_alone_until(schedule: Schedule | None) -> float:
-    """Return the time [s] of the first water or production in the pump log."""
+    """Return the time [s] of the first injection of water in the pump log."""
     rows = schedule.rows if schedule is not None else ()
-    others = [row.time for row in rows if row.rate.rate < 0]
-    others += [row.time for row in rows if row.rate.rate > 0 and row.rate.concentration == 0]
-    return min(others, default=math.inf)
+    return min(
+        (row.time for row in rows if row.rate.rate > 0 and row.rate.concentration == 0),
+        default=math.inf,
+    )
 
 
 def _fluid(schedule: Schedule | None, until: float) -> float:
