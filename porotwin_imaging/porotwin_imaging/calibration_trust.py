@@ -85,6 +85,7 @@ def judged(
     """
     return Trust(
         (
+            *_absence(evidence, plume),
             *_amount(evidence, plume, settings),
             *_baseline(evidence, plume, settings),
             *_followers(evidence, settings),
@@ -94,6 +95,17 @@ def judged(
         ),
         tuple(_remarks(evidence, plume, settings)),
     )
+
+
+def _absence(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Objection]:
+    """Yield an objection if no plume is seen where the pump log injected one."""
+    if evidence.anchor == 'mass' and plume.told_wells and not plume.seen_wells:
+        yield Objection(
+            f'no plume is seen at well {" or ".join(plume.told_wells)}',
+            'a dye that hardly darkens the sand, the wells in rig.yaml, or photographs of another '
+            'experiment',
+            'photograph an injection of a dye that is plainly seen',
+        )
 
 
 def _amount(
@@ -109,10 +121,11 @@ def _amount(
     ratio = 1 / factor if more else factor
     volumes = f'{_ML * plume.pore_volume:.0f} ml of pores, {_ML * plume.fluid:.0f} ml injected'
     wells = _elsewhere(plume)
+    small = '' if measured else 'a plume too small to have a core of stock, '
     yield Objection(
         f'the pump log injected {ratio:.2f} times {"more" if more else "less"} tracer than the '
         f'plume holds ({volumes})',
-        'rates, unit or times in rates.csv, stamps of the photographs, '
+        f'{small}rates, unit or times in rates.csv, stamps of the photographs, '
         f'{"a leaking well" if more else "another well that injects"}, porosity or depth in '
         f'rig.yaml{wells}',
         'weigh the stock before and after, correct rates.csv or rig.yaml, and calibrate again',
@@ -209,6 +222,13 @@ def _level(
             f'the injected fluid is {plume.strongest:g} of stock',
             'a dilution, which leaves the response above it unknown',
             'photograph an injection of stock',
+        )
+    if abs(evidence.bend) > settings.most_bend:
+        yield Objection(
+            f'half of stock would look like {0.5 + evidence.bend:.2f} of stock',
+            'light that changes during the injection, the clock of the camera, or tracer in the '
+            'baseline',
+            'photograph the injection again with steady light, or a dilution of one half',
         )
     if evidence.core_flatness > settings.most_core_slope:
         yield Objection(

@@ -32,6 +32,8 @@ _FEWEST_CELLS = 40
 """Cells of a plume whose place is known."""
 _LARGE_SHARE = 0.5
 """Photographs with this share of the largest injected volume show the volume of the plume [-]."""
+_MIDDLE = 0.25
+"""The middle of a plume, relative to its radius [-]."""
 _MARGIN_CELLS = 3
 """A well belongs to a plume within this distance of its outline [cells]."""
 
@@ -75,7 +77,7 @@ def plume_evidence(
 ) -> PlumeEvidence:
     """Return the plume of an injection.
 
-    Only photographs before the first water or production count, if there are any.
+    Only photographs before the first injection of water count, if there are any.
 
     Args:
         signals: signal times sand factor of each photograph, shape (nz, nx), NaN where hidden.
@@ -99,7 +101,7 @@ def plume_evidence(
         strongest=max((row.rate.concentration for row in rows), default=math.nan),
         told_wells=told,
         seen_wells=seen,
-        hollow=_hollow(signals[count - 1], found[-1][1], [wells[w] for w in told if w in seen]),
+        hollow=_hollow(signals[:count], found, fluids, [wells[w] for w in told if w in seen]),
     )
 
 
@@ -134,11 +136,12 @@ def _tracer_rows(schedule: Schedule | None) -> list[ScheduleRow]:
 
 
 def _tracer_alone_until(schedule: Schedule | None) -> float:
-    """Return the time [s] of the first water or production in the pump log."""
+    """Return the time [s] of the first injection of water in the pump log."""
     rows = schedule.rows if schedule is not None else ()
-    others = [row.time for row in rows if row.rate.rate < 0]
-    others += [row.time for row in rows if row.rate.rate > 0 and row.rate.concentration == 0]
-    return min(others, default=math.inf)
+    return min(
+        (row.time for row in rows if row.rate.rate > 0 and row.rate.concentration == 0),
+        default=math.inf,
+    )
 
 
 def _fluid(schedule: Schedule | None, until: float) -> float:
@@ -171,10 +174,23 @@ def _cell(rig: Rig, well: str, grid: Grid) -> tuple[int, int]:
     return int(place.z_m / grid.dz), int(place.x_m / grid.dx)
 
 
-def _hollow(signal: Array, level: float, cells: Sequence[tuple[int, int]]) -> float:
-    """Return the least signal around one of `cells` relative to `level`."""
-    shown = [
-        signal[max(0, row - 2) : row + 3, max(0, column - 2) : column + 3] for row, column in cells
-    ]
-    known = [float(np.nanmedian(one)) for one in shown if np.isfinite(one).any()]
-    return min(known) / level if known and level > 0 else math.nan
+def _hollow(
+    signals: Sequence[Array],
+    found: Sequence[tuple[Mask, float]],
+    fluids: Sequence[float],
+    cells: Sequence[tuple[int, int]],
+) -> float:
+    """Return the signal around the first of `cells` relative to the level, in the median of
+    photographs. Hidden cells count as empty: places brighter than the baseline are left out."""
+    if not cells:
+        return math.nan
+    row, column = cells[0]
+    ratios = []
+    for signal, (region, level), fluid in zip(signals, found, fluids, strict=True):
+        if level > 0 and not fluid < _LARGE_SHARE * max(fluids):
+            reach = max(2, int(_MIDDLE * math.sqrt(region.sum() / math.pi)))
+            around = signal[
+                max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
+            ]
+            ratios.append(float(np.median(np.nan_to_num(around))) / level)
+    return float(np.median(ratios)) if ratios else math.nan

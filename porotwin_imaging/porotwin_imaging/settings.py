@@ -444,9 +444,10 @@ class TrustSettings:
     most_mass_factor: float = 1.25
     """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
     level of stock, so that the maps are right up to it; beyond it the log is of something else."""
-    most_filled_factor: float = 1.3
-    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Half
-    of the level is not exactly half of the fluid in a small or smeared plume."""
+    most_filled_factor: float = 1.15
+    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Then
+    the pump log alone gives the scale, so that it must agree better. A plume too small for a core
+    seems larger than it is."""
     told_mass_error: float = 0.03
     """Difference of tracer in the maps and in the pump log that is told [-]."""
     sure_deviations: float = 2.0
@@ -465,6 +466,9 @@ class TrustSettings:
     """Largest factor between two sands [-]. Real sands differ by less than 2."""
     least_strongest: float = 0.85
     """Least concentration of the injected fluid, relative to stock [-]."""
+    most_bend: float = 0.17
+    """Largest deviation of the response from a straight line at half stock [-]. A dye that bends as
+    much in absorbance would lose a third of its effect from pale to stock."""
     most_core_slope: float = 0.15
     """Largest relative difference of signal between the inner and the outer half of the core."""
     most_dilution_misfit: float = 0.15

@@ -87,6 +87,14 @@ def test_without_a_core_the_filled_pores_judge_the_pump_log() -> None:
     assert 'no photograph shows a core' in trust.remarks[0]
 
 
+def test_a_dye_that_is_not_seen_is_named_first() -> None:
+    line = refusal(
+        replace(disagreeing(7), anchor='mass'),
+        replace(PLUME, seen_wells=(), pore_volume=3e-4),
+    )
+    assert line.startswith('calibration refused: no plume is seen at well upper')
+
+
 def test_without_a_pump_log_there_is_nothing_to_compare() -> None:
     alone = replace(GOOD, anchor='strongest signal', mass_factor=NAN, mass_offset=NAN)
     plume = replace(PLUME, fluid=NAN, strongest=NAN, told_wells=())
@@ -133,6 +141,7 @@ def test_a_dilution_is_no_calibration_up_to_stock() -> None:
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
+        ({'bend': -0.24}, 'half of stock would look like 0.26'),
         ({'mass_misfit': 0.15}, 'scatters by 15 %'),
         ({'core_flatness': 0.3}, 'core of the plume is not even'),
         ({'dilution_misfit': 0.3}, 'a dilution is read 0.30'),

@@ -69,6 +69,15 @@ def test_a_plume_without_its_middle_is_hollow() -> None:
     assert evidence(log(), hollow).hollow < 0.3
 
 
+def test_a_middle_that_is_left_out_is_hollow_and_a_thin_tube_is_not() -> None:
+    near = np.hypot(GRID.x[None, :] - 0.3, GRID.z[:, None] - 0.3)
+    left_out = [np.where(near < 0.05, np.nan, disc(RATE * time, hole=0.5)) for time in TIMES]
+    assert evidence(log(), left_out).hollow < 0.3
+    tube = np.abs(GRID.x[None, :] - 0.3) < 0.006
+    behind = [np.where(tube, np.nan, disc(RATE * time)) for time in TIMES]
+    assert evidence(log(), behind).hollow > 0.9
+
+
 def test_noise_has_no_plume_and_no_log_no_volume() -> None:
     generator = np.random.default_rng(2)
     noise = [np.full(GRID.shape, -0.01) + 1e-6 * generator.normal(size=GRID.shape)] * 3

@@ -53,6 +53,8 @@ fits to the real tracer photographs of the large FluidFlower."""
 _SAND_SPREAD, _SAND_TILT = 0.015, 0.08
 """Standard deviation of the absorption of a sand [log], by itself and along the permeability: sands
 that look alike absorb alike."""
+_LARGE_PORES = 0.046
+"""Pore volume of the large FluidFlower [m^3]."""
 _SHAKE_PX, _ROTATION_DEG, _WIDTH_PX = 1.0, 0.012, 1600
 """Standard deviations of shift and rotation of a photograph, and the width they refer to [px]."""
 _DRIFT, _SLOPE, _WARMTH = 0.02, 0.006, 0.002
@@ -238,7 +240,7 @@ def _photos(
 def _injection(rig: Rig, generator: np.random.Generator, flaw: Flaw) -> Take:
     """Return an injection of tracer at a constant rate into one well."""
     well = str(generator.choice(list(rig.wells)))
-    rate = from_ml_h(round(float(generator.uniform(1400, 2400)), -1))
+    rate = _drawn_rate(rig, generator, 1400, 2400)
     duration = round(float(generator.uniform(1800, 3000)), -1) * flaw.duration_factor
     schedule = Schedule(
         (
@@ -262,13 +264,22 @@ def _experiment(rig: Rig, generator: np.random.Generator) -> Take:
     rows, time = [], 0.0
     for concentration in (1.0, 0.0):
         for well in wells:
-            rate = from_ml_h(round(float(generator.uniform(1500, 2300)), -1))
+            rate = _drawn_rate(rig, generator, 1500, 2300)
             duration = round(float(generator.uniform(1200, 2100)), -1)
             rows.append(ScheduleRow(time, str(well), WellRate(rate, concentration)))
             rows.append(ScheduleRow(time + duration, str(well), WellRate()))
             time += duration + round(float(generator.uniform(300, 900)), -1)
     times = np.linspace(time / RECORDED, time, RECORDED).round()
     return _taken(Schedule(tuple(rows)), times, generator)
+
+
+def _drawn_rate(rig: Rig, generator: np.random.Generator, low: float, high: float) -> float:
+    """Return a rate [m^3/s], drawn from `low` to `high` [ml/h] for the large FluidFlower.
+
+    Other rigs get rates in proportion to their pores.
+    """
+    rate_ml_h = float(generator.uniform(low, high)) * rig.pore_volume / _LARGE_PORES
+    return from_ml_h(float(f'{rate_ml_h:.3g}'))
 
 
 def _taken(
@@ -311,8 +322,7 @@ def _told(schedule: Schedule, flaw: Flaw, wells: Sequence[str]) -> Schedule:
     rows = []
     for row in schedule.rows:
         well = next((name for name in wells if name != row.well), row.well)
-        concentration = 1.0 if flaw.hidden_pale else row.rate.concentration
-        rate = WellRate(row.rate.rate * flaw.log_factor, concentration)
+        rate = WellRate(row.rate.rate * flaw.log_factor, row.rate.concentration)
         rows.append(ScheduleRow(row.time, well if flaw.log_well else row.well, rate))
     return Schedule(tuple(rows))
 

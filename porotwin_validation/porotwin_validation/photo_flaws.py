@@ -29,8 +29,7 @@ class Flaw:
         curvature: the description has the terms of curvature.
         baseline_share: tracer in the baseline, as a share of the duration of the injection [-].
         duration_factor: duration of the injection relative to an ordinary one [-].
-        concentration: concentration of the injected fluid [-], in the pump log as well.
-        hidden_pale: the fluid is pale, and the pump log says stock.
+        concentration: concentration of the injected fluid [-], as the pump log says.
         moved_px: the camera is displaced by this after the baseline [px at 1600 px width].
         absorption_factor: absorption of the dye relative to an ordinary one [-].
         colour: order of the channels of the dye.
@@ -47,7 +46,6 @@ class Flaw:
     baseline_share: float = 0.0
     duration_factor: float = 1.0
     concentration: float = 1.0
-    hidden_pale: bool = False
     moved_px: float = 0.0
     absorption_factor: float = 1.0
     colour: tuple[int, int, int] = (0, 1, 2)
@@ -78,9 +76,6 @@ FLAWS: Mapping[str, Flaw] = {
     'dyed baseline': Flaw('baseline shows tracer', 'refuse', baseline_share=0.2),
     'too short': Flaw('injection of 60 s', 'refuse', duration_factor=0.025),
     'too pale': Flaw('tracer at 0.3 of stock', 'refuse', concentration=0.3),
-    'pale as stock': Flaw(
-        'tracer at 0.5, log says stock', 'refuse', concentration=0.5, hidden_pale=True
-    ),
     'no absorption': Flaw('a dye that does not absorb', 'refuse', absorption_factor=0.0),
 }
 """All flaws by name."""
