@@ -21,9 +21,10 @@ from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation, Twin
+from porotwin_hub.twin import Twin
 from porotwin_rig.limits import refuse_broken_limits
 from porotwin_solver.grid_models import GridModels
 from porotwin_solver.model import Model
@@ -96,7 +97,9 @@ def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
 
 
 def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
-    """Return the loop of this program: plans over the rest of the experiment, and a state filter.
+    """Return the loop of this program, as the hub makes it.
+
+    It plans over the rest of the experiment, filters the state and learns what the pumps deliver.
 
     The end of the experiment is known, as a laboratory knows it.
     """
@@ -114,6 +117,7 @@ def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
         pore_volume=pores,
         began=0.0,
         state_filter=StateFilter(pores, (grid.dz, grid.dx)),
+        learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
     )
 
 
@@ -169,7 +173,7 @@ def run_closed(
     known: list[KnownRates] = []
     model_runs, seconds = 0, []
     while not rig.is_over:
-        cycle = twin.decide(Observation(rig.time, rig.seen(eyes)), known)
+        cycle = twin.decide(rig.seen(eyes), known)
         assert cycle.setpoint is not None
         judge.see(cycle.setpoint, rig.time)
         seconds.append(cycle.durations['optimise'])
