@@ -296,7 +296,7 @@ class LightErrorSettings:
 
     measured: float = 3e-4
     """Standard deviation of the drift of light on clean sand, where it is measured [log ratio]."""
-    below_plume: float = 2.5e-3
+    below_plume: float = 2e-3
     """The same where clean sand is far: the drift is continued by a quadratic [log ratio]."""
     reach: float = 0.02
     """Distance over which clean sand tells the light, relative to the width of the map [-]."""
