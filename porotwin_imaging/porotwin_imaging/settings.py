@@ -308,6 +308,8 @@ class LightErrorSettings:
     """Cells that determine this colour."""
     smoothing_cells: float = 3.0
     """Width of the local mean of colours [cells]; light changes slowly."""
+    most_columns: int = 400
+    """Maps with many more columns are judged on coarser cells."""
     front_step: float = 0.02
     """Larger steps between cells are fronts [-]."""
     colour_tolerance: float = 0.02
