@@ -50,7 +50,14 @@ def light_error(
     calibration: Calibration,
     settings: LightErrorSettings = DEFAULTS.light_error,
 ) -> Array:
-    """Return the standard deviation of concentrations (nz, nx) that wrong light causes."""
+    """Return the standard deviation of concentrations (nz, nx) that wrong light causes.
+
+    Light changes slowly, so that fine maps are judged on coarser cells.
+    """
+    factor = round(seen.values.shape[1] / settings.most_columns)
+    if factor > 1:
+        coarse = light_error(_coarser(seen, factor), calibration, settings)
+        return np.asarray(cv2.resize(coarse, seen.values.shape[::-1]))
     visible = np.isfinite(seen.values)
     values = np.where(visible, seen.values, 0.0).astype(np.float32)
     reach = settings.reach * values.shape[1]
@@ -62,6 +69,17 @@ def light_error(
         settings.measured**2 + continued**2 + foreign**2 + veil**2 + seen.light_variance
     )
     return error * _sensitivity(seen, values, calibration)
+
+
+def _coarser(seen: SeenTracer, factor: int) -> SeenTracer:
+    """Return means over blocks of `factor` cells each way; blocks with hidden cells are hidden."""
+    nz, nx = (max(1, size // factor) for size in seen.values.shape)
+    return SeenTracer(
+        *(
+            cv2.resize(np.asarray(plane, np.float32), (nx, nz), interpolation=cv2.INTER_AREA)
+            for plane in (seen.log_ratio, seen.light_variance, seen.factors, seen.values)
+        )
+    )
 
 
 def _veil(seen: SeenTracer, foreign: Array, clean: NDArray[np.bool_]) -> Array:

@@ -43,7 +43,7 @@ class LevelSmoothingSettings:
     """Standard deviation of the average along a level [m]. A plume bends on a longer way."""
     reach_cells: tuple[float, float] = (1.5, 5.0)
     """Least and largest reach [cells]."""
-    clean_reach: float = 2.0
+    clean_reach: float = 2.3
     """Total variation averages clean sand further than a level, by this factor [-]."""
     guide_blur_m: float = 0.004
     """Blur of the map that gives the levels [m], so that they do not follow the noise."""
@@ -283,7 +283,7 @@ class NoiseSettings:
     """Standard deviation of the place of a cell relative to the width of the rig [-]: the lines of
     a laser grid on the large FluidFlower, imaged with the published curvature, deviate by 1.0 mm on
     2.8 m. Corners that a person reads from a photograph to half a pixel of 1600 are as good."""
-    blur_cells: float = 0.45
+    blur_cells: float = 0.35
     """Width of the blur of a front that is left in a map [cells]."""
     credible: tuple[float, float] = (-0.5, 1.5)
     """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
@@ -296,7 +296,7 @@ class LightErrorSettings:
 
     measured: float = 3e-4
     """Standard deviation of the drift of light on clean sand, where it is measured [log ratio]."""
-    below_plume: float = 2.5e-3
+    below_plume: float = 2e-3
     """The same where clean sand is far: the drift is continued by a quadratic [log ratio]."""
     reach: float = 0.02
     """Distance over which clean sand tells the light, relative to the width of the map [-]."""
@@ -308,6 +308,8 @@ class LightErrorSettings:
     """Cells that determine this colour."""
     smoothing_cells: float = 3.0
     """Width of the local mean of colours [cells]; light changes slowly."""
+    most_columns: int = 400
+    """Maps with many more columns are judged on coarser cells."""
     front_step: float = 0.02
     """Larger steps between cells are fronts [-]."""
     colour_tolerance: float = 0.02

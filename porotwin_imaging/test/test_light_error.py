@@ -53,3 +53,11 @@ def test_without_stock_in_the_picture_the_colour_is_not_known() -> None:
     np.testing.assert_allclose(
         light_error(seen, CALIBRATION), DEFAULTS.light_error.measured / 0.7, rtol=0.05
     )
+
+
+def test_a_fine_map_has_the_error_of_a_coarse_one() -> None:
+    ratio = np.zeros((40, 1000, 3))
+    seen = SeenTracer(ratio, np.zeros((40, 1000)), np.ones((40, 1000)), np.zeros((40, 1000)))
+    found = light_error(seen, CALIBRATION)
+    assert found.shape == (40, 1000)
+    np.testing.assert_allclose(found, DEFAULTS.light_error.measured / 0.7, rtol=0.05)

@@ -4,6 +4,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
@@ -145,7 +146,7 @@ class LiveRun:
         maps = self._series(np.array(self.times) - begin)
         write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
 
-    def _series(self, times: FloatArray) -> ConcentrationMaps:
+    def _series(self, times: NDArray[np.float64]) -> ConcentrationMaps:
         """Return the maps with `times` [s], and their deviations where they are known."""
         series = [MapSeries(times, self._grid, partial(self._read, part)) for part in range(3)]
         deviations = series[1:] if self._deviations_known else [None, None]
