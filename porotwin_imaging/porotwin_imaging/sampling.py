@@ -46,7 +46,7 @@ def choose_reduction(
 
 
 def samples_across(geometry: Geometry, grid: Grid, reduction: int) -> int:
-    """Return the samples of a cell in each direction: about one per pixel decoded at `reduction`."""
+    """Return the samples of a cell in each direction, about one per pixel decoded by `reduction`."""
     pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
     return max(1, round(pixels_per_cell))
 
