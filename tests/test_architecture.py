@@ -35,6 +35,7 @@ MAY_IMPORT = {
     'porotwin_recording': {'porotwin_core'},
     'porotwin_imaging': {'porotwin_core'},
     'porotwin_solver': {'porotwin_core'},
+    'porotwin_siblings': {'porotwin_core', 'porotwin_solver'},
     'porotwin_costa': {'porotwin_core', 'porotwin_recording'},
     'porotwin_hub': {'porotwin_core'},
     'porotwin_guard': {'porotwin_core'},  # it judges the hub, so it shares no limits with it
@@ -43,8 +44,8 @@ MAY_IMPORT = {
     'porotwin_page': {'porotwin_core'},
     'porotwin_diagnosis': {'porotwin_core', 'porotwin_recording', 'porotwin_solver'},
     'porotwin_validation': {
-        'porotwin_core', 'porotwin_recording', 'porotwin_solver', 'porotwin_rig',
-        'porotwin_diagnosis',
+        'porotwin_core', 'porotwin_recording', 'porotwin_imaging', 'porotwin_solver',
+        'porotwin_rig', 'porotwin_diagnosis',
     },
     'porotwin_cli': set(PACKAGES),
 }  # fmt: skip

@@ -111,6 +111,7 @@ def test_good_photographs_become_states_and_bad_ones_diagnostics(
         assert (np.diff(mass) > 0).all()
         assert not states[0].calibrated
         assert 0 < states[0].noise < 0.1
+        assert len(states[0].deviation) == len(states[0].systematic) > 0
         complaints = {one.message for one in diagnostics if one.level == DiagnosticStatus.ERROR}
         for text in ('duplicate', 'does not match', 'truncated or broken', 'out of order'):
             assert sum(text in complaint for complaint in complaints) == 1

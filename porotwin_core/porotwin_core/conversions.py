@@ -6,14 +6,19 @@ The functions `..._from_msg` come from `from_messages`, which needs no ROS.
 import array
 import json
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.from_messages import RIG_FRAME as RIG_FRAME
+from porotwin_core.from_messages import cost_term_from_msg as cost_term_from_msg
+from porotwin_core.from_messages import deviation_from_msg as deviation_from_msg
 from porotwin_core.from_messages import grid_from_msg as grid_from_msg
+from porotwin_core.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.from_messages import rig_from_msg as rig_from_msg
 from porotwin_core.from_messages import source_from_msg as source_from_msg
@@ -26,8 +31,8 @@ from porotwin_core.rig import (
     EffectDescription,
     Rig,
 )
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.units import from_ml_h, from_ml_min
+from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_msgs.msg import (
     CameraGeometry,
     ControlLimits,
@@ -39,6 +44,8 @@ from porotwin_msgs.msg import (
     SourceField,
     TracerField,
 )
+from porotwin_msgs.msg import CostTerm as CostTermMessage
+from porotwin_msgs.msg import RateStep as RateStepMessage
 from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
@@ -64,12 +71,18 @@ def grid_to_msg(grid: Grid) -> GridInfo:
 
 def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
     """Return the message of a concentration map (nz, nx) [-] at `seconds` [s], as float32."""
-    values = np.ascontiguousarray(concentration, dtype=np.float32)
     return TracerField(
         header=header_at(seconds),
         grid=grid_to_msg(grid),
-        concentration=array.array('f', values.tobytes()),
+        concentration=map_to_msg(concentration),
     )
+
+
+def map_to_msg(values: FloatArray | None) -> 'array.array[float]':
+    """Return the float32 field of a message for a map (nz, nx); empty for None: not known."""
+    if values is None:
+        return array.array('f')
+    return array.array('f', np.ascontiguousarray(values, dtype=np.float32).tobytes())
 
 
 def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField:
@@ -88,6 +101,28 @@ def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
         WellRateMessage(well=name, rate=well.rate, concentration=well.concentration)
         for name, well in rates.items()
     ]
+
+
+def plan_to_msg(plan: Iterable[RateStep]) -> list[RateStepMessage]:
+    """Return one message for each step of a plan."""
+    return [RateStepMessage(start=step.start, wells=rates_to_msg(step.rates)) for step in plan]
+
+
+def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
+    """Return the message of a cost term."""
+
+    def flat(values: FloatArray | None) -> 'array.array[float]':
+        if values is None:
+            return array.array('d')
+        return array.array('d', np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+    return CostTermMessage(
+        start=float(term.start),
+        end=float(term.end),
+        linear=flat(term.linear),
+        quadratic=flat(term.quadratic),
+        target=flat(term.target),
+    )
 
 
 def ok() -> Outcome:
@@ -145,6 +180,11 @@ def _control_to_msg(control: Control) -> ControlLimits:
         fixed=rates_to_msg(fixed),
         max_rate=from_ml_h(control.max_rate_ml_h),
         max_total_rate=from_ml_h(control.max_total_rate_ml_h),
+        rate_step=from_ml_h(control.rate_step_ml_h),
+        min_rate=from_ml_h(control.min_rate_ml_h),
+        max_change=from_ml_h(control.max_change_ml_h or 0.0),
+        change_cost=from_ml_min(control.change_cost_ml_min),
+        end=60.0 * (control.end_min or 0.0),
         disallowed_zone=[value for point in control.disallowed_zone_m for value in point],
         fuzziness=control.fuzziness_m,
         objective=control.objective.name,

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
-from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate
+from porotwin_core.units import to_ml_h, to_ml_min
+from porotwin_core.wells import RateStep, WellRate
 
 RIG_FRAME = 'rig'
 """Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
@@ -71,6 +72,28 @@ def tracer_from_msg(message: Any) -> tuple[FloatArray, Grid]:
     return values.astype(np.float64), grid
 
 
+def deviation_from_msg(values: Any, grid: Grid) -> FloatArray | None:
+    """Return a map (nz, nx) of standard deviations [-] in double precision; None if not known.
+
+    Args:
+        values: field `deviation` or `systematic` of a state, empty if not known.
+        grid: the grid of its concentrations.
+
+    Raises:
+        InputError: the number of values does not fit the grid, or one is negative or infinite.
+    """
+    if len(values) == 0:
+        return None
+    deviation = _values('deviation', values, grid, np.float32)
+    wrong = deviation[(deviation < 0.0) | np.isinf(deviation)]
+    if wrong.size:
+        raise InputError(
+            f'deviation of {wrong[0]:g} in {wrong.size} cells; a standard deviation is 0 or more, '
+            'NaN where nothing was seen'
+        )
+    return deviation.astype(np.float64)
+
+
 def source_from_msg(message: Any) -> tuple[FloatArray, Grid]:
     """Return the tracer source (nz, nx) [1/s] and its grid.
 
@@ -100,6 +123,30 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
         except InputError as error:
             raise InputError(f"well '{message.well}': {error}") from None
     return rates
+
+
+def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
+    """Return the steps of a plan; `check_plan` judges their times.
+
+    Raises:
+        InputError: as `rates_from_msg`.
+    """
+    return tuple(RateStep(step.start, rates_from_msg(step.wells)) for step in messages)
+
+
+def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
+    """Return a cost term for maps on `grid`; `CostTerm.check` judges its times.
+
+    Raises:
+        InputError: a map has not one value for each cell.
+    """
+
+    def map_of(name: str) -> FloatArray | None:
+        values = getattr(message, name)
+        return _values(f'cost term, {name}:', values, grid, np.float64) if len(values) else None
+
+    maps = {name: map_of(name) for name in ('linear', 'quadratic', 'target')}
+    return CostTerm(message.start, message.end, **maps)
 
 
 def _quantity_from_msg(message: Any) -> float | FloatArray:
@@ -168,9 +215,24 @@ def _control_from_msg(message: Any) -> dict[str, Any]:
         'fixed': fixed,
         'max_rate_ml_h': _rounded(to_ml_h(message.max_rate)),
         'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
+        **_orders_from_msg(message),
         'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
         'fuzziness_m': message.fuzziness,
         'objective': _objective_from_msg(message),
+    }
+
+
+def _orders_from_msg(message: Any) -> dict[str, Any]:
+    """Return how rates are set; empty for a bag that was recorded before this could be said."""
+    if not getattr(message, 'rate_step', 0.0):
+        return {}
+    max_change = _rounded(to_ml_h(message.max_change))
+    return {
+        'rate_step_ml_h': _rounded(to_ml_h(message.rate_step)),
+        'min_rate_ml_h': _rounded(to_ml_h(message.min_rate)),
+        'max_change_ml_h': max_change or None,
+        'change_cost_ml_min': _rounded(to_ml_min(message.change_cost)),
+        'end_min': _rounded(message.end / 60.0) or None,
     }
 
 

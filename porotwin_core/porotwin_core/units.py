@@ -3,6 +3,9 @@
 ML_H = 1e-6 / 3600.0
 """One millilitre per hour in m^3/s."""
 
+ML_MIN = 1e-6 * 60.0
+"""One millilitre of tracer for one minute in m^3 s."""
+
 DARCY = 9.869233e-13
 """One darcy in m^2 (SPE Metric Standard)."""
 
@@ -21,6 +24,16 @@ def from_ml_h(rate_ml_h: float) -> float:
 def to_ml_h(rate: float) -> float:
     """Return a pump rate in millilitres per hour from [m^3/s]."""
     return rate / ML_H
+
+
+def from_ml_min(dose_ml_min: float) -> float:
+    """Return a dose [m^3 s]: tracer where it must not be, over time, from ml min."""
+    return dose_ml_min * ML_MIN
+
+
+def to_ml_min(dose: float) -> float:
+    """Return a dose in ml min from [m^3 s]."""
+    return dose / ML_MIN
 
 
 def permeability_of(conductivity: float, viscosity: float, density: float) -> float:

@@ -3,8 +3,9 @@
 import bisect
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from porotwin_core.errors import InputError
 
@@ -39,6 +40,46 @@ WellRates = Mapping[str, WellRate]
 def net_rate(rates: WellRates) -> float:
     """Return the sum of all rates [m^3/s]: injection minus production."""
     return math.fsum(well.rate for well in rates.values())
+
+
+class RateStep(NamedTuple):
+    """Rates [m^3/s] that hold from `start` [s] until the next step of a plan; the last one stays.
+
+    The times of a plan begin at 0, the moment of the state that it starts from.
+    """
+
+    start: float
+    rates: WellRates
+
+
+def check_plan(plan: Sequence[RateStep]) -> None:
+    """Return if the steps of a plan begin at 0 and follow each other.
+
+    Raises:
+        InputError: there is none, the first one does not begin at 0, or the times do not increase.
+    """
+    starts = [step.start for step in plan]
+    if not starts or starts[0] != 0.0:
+        raise InputError('schedule: its first step must begin at 0 s, the time of the state')
+    for before, start in itertools.pairwise(starts):
+        if not before < start < math.inf:
+            raise InputError(
+                f'schedule: a step at {start:g} s follows one at {before:g} s; '
+                'give finite times that increase'
+            )
+
+
+def plan_intervals(
+    plan: Sequence[RateStep], edges: Iterable[float], end: float
+) -> Iterator[tuple[float, float, int]]:
+    """Yield (start, end, number of the step) of intervals from 0 to `end` [s].
+
+    No interval goes over the start of a step or over one of the `edges` [s].
+    """
+    starts = [step.start for step in plan]
+    moments = sorted({0.0, end, *(time for time in [*starts, *edges] if 0.0 < time < end)})
+    for low, high in itertools.pairwise(moments):
+        yield low, high, bisect.bisect_right(starts, low) - 1
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,12 @@ pytest.importorskip('porotwin_msgs.msg', reason='needs ROS 2 and the built inter
 from rclpy.serialization import deserialize_message, serialize_message
 
 from porotwin_core import conversions
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import parse_rig, rig_from_maps
-from porotwin_core.wells import WellRate
-from porotwin_msgs.msg import Outcome
+from porotwin_core.wells import RateStep, WellRate
+from porotwin_msgs.msg import NewState, Outcome
 from porotwin_msgs.msg import WellRate as WellRateMessage
 
 GRID = Grid(7, 4, 0.934, 0.562)
@@ -54,11 +55,43 @@ def test_a_map_survives_the_wire() -> None:
     assert conversions.time_from_msg(received.header.stamp) == 12.5
 
 
+def test_deviations_survive_the_wire_and_may_be_missing() -> None:
+    values = np.random.default_rng(2).random(GRID.shape).astype(np.float32)
+    values[1, 2] = np.nan
+    message = NewState(deviation=conversions.map_to_msg(values))
+    received = deserialize_message(serialize_message(message), NewState)
+    np.testing.assert_array_equal(conversions.deviation_from_msg(received.deviation, GRID), values)
+    assert conversions.deviation_from_msg(received.systematic, GRID) is None
+
+
+@pytest.mark.parametrize('wrong', [-0.1, np.inf])
+def test_a_deviation_that_is_none_is_refused(wrong: float) -> None:
+    values = np.full(GRID.shape, 0.1)
+    values[0, 0] = wrong
+    with pytest.raises(InputError, match='a standard deviation is 0 or more'):
+        conversions.deviation_from_msg(conversions.map_to_msg(values), GRID)
+    with pytest.raises(InputError, match='has 3 values on a grid of 7 x 4'):
+        conversions.deviation_from_msg(conversions.map_to_msg(np.ones(3)), GRID)
+
+
 def test_a_source_survives_the_wire_in_double_precision() -> None:
     values = np.random.default_rng(2).standard_normal(GRID.shape)
     message = conversions.source_to_msg(values, GRID, 0.0)
     received = deserialize_message(serialize_message(message), type(message))
     np.testing.assert_array_equal(conversions.source_from_msg(received)[0], values)
+
+
+def test_a_plan_and_a_cost_term_survive_the_wire() -> None:
+    plan = (RateStep(0.0, {'a': WellRate(1e-8)}), RateStep(60.0, {'a': WellRate(2e-8, 1.0)}))
+    assert conversions.plan_from_msg(conversions.plan_to_msg(plan)) == plan
+    weights = np.random.default_rng(2).random(GRID.shape)
+    message = conversions.cost_term_to_msg(CostTerm(5.0, 9.0, quadratic=weights))
+    received = deserialize_message(serialize_message(message), type(message))
+    term = conversions.cost_term_from_msg(received, GRID)
+    assert (term.start, term.end, term.linear, term.target) == (5.0, 9.0, None, None)
+    np.testing.assert_array_equal(term.quadratic, weights)
+    with pytest.raises(InputError, match='cost term, quadratic: has 28 values on a grid of 2 x 2'):
+        conversions.cost_term_from_msg(received, Grid(2, 2, 0.9, 0.5))
 
 
 def test_a_map_that_does_not_fit_its_grid_is_refused() -> None:
@@ -101,6 +134,11 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
         'control': {
             'wells': ['a'],
             'producer': 'b',
+            'rate_step_ml_h': 5.0,
+            'min_rate_ml_h': 20.0,
+            'max_change_ml_h': 100.0,
+            'change_cost_ml_min': 0.25,
+            'end_min': 80.0,
             'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]],
         },
         'effects': [{'name': 'rate', 'parameters': {'well': 'a', 'factor': 0.95}}],

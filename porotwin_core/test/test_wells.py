@@ -1,6 +1,7 @@
 """Well rates and schedules."""
 
 import itertools
+import math
 
 import pytest
 from hypothesis import given
@@ -8,7 +9,16 @@ from hypothesis import strategies as st
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import ML_H, from_ml_h, to_ml_h
-from porotwin_core.wells import Schedule, ScheduleRow, WellRate, mean_rates, net_rate
+from porotwin_core.wells import (
+    RateStep,
+    Schedule,
+    ScheduleRow,
+    WellRate,
+    check_plan,
+    mean_rates,
+    net_rate,
+    plan_intervals,
+)
 
 SCHEDULE = Schedule(
     (
@@ -73,3 +83,15 @@ def test_impossible_rates_are_refused(rate: float, concentration: float) -> None
 def test_500_ml_h_fill_half_a_litre_in_an_hour() -> None:
     assert from_ml_h(500.0) * 3600.0 == pytest.approx(500e-6)
     assert to_ml_h(ML_H) == pytest.approx(1.0)
+
+
+def test_intervals_of_a_plan_end_at_its_steps_and_at_the_edges() -> None:
+    plan = (RateStep(0.0, {}), RateStep(100.0, {}), RateStep(900.0, {}))
+    found = list(plan_intervals(plan, (50.0, 400.0), 300.0))
+    assert found == [(0.0, 50.0, 0), (50.0, 100.0, 0), (100.0, 300.0, 1)]
+
+
+@pytest.mark.parametrize('starts', [(), (1.0,), (0.0, 0.0), (0.0, math.nan), (0.0, math.inf)])
+def test_a_plan_whose_times_do_not_increase_from_zero_is_refused(starts: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match='schedule: '):
+        check_plan([RateStep(start, {}) for start in starts])

@@ -7,10 +7,10 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.plausibility import plausible_rate_ml_h
+from porotwin_core.rates_in_force import KnownRates, balanced
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates
-from porotwin_hub.rates_in_force import KnownRates, balanced
 
 LEAST_SEEN_SHARE = 0.1
 """Share of the rig that a map shows at least. From a hand before the camera no setpoint follows."""

@@ -11,8 +11,8 @@ from typing import Protocol
 
 from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.grid import FloatArray
+from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.wells import WellRates, mean_rates
-from porotwin_hub.rates_in_force import RatePeriod
 
 
 class ModelUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake

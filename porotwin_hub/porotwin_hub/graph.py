@@ -50,6 +50,7 @@ class GraphSettings:
     photo_interval_s: float = _option(30.0, 'time between photographs [s]')
     horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
     evaluations: int = _option(60, 'most predictions of one optimisation')
+    siblings: bool = _option(False, 'forecast with bands, and answer what-if')
     control: bool = _option(True, 'choose setpoints, if rig.yaml has a control section')
     retrain_every: int = _option(0, 'retrain COSTA after this number of new states; 0: never')
     architecture: str = _option('', 'network to train; empty: the one of the loaded model')
@@ -88,6 +89,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         _costa_node(settings, modelled),
         _hub_node(settings, mapped),
         _guard_node(settings, common),
+        *_siblings_node(settings, mapped),
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
@@ -146,6 +148,12 @@ def _guard_node(settings: GraphSettings, common: Parameters) -> NodeDescription:
     """Return the node that checks the hub's setpoints on their way to the pumps."""
     parameters = {**common, 'photo_interval_s': settings.photo_interval_s}
     return NodeDescription('guard', 'porotwin_guard', 'guard_node', parameters)
+
+
+def _siblings_node(settings: GraphSettings, mapped: Parameters) -> list[NodeDescription]:
+    if not settings.siblings:
+        return []
+    return [NodeDescription('siblings', 'porotwin_siblings', 'siblings_node', mapped)]
 
 
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:
@@ -261,6 +269,7 @@ def parameter_template() -> str:
         training=somewhere,
         record=somewhere,
         diagnoses=somewhere,
+        siblings=True,
         page='HOST:PORT',
         pumps=somewhere,
     )

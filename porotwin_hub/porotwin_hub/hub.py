@@ -55,7 +55,10 @@ class Hub:
             RuntimeError: a setpoint breaks a limit; it was not commanded.
         """
         begin = time.perf_counter()
-        observation = Observation(ready.state.stamp, ready.state.concentration)
+        state = ready.state
+        observation = Observation(
+            state.stamp, state.concentration, state.deviation, state.systematic
+        )
         if not ready.is_believed:
             cycle = self._twin.set_aside(observation)
             cycle.remarks += ready.doubts

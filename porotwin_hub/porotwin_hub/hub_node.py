@@ -22,14 +22,23 @@ from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, 
 from porotwin_core.rig import Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
-from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
-from porotwin_hub.controller import Controller
+from porotwin_core.state_filter import StateFilter
+from porotwin_hub.clients import (
+    Caller,
+    DataDrivenModelClient,
+    PhysicsModelClient,
+    PlanModelClient,
+    send_control,
+)
+from porotwin_hub.controller import Controller, Planner, WithSubstitute
 from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
 from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Cycle, Twin
@@ -37,6 +46,7 @@ from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
     NewState,
+    RateFactor,
     RigDescription,
     Setpoint,
     StateRefreshed,
@@ -59,9 +69,10 @@ OPTIMISER_SHARE = 0.5
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """The parameters of the controller; `horizon` [s], `evaluations` per decision."""
+    """The parameters of the controller: `optimiser`, `horizon` [s], `evaluations` of COBYLA."""
 
     enabled: bool
+    optimiser: str
     horizon: float
     evaluations: int
 
@@ -112,6 +123,7 @@ class HubNode(Node):
         self._call = Caller(self, timeout=self._declare_timeout())
         self._changed = threading.Event()
         self._controller = self._declare_controller(rig, interval)
+        state_filter = self._declare_filter(rig)
         twin = Twin(
             physics or PhysicsModelClient(self._call, self._grid),
             data_driven or DataDrivenModelClient(self._call, self._grid),
@@ -119,6 +131,9 @@ class HubNode(Node):
             controller=self._controller,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
+            state_filter=state_filter,
+            learner=self._declare_learner(rig) if state_filter is not None else None,
+            began=0.0 if self._simulated else None,  # simulated time counts from the start
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(
@@ -141,6 +156,30 @@ class HubNode(Node):
         if self._controller is None:
             self._log_prediction_only(rig)
         threading.Thread(target=self._work, daemon=True).start()
+
+    def _declare_filter(self, rig: Rig) -> StateFilter | None:
+        estimate = declare(
+            self,
+            'state_estimate',
+            'filter',
+            'state that predictions start from: filter weighs photograph and prediction by their '
+            'errors, photograph takes the map as it is',
+            choices=('filter', 'photograph'),
+        )
+        if estimate == 'photograph':
+            return None
+        grid = self._grid
+        return StateFilter(rig.cell_pore_volume(grid), (grid.dz, grid.dx))
+
+    def _declare_learner(self, rig: Rig) -> RateLearner | None:
+        learns = declare(
+            self,
+            'learn_rates',
+            True,
+            'learn from photographs and meters what share of its rate each pump delivers, and '
+            'predict with it',
+        )
+        return RateLearner(tuple(rig.wells), self._grid, closed=rig.closed) if learns else None
 
     def _declare_timeout(self) -> float:
         """Return the longest wait for a model [s].
@@ -166,7 +205,7 @@ class HubNode(Node):
             )
         )
 
-    def _declare_controller(self, rig: Rig, interval: float) -> Controller | None:
+    def _declare_controller(self, rig: Rig, interval: float) -> Planner | None:
         """Return the controller of the parameters; None: choose no setpoints."""
 
         def replace_controller(**changes: Any) -> None:
@@ -184,7 +223,7 @@ class HubNode(Node):
             self,
             'horizon_s',
             1800.0,
-            'how far the optimiser looks ahead [s]',
+            'how far the optimiser looks ahead, where rig.yaml names no end of the experiment [s]',
             at_least=1.0,
             at_most=DAY_S,
             on_change=lambda value: replace_controller(horizon=value),
@@ -193,28 +232,45 @@ class HubNode(Node):
             self,
             'evaluations',
             60,
-            'predictions per optimisation',
+            'predictions per search of COBYLA',
             at_least=1,
             at_most=10_000,
             on_change=lambda value: replace_controller(evaluations=value),
         )
-        self._settings = ControlSettings(enabled, horizon, evaluations)
+        optimiser = declare(
+            self,
+            'optimiser',
+            'gradient',
+            'how setpoints are chosen: gradient plans to the end of the experiment, cobyla (the '
+            "paper's) searches constant rates over the horizon",
+            choices=('gradient', 'cobyla'),
+            on_change=lambda value: replace_controller(optimiser=value),
+        )
+        self._settings = ControlSettings(enabled, optimiser, horizon, evaluations)
         if self._known_limits is None:
             return None
-        self._make_controller = partial(
-            Controller,
-            self._known_limits,
-            make_objective(rig, self._grid),
-            patience=math.inf if self._simulated else OPTIMISER_SHARE * interval,
+        patience = math.inf if self._simulated else OPTIMISER_SHARE * interval
+        self._make_constant = partial(
+            Controller, self._known_limits, make_objective(rig, self._grid), patience=patience
+        )
+        self._make_plan = partial(
+            plan_controller,
+            rig,
+            self._grid,
+            PlanModelClient(self._call, rig),
+            interval=interval,
+            patience=patience,
         )
         return self._controller_in_use()
 
-    def _controller_in_use(self) -> Controller | None:
-        if self._known_limits is None or not self._settings.enabled:
+    def _controller_in_use(self) -> Planner | None:
+        settings = self._settings
+        if self._known_limits is None or not settings.enabled:
             return None
-        return self._make_controller(
-            horizon=self._settings.horizon, evaluations=self._settings.evaluations
-        )
+        constant = self._make_constant(horizon=settings.horizon, evaluations=settings.evaluations)
+        if settings.optimiser == 'cobyla':
+            return constant
+        return WithSubstitute(self._make_plan(horizon=settings.horizon), constant)
 
     def _log_prediction_only(self, rig: Rig) -> None:
         known = rig.control is not None
@@ -269,12 +325,20 @@ class HubNode(Node):
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             self._door.check_state(concentration, grid)
+            deviation, systematic = (
+                conversions.deviation_from_msg(values, grid)
+                for values in (message.deviation, message.systematic)
+            )
         except InputError as error:
             self._refuse(f'state {message.sequence} ignored: {error}')
             return
         stamp = conversions.time_from_msg(message.header.stamp)
         doubt = self._numbers.doubt(message.sequence)
-        self._inbox.add_state(ArrivedState(message.sequence, stamp, concentration, message, doubt))
+        self._inbox.add_state(
+            ArrivedState(
+                message.sequence, stamp, concentration, message, doubt, deviation, systematic
+            )
+        )
 
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
@@ -378,6 +442,10 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
         correct_duration=cycle.durations.get('correct', math.nan),
         optimise_duration=cycle.durations.get('optimise', math.nan),
         cycle_duration=cycle.durations['cycle'],
+        rate_factors=[
+            RateFactor(well=well, factor=found.factor, deviation=found.deviation)
+            for well, found in cycle.rate_factors.items()
+        ],
         remarks=[*cycle.remarks, *cycle.notes],
     )
 

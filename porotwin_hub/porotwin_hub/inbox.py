@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.rates_in_force import KnownRates
 from porotwin_hub.freshness import IN_TIME, StampJudgement
-from porotwin_hub.rates_in_force import KnownRates
 
 REMEMBERED_STATES = 16
 """States that wait for their refreshed message, and the other way round: half a burst of 30."""
@@ -42,7 +42,8 @@ class ArrivedState(Generic[Envelope]):
 
     `sequence` is its number, `stamp` the time of its photograph [s], `concentration` its map
     (nz, nx) [-]. The `envelope` (the message) is passed on untouched. A `doubt` about its origin
-    counts as a doubt about its stamp.
+    counts as a doubt about its stamp. `deviation` is the standard deviation of its map, and
+    `systematic` the part of it that stays the same from photograph to photograph; None: not known.
     """
 
     sequence: int
@@ -50,6 +51,8 @@ class ArrivedState(Generic[Envelope]):
     concentration: FloatArray
     envelope: Envelope
     doubt: str = ''
+    deviation: FloatArray | None = None
+    systematic: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """All objectives by name, and the objective that a rig description asks for."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import pydantic
+from pydantic import Field, FiniteFloat
 
 from porotwin_core.discovery import discovered
 from porotwin_core.errors import InputError
@@ -11,12 +13,32 @@ from porotwin_core.grid import Grid
 from porotwin_core.rig import Control, Rig
 from porotwin_core.rig.complaints import one_line
 from porotwin_hub import objectives
-from porotwin_hub.objective import Objective, ObjectiveKind, ObjectiveParameters
+from porotwin_hub.objective import Objective, ObjectiveKind, ObjectiveParameters, WeightedSum
+
+P = TypeVar('P', bound=ObjectiveParameters)
 
 OBJECTIVES: dict[str, ObjectiveKind] = discovered(
     objectives.__name__, 'OBJECTIVE', ObjectiveKind, 'docs/extend/objective.md'
 )
 """All objectives by name; every module in `porotwin_hub/objectives` defines one."""
+
+SUM = 'sum'
+"""The name of several objectives at once: {name: sum, parts: [{name:, weight:, ...}, ...]}."""
+
+
+class Part(ObjectiveParameters):
+    """One objective of a sum: its name, its weight [-], and its own parameters."""
+
+    model_config = pydantic.ConfigDict(extra='allow', frozen=True)
+
+    name: str
+    weight: Annotated[FiniteFloat, Field(gt=0)] = 1.0
+
+
+class SumParameters(ObjectiveParameters):
+    """The parts of a sum, at least one."""
+
+    parts: Annotated[tuple[Part, ...], Field(min_length=1)]
 
 
 def objective_kind(name: str) -> ObjectiveKind:
@@ -26,7 +48,8 @@ def objective_kind(name: str) -> ObjectiveKind:
         InputError: there is none; the message lists all names.
     """
     if name not in OBJECTIVES:
-        raise InputError(f"objective '{name}': unknown; choose from {', '.join(OBJECTIVES)}")
+        known = ', '.join([*OBJECTIVES, SUM])
+        raise InputError(f"objective '{name}': unknown; choose from {known}")
     return OBJECTIVES[name]
 
 
@@ -38,9 +61,31 @@ def make_objective(rig: Rig, grid: Grid) -> Objective:
     """
     if rig.control is None:
         raise InputError(f"rig '{rig.name}' has no control section; add one to rig.yaml")
-    kind = objective_kind(rig.control.objective.name)
-    objective = kind.make(rig, grid, _parameters(kind, rig.control))
-    if objective(np.zeros(grid.shape)) == objective(np.ones(grid.shape)):
+    wanted = rig.control.objective
+    if wanted.name != SUM:
+        return _made(rig, grid, rig.control, wanted.name, wanted.parameters)
+    sum_ = _checked(SumParameters, wanted.parameters, SUM)
+    return WeightedSum(
+        tuple(
+            (part.weight, _made(rig, grid, rig.control, part.name, part.model_extra or {}))
+            for part in sum_.parts
+        )
+    )
+
+
+def _made(
+    rig: Rig, grid: Grid, control: Control, name: str, parameters: Mapping[str, Any]
+) -> Objective:
+    kind = objective_kind(name)
+    twice = parameters.keys() & {'disallowed_zone_m'}
+    if twice and control.disallowed_zone_m:
+        raise InputError(
+            "control: 'disallowed_zone_m' stands in control and in its objective; keep one of them"
+        )
+    given = _shared_parameters(kind, control) | dict(parameters)
+    objective = kind.make(rig, grid, _checked(kind.parameters, given, name))
+    nothing, full = np.zeros(grid.shape), np.ones(grid.shape)
+    if objective(nothing) == objective(full) and not objective.water_cost:
         raise InputError(
             f"objective '{kind.name}': an empty rig and a rig full of tracer cost the same; "
             f'does its zone [m] lie inside the rig of {rig.width_m} m x {rig.height_m} m?'
@@ -48,16 +93,10 @@ def make_objective(rig: Rig, grid: Grid) -> Objective:
     return objective
 
 
-def _parameters(kind: ObjectiveKind, control: Control) -> ObjectiveParameters:
-    twice = control.objective.parameters.keys() & {'disallowed_zone_m'}
-    if twice and control.disallowed_zone_m:
-        raise InputError(
-            "control: 'disallowed_zone_m' stands in control and in its objective; keep one of them"
-        )
-    given: dict[str, Any] = _shared_parameters(kind, control) | control.objective.parameters
-    section = f"objective '{kind.name}'"
+def _checked(model: type[P], given: Mapping[str, Any], name: str) -> P:
+    section = f"objective '{name}'"
     try:
-        return kind.parameters.model_validate(given)
+        return model.model_validate(given)
     except pydantic.ValidationError as error:
         raise InputError(one_line(section, error, section=section)) from None
 

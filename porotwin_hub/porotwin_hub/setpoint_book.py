@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
-from porotwin_core.rig import Rig
+from porotwin_core.rig import PUMP_STEP_ML_H, Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.announcement import Announcement, announce, announce_expiry, clock_time
 from porotwin_hub.confirmed_rates import question_about, refuse_implausible
 from porotwin_hub.setpoint_expiry import ExpiryWatch
-from porotwin_hub.setpoint_limits import PUMP_STEP_ML_H, Limits
+from porotwin_hub.setpoint_limits import Limits
 
 REMEMBERED_SETPOINTS = 100
 """Setpoints that can still be confirmed: 50 minutes of photographs every 30 s."""

@@ -13,8 +13,18 @@ from dataclasses import dataclass, field
 
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
+from porotwin_core.rates_in_force import (
+    KnownRates,
+    RatePeriod,
+    describe_difference,
+    injected_tracer,
+    latest_known,
+    rates_in_force,
+    same_rates,
+)
+from porotwin_core.state_filter import PUMP_DEVIATION, Estimate, Seen, StateFilter
 from porotwin_core.wells import WellRates
-from porotwin_hub.controller import Controller
+from porotwin_hub.controller import Planner
 from porotwin_hub.forecast import (
     Forecast,
     Forecaster,
@@ -22,15 +32,7 @@ from porotwin_hub.forecast import (
     PhysicsModel,
 )
 from porotwin_hub.optimisation import Decision
-from porotwin_hub.rates_in_force import (
-    KnownRates,
-    RatePeriod,
-    describe_difference,
-    known_within,
-    latest_known,
-    rates_in_force,
-    same_rates,
-)
+from porotwin_hub.rate_learning import DeliveringModel, PumpFactor, RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 from porotwin_hub.tracer_balance import imbalance
 
@@ -45,10 +47,16 @@ and nothing is predicted over it. A few lost photographs are no interruption."""
 
 @dataclass(frozen=True)
 class Observation:
-    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen."""
+    """An observed state: concentration (nz, nx) [-] at `time` [s]; NaN where nothing was seen.
+
+    `deviation` is its standard deviation, and `systematic` the part of it that stays the same from
+    photograph to photograph, both (nz, nx) [-]; None: not known.
+    """
 
     time: float
     concentration: FloatArray
+    deviation: FloatArray | None = None
+    systematic: FloatArray | None = None
 
 
 @dataclass
@@ -57,7 +65,10 @@ class Cycle:
 
     Attributes:
         observation: the state that the asset emitted.
-        state: the observation with its unseen cells filled in, (nz, nx) [-].
+        state: the state estimate, (nz, nx) [-]; without a filter the observation with its unseen
+            cells filled in.
+        seen: the observation with its errors; None: they are not used.
+        observed: the observation, with a filter without the error of its scale, (nz, nx) [-].
         periods: the rates in force [m^3/s] since the last observation; empty: there was none, or
             no model.
         pumped: the rates in force when the observation was made.
@@ -69,6 +80,7 @@ class Cycle:
         decision: the result of the optimiser, if it ran.
         elapsed: the forecast of the observation that is judged; None: none could be made.
         forecast: the forecast of the next observation; None: none could be made.
+        rate_factors: what the pumps deliver of what they are told, by well.
         durations: wall-clock times [s] of 'optimise', 'predict' and 'correct'.
         remarks: faults of the cycle, one line each.
         notes: lines for people that are no faults.
@@ -87,10 +99,15 @@ class Cycle:
     decision: Decision | None = None
     elapsed: Forecast | None = None
     forecast: Forecast | None = None
+    rate_factors: dict[str, PumpFactor] = field(default_factory=dict)
+    seen: Seen | None = None
     durations: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     previous_command: SetpointDecision | None = None
+
+    def __post_init__(self) -> None:
+        self.observed = self.observation.concentration
 
 
 class Twin:
@@ -106,9 +123,12 @@ class Twin:
         data_driven: CorrectionFn,
         *,
         photo_interval: float,
-        controller: Controller | None = None,
+        controller: Planner | None = None,
         assumed: WellRates | None = None,
         pore_volume: FloatArray | None = None,
+        began: float | None = None,
+        state_filter: StateFilter | None = None,
+        learner: RateLearner | None = None,
     ) -> None:
         """Make the loop.
 
@@ -120,13 +140,24 @@ class Twin:
             assumed: rates until any are known, without a controller; None: all wells are off.
             pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
                 tracer; None: no balance is made.
+            began: time of the start of the experiment [s]; None: the first observation.
+            state_filter: estimates the state from photograph and prediction; None: the state is the
+                photograph, its unseen cells filled in (the paper's way).
+            learner: learns what the pumps deliver, which needs a filter; None: they deliver what
+                they are told.
         """
         self._pore_volume = pore_volume
-        self._physics = physics
-        self._forecaster = Forecaster(physics, data_driven)
+        self._filter = state_filter
+        self._estimate: Estimate | None = None
+        self._plain_physics = physics
+        self._learner = learner
+        self._physics = DeliveringModel(physics, learner) if learner is not None else physics
+        self._forecaster = Forecaster(self._physics, data_driven)
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
+        self._known_start = began
+        self._began = began
         self._assumed = assumed or {}
         self.validity = validity(photo_interval)
         """How long a setpoint is valid after its photograph [s]."""
@@ -141,19 +172,25 @@ class Twin:
         self._state = None
         self._forecast = None
         self._expected = None
+        self._estimate = None
+        if self._learner is not None:
+            self._learner.interrupt()
 
     def begin_anew(self) -> None:
         """Forget everything, also the setpoint in force: time went back."""
         self.interrupt()
+        self._began = self._known_start
         self._command = None
         self._pumped = None
+        if self._learner is not None:
+            self._learner.begin_anew()
 
     @property
     def controls(self) -> bool:
         """Whether setpoints are chosen."""
         return self._controller is not None
 
-    def change_controller(self, controller: Controller | None) -> None:
+    def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
         self._controller = controller
 
@@ -205,6 +242,7 @@ class Twin:
         A model that does not answer is a remark of the cycle.
         """
         self._judge(cycle)
+        self._learn_rates(cycle)
         self._forecast_next(cycle)
         self._state = Observation(cycle.observation.time, cycle.state)
         self._forecast = cycle.forecast
@@ -219,10 +257,12 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
+        self._began = now if self._began is None else self._began
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
         commanded = self._commanded_rates(now)
+        known = self._as_told(known, commanded)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
             pumped = latest_known(known, now) or commanded
@@ -235,18 +275,54 @@ class Twin:
         cycle = Cycle(observation, observation.concentration, periods, pumped)
         if gap > self._longest_gap:
             cycle.notes.append(f'interrupted: {gap:.0f} s without a photograph; none is predicted')
-        if self._state is not None and known_within(known, self._state.time, now):
-            self._forecast_elapsed_again(cycle, self._state)
-        expected = cycle.elapsed.corrected if cycle.elapsed is not None else self._expected
-        cycle.state = fill_unseen(observation.concentration, expected)
+        if self._state is not None:
+            self._forecast_elapsed(cycle, self._state)
+        self._estimate_state(cycle)
         return cycle
 
-    def _forecast_elapsed_again(self, cycle: Cycle, last: Observation) -> None:
-        """Forecast the observation again if other rates were pumped than its forecast assumed."""
+    def _estimate_state(self, cycle: Cycle) -> None:
+        """Set the state of `cycle` from its observation and the prediction for it."""
+        observation, elapsed = cycle.observation, cycle.elapsed
+        expected = elapsed.corrected if elapsed is not None else self._expected
+        if self._filter is None:
+            cycle.state = fill_unseen(observation.concentration, expected)
+            return
+        seen = Seen.of(observation.concentration, observation.deviation, observation.systematic)
+        if elapsed is None or self._estimate is None:
+            self._estimate = self._filter.begin(seen, expected)
+        else:
+            injected = injected_tracer(cycle.periods)
+            self._estimate = self._filter.update(
+                self._estimate, elapsed.corrected, seen, injected, self._pump_deviation(cycle)
+            )
+        cycle.seen = seen
+        cycle.state = self._estimate.concentration
+        cycle.observed = self._estimate.observed
+
+    def _pump_deviation(self, cycle: Cycle) -> float:
+        """Return the deviation of the share by which the tracer's pump is wrong [-]."""
+        if self._learner is None:
+            return PUMP_DEVIATION
+        factors = self._learner.factors
+        deviations = [
+            factors[name].deviation
+            for name, well in cycle.pumped.items()
+            if well.rate > 0.0 and well.concentration > 0.0
+        ]
+        return max(deviations, default=0.0)
+
+    def _forecast_elapsed(self, cycle: Cycle, last: Observation) -> None:
+        """Set the forecast that was made for the observation, if there was one.
+
+        It is made again if other rates were pumped than it assumed, or if the photograph came at
+        another time.
+        """
         planned = self._forecast
-        if planned is None or all(
-            same_rates(period.rates, planned.rates) for period in cycle.periods
-        ):
+        if planned is None:
+            return
+        as_planned = all(same_rates(period.rates, planned.rates) for period in cycle.periods)
+        if as_planned and abs(planned.time - cycle.observation.time) <= SAME_TIME_S:
+            cycle.elapsed = planned
             return
         try:
             cycle.elapsed = self._forecaster.forecast(last.concentration, cycle.periods)
@@ -254,7 +330,7 @@ class Twin:
             cycle.remarks.append(f'no prediction for this photograph: {error}')
             cycle.periods = ()
             return
-        difference = describe_difference(cycle.periods, planned.rates)
+        difference = '' if as_planned else describe_difference(cycle.periods, planned.rates)
         if difference:
             cycle.notes.append(f'predicted again with the rates in force: {difference}')
 
@@ -266,39 +342,66 @@ class Twin:
             return self._controller.limits.safe()
         return self._command.rates
 
+    def _learn_rates(self, cycle: Cycle) -> None:
+        """Learn what the pumps deliver; a model that does not answer is a remark of the cycle."""
+        if self._learner is None or self._estimate is None or cycle.seen is None:
+            return
+        time = cycle.observation.time
+        try:
+            self._learner.learn(
+                self._plain_physics, time, self._estimate, cycle.seen, cycle.periods
+            )
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no rates learnt: {error}')
+        cycle.rate_factors = self._learner.factors
+
+    def _as_told(self, known: Sequence[KnownRates], commanded: WellRates) -> list[KnownRates]:
+        """Return `known` rates as the pumps were told; measured ones teach what pumps deliver."""
+        if self._learner is None:
+            return list(known)
+        told = [
+            item if item.is_open else item._replace(rates=self._learner.told(item.rates))
+            for item in known
+        ]
+        for item in known:
+            if not item.is_open:
+                self._learner.meter(item.rates, commanded)
+        return told
+
     def _judge(self, cycle: Cycle) -> None:
         """Compare the observation with its forecast, or with one made now for its time."""
         if self._state is None or not cycle.periods:
             return
-        planned, now = self._forecast, cycle.observation.time
-        if cycle.elapsed is None and planned and abs(planned.time - now) <= SAME_TIME_S:
-            cycle.elapsed = planned
         if cycle.elapsed is None:
             try:
                 cycle.elapsed = self._forecaster.forecast(self._state.concentration, cycle.periods)
             except ModelUnavailable as error:
                 cycle.remarks.append(f'no prediction for this photograph: {error}')
                 return
-        observed = cycle.observation.concentration
-        cycle.prediction_error = relative_error(cycle.elapsed.predicted, observed)
-        cycle.corrected_error = relative_error(cycle.elapsed.corrected, observed)
+        cycle.prediction_error = relative_error(cycle.elapsed.predicted, cycle.observed)
+        cycle.corrected_error = relative_error(cycle.elapsed.corrected, cycle.observed)
         if self._pore_volume is not None:
+            observed = cycle.observation.concentration
             remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
             cycle.remarks += [remark] if remark else []
 
-    def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
+    def _choose_setpoint(self, cycle: Cycle, controller: Planner) -> None:
         now = cycle.observation.time
         begin = time.perf_counter()
         try:
             cycle.decision = controller.decide(
-                self._physics, cycle.state, self._commanded_rates(now)
+                self._physics,
+                cycle.state,
+                self._commanded_rates(now),
+                now=now - (self._began or 0.0),
             )
+            cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
             cycle.setpoint = self._setpoint_without_model(now, str(error), controller)
             cycle.remarks.append(f'not optimised: {error}')
         else:
             rates, reason = cycle.decision.rates, controller.objective.goal
-            broken = controller.limits.violations(rates)
+            broken = controller.limits.violations(rates, self._commanded_rates(now))
             if broken:  # impossible while `Limits.setpoint` is right; a cheap check of the pumps
                 cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
                 rates, reason = controller.limits.safe(), 'optimised rates broke a limit'
@@ -307,7 +410,7 @@ class Twin:
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
     def _setpoint_without_model(
-        self, now: float, reason: str, controller: Controller
+        self, now: float, reason: str, controller: Planner
     ) -> SetpointDecision:
         """Return the setpoint in force while it is valid, afterwards the safe rates."""
         held = self._command

@@ -1,5 +1,6 @@
 """Tests of the limits: every setpoint keeps them, every violation is named."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -16,6 +17,8 @@ ANYTHING = st.lists(
     min_size=3,
     max_size=3,
 )
+
+ANYTHING_ML_H = st.lists(st.floats(0.0, 600.0), min_size=3, max_size=3)
 
 
 @given(proposed=ANYTHING)
@@ -39,6 +42,35 @@ def test_the_setpoint_of_a_setpoint_is_the_same(proposed: list[float]) -> None:
     assert LIMITS.setpoint(LIMITS.control_rates(rates)) == rates
 
 
+HAND_SET = dataclasses.replace(
+    LIMITS, step=from_ml_h(5.0), min_rate=from_ml_h(20.0), max_change=from_ml_h(101.0)
+)
+
+
+@given(proposals=st.lists(ANYTHING_ML_H, min_size=1, max_size=6))
+def test_pump_steps_least_rates_and_ramps_hold_along_any_proposals(
+    proposals: list[list[float]],
+) -> None:
+    previous = HAND_SET.safe()
+    for proposed in proposals:
+        rates = HAND_SET.setpoint(from_ml_h(1.0) * np.array(proposed), previous)
+        assert HAND_SET.violations(rates, previous) == []
+        previous = rates
+
+
+def test_a_rate_moves_towards_a_far_one_by_whole_steps() -> None:
+    wanted = from_ml_h(1.0) * np.array([400.0, 0.0, 13.0])
+    first = HAND_SET.setpoint(wanted, HAND_SET.safe())
+    assert to_ml_h(1.0) * HAND_SET.control_rates(first) == pytest.approx([100.0, 0.0, 20.0])
+    second = HAND_SET.setpoint(wanted, first)
+    assert to_ml_h(second['control1'].rate) == pytest.approx(200.0)
+
+
+def test_the_safe_rates_are_allowed_after_any_others() -> None:
+    far = {**HAND_SET.safe(), 'control1': WellRate(from_ml_h(500.0))}
+    assert HAND_SET.violations(HAND_SET.safe(), far) == []
+
+
 def test_safe_rates_keep_the_injector_on_and_balance_it() -> None:
     safe = LIMITS.safe()
     assert to_ml_h(safe['producer'].rate) == pytest.approx(-500.0)
@@ -50,6 +82,7 @@ def test_safe_rates_keep_the_injector_on_and_balance_it() -> None:
     [
         ({'control1': WellRate(from_ml_h(501.0))}, "'control1': 501.0"),
         ({'control2': WellRate(from_ml_h(-1.0))}, "'control2': -1.0"),
+        ({'control2': WellRate(from_ml_h(7.05))}, "'control2': 7.05 ml/h is no multiple of 0.1"),
         ({'control1': WellRate(from_ml_h(300)), 'control2': WellRate(from_ml_h(300))}, '600.0'),
         ({'injector': WellRate(from_ml_h(400.0), 1.0)}, "'injector' must stay"),
         ({'producer': WellRate(from_ml_h(-499.0))}, 'net rate must be zero'),

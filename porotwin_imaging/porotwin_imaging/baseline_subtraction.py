@@ -52,7 +52,7 @@ def log_ratio_variance(
     """
     relative = _scatter(sums.blocks, matrix.astype(np.float32))
     nz, nx = sums.share.shape
-    variance = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
+    variance: Array = np.asarray(cv2.resize(relative, (nx, nz), interpolation=cv2.INTER_LINEAR))
     per_sample = np.float32(settings.correlated_samples / samples_across**2)
     for band in row_bands((nz, nx)):
         variance[band] *= (per_sample / np.maximum(sums.share[band], _LEAST_SHARE))[..., None]

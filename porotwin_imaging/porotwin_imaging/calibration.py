@@ -1,18 +1,20 @@
 """The calibration record and its file: the conversion of signal to concentration.
 
-    schema: 1
-    made: {from: experiment folder, photographs: 12, outliers: 1, ...}
+    schema: 2
+    made: {from: experiment folder, photographs: 12, anchor: core, ...}
     signal: {contrast: absorbance, weights: [1.0, 0.0, 0.0]}
     scale_error: 0.02
-    response: {signal: [0.0, 0.6, 1.9], concentration: [0.0, 0.35, 1.0]}
-    sands: {file: sands.png, factors: [1.0, 1.52]}
+    response: {signal: [0.0, 0.6, 1.9], concentration: [0.0, 0.35, 1.0], deviation: [0, 0.02, 0]}
+    sands: {file: sands.png, factors: [1.0, 1.52], deviations: [0.01, 0.3]}
     hidden: {file: hidden.png}
 
 `made` describes the origin of the calibration. `scale_error` is the relative standard deviation of
-the scale. `response` is a monotone, piecewise linear curve. `sands` names a picture of the whole
-rig with one grey level per sand (0, 1, 2, ...), row 0 at the top; the signal of each sand is
-multiplied by its factor before the response. `hidden` names a picture that is white where
-photographs do not show sand. Both pictures can be corrected by hand with any paint program.
+the scale. `response` is a monotone, piecewise linear curve; `deviation` is the standard deviation
+of its concentrations for a known scale. `sands` names a picture of the whole rig with one grey
+level per sand (0, 1, 2, ...), row 0 at the top; the signal of each sand is multiplied by its factor
+before the response. `deviations` are the relative standard deviations of the factors. `hidden`
+names a picture that is white where photographs do not show sand. Both pictures can be corrected by
+hand with any paint program. Files of schema 1 have no deviations; they are read with zeros there.
 """
 
 from dataclasses import dataclass, field
@@ -31,8 +33,10 @@ from porotwin_imaging.tracer_signal import TracerSignal
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
-SCHEMA = 1
-"""Version of the file format."""
+SCHEMA = 2
+"""Version of the file format that is written."""
+_READ_SCHEMAS = (1, 2)
+"""Versions that are read. Version 1 has no deviations of the response and of the factors."""
 DEFAULT_FULL_SIGNAL = 0.8
 """Signal of tracer stock without a calibration: the share of red light that the green tracer of the
 large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""
@@ -49,6 +53,7 @@ class Response:
     Attributes:
         signal: increasing signals of its points [-], (n,).
         concentration: their concentrations [-], (n,), not decreasing, 1 = tracer stock.
+        deviation: standard deviations of `concentration` for a known scale [-], (n,), or ().
 
     Raises:
         InputError: there are fewer than 2 points, or the curve does not increase.
@@ -56,6 +61,7 @@ class Response:
 
     signal: tuple[float, ...] = (0.0, DEFAULT_FULL_SIGNAL)
     concentration: tuple[float, ...] = (0.0, 1.0)
+    deviation: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         signal, concentration = np.array(self.signal), np.array(self.concentration)
@@ -65,6 +71,8 @@ class Response:
             )
         if (np.diff(signal) <= 0).any() or (np.diff(concentration) < 0).any():
             raise InputError('calibration: response must increase; calibrate again')
+        if self.deviation and len(self.deviation) != len(signal):
+            raise InputError('calibration: response needs one deviation for each of its signals')
 
     def concentration_of(self, signal: Array) -> Array:
         """Return the concentration of `signal`, of the same shape; linear beyond both ends."""
@@ -81,6 +89,12 @@ class Response:
         piece = np.clip(np.searchsorted(x, signal, side='right') - 1, 0, len(slopes) - 1)
         return slopes[piece]
 
+    def deviation_of(self, signal: Array) -> Array:
+        """Return the standard deviation of the curve at `signal`, of the same shape."""
+        if not self.deviation:
+            return np.zeros_like(signal, float)
+        return np.interp(signal, self.signal, self.deviation)
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -94,6 +108,7 @@ class Calibration:
         hidden: picture that is white where no sand is visible, same orientation, or None.
         made: origin of the calibration, for the reader of the file.
         scale_error: relative standard deviation of the scale [-].
+        factor_deviations: relative standard deviation of each factor [-]; () if they are not known.
     """
 
     signal: TracerSignal = field(default_factory=TracerSignal)
@@ -103,15 +118,40 @@ class Calibration:
     hidden: Labels | None = None
     made: dict[str, Any] = field(default_factory=dict)
     scale_error: float = UNCALIBRATED_ERROR
+    factor_deviations: tuple[float, ...] = ()
 
     def factor_map(self, grid: Grid) -> Array:
         """Return the factor of each cell, shape (nz, nx): the mean over the sands in it."""
+        return self._map_of(self.factors, grid)
+
+    def factor_deviation_map(self, grid: Grid) -> Array:
+        """Return the relative standard deviation of the factor of each cell, shape (nz, nx)."""
+        return self._map_of(self.factor_deviations or (0.0,) * len(self.factors), grid)
+
+    def systematic_deviation(self, signal: Array, factor_deviation: Array) -> Array:
+        """Return the standard deviation [-] of concentrations that the calibration causes.
+
+        It is the same in all photographs. Three independent parts are added in squares: the scale,
+        the shape of the response, and the factor of the sand.
+
+        Args:
+            signal: signal times factor of the sand [-], any shape.
+            factor_deviation: relative standard deviation of the factor, the same shape; for a map
+                it is `factor_deviation_map`.
+        """
+        concentration = self.response.concentration_of(signal)
+        factor_part = self.response.slope_at(signal) * signal * factor_deviation
+        shape_part = self.response.deviation_of(signal)
+        scale_part = self.scale_error * concentration
+        return np.sqrt(scale_part**2 + shape_part**2 + factor_part**2)
+
+    def _map_of(self, values: tuple[float, ...], grid: Grid) -> Array:
+        """Return one value per sand as a map (nz, nx): the mean over the sands in each cell."""
         if self.sands is None:
-            return np.full(grid.shape, self.factors[0])
-        factors = np.array(self.factors)[np.minimum(self.sands, len(self.factors) - 1)]
-        return np.asarray(cv2.resize(factors, (grid.nx, grid.nz), interpolation=cv2.INTER_AREA))[
-            ::-1
-        ]
+            return np.full(grid.shape, values[0])
+        picture = np.array(values)[np.minimum(self.sands, len(values) - 1)]
+        size = (grid.nx, grid.nz)
+        return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))[::-1]
 
     def shown(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
         """Return where the picture `hidden` does not hide the sand, at `shape` (rows, columns)."""
@@ -135,12 +175,15 @@ def load_calibration(path: Path | str) -> Calibration:
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
     try:
-        if data['schema'] != SCHEMA:
-            raise InputError(f'{path}: schema {data["schema"]}; this version reads {SCHEMA}')
-        signal = TracerSignal(data['signal']['contrast'], _weights(data['signal']['weights']))
+        if data['schema'] not in _READ_SCHEMAS:
+            versions = ' and '.join(map(str, _READ_SCHEMAS))
+            raise InputError(f'{path}: schema {data["schema"]}; this version reads {versions}')
+        signal = _signal(data['signal'])
+        curve = data['response']
         response = Response(
-            tuple(float(value) for value in data['response']['signal']),
-            tuple(float(value) for value in data['response']['concentration']),
+            _numbers(curve['signal']),
+            _numbers(curve['concentration']),
+            _numbers(curve.get('deviation', ())),
         )
         sands = data.get('sands') or {}
         hidden = data.get('hidden') or {}
@@ -148,10 +191,11 @@ def load_calibration(path: Path | str) -> Calibration:
             signal,
             response,
             _picture(path, sands.get('file')),
-            tuple(float(value) for value in sands.get('factors', [1.0])),
+            _numbers(sands.get('factors', [1.0])),
             _picture(path, hidden.get('file')),
             data.get('made') or {},
             float(data['scale_error']),
+            _numbers(sands.get('deviations', ())),
         )
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
@@ -176,19 +220,38 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
         'response': {
             'signal': [round(value, 5) for value in calibration.response.signal],
             'concentration': [round(value, 5) for value in calibration.response.concentration],
+            'deviation': [round(value, 5) for value in calibration.response.deviation],
         },
     }
+    if calibration.signal.absorbance is not None:
+        data['signal']['absorbance'] = [round(value, 4) for value in calibration.signal.absorbance]
     if calibration.sands is not None:
         cv2.imwrite(str(path.with_name('sands.png')), calibration.sands)
         data['sands'] = {
             'file': 'sands.png',
             'factors': [round(value, 4) for value in calibration.factors],
+            'deviations': [round(value, 4) for value in calibration.factor_deviations],
         }
     if calibration.hidden is not None:
         cv2.imwrite(str(path.with_name('hidden.png')), calibration.hidden)
         data['hidden'] = {'file': 'hidden.png'}
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
     path.write_text(text, encoding='utf-8')
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    """Return `values` as numbers."""
+    return tuple(float(value) for value in values)
+
+
+def _signal(entry: dict[str, Any]) -> TracerSignal:
+    """Return the signal from its entry in the file; older files have no absorbance."""
+    absorbance = entry.get('absorbance')
+    return TracerSignal(
+        entry['contrast'],
+        _weights(entry['weights']),
+        None if absorbance is None else _weights(absorbance),
+    )
 
 
 def _weights(values: Any) -> tuple[float, float, float]:

@@ -1,12 +1,18 @@
 """The calibration of a camera and rig from a baseline and photographs of an injection.
 
-The steps: colours and light are corrected, the weights of red, green and blue are chosen, sands are
-segmented and their signals made continuous, and the signal is scaled to the injected mass. Without
-a pump log the strongest signal is taken for tracer stock.
+The steps, each with its evidence:
+
+1. The contrast: red, green and blue of the dye keep their ratio from pale to stock in it.
+2. The weights of red, green and blue that separate tracer best from noise.
+3. The level of tracer stock in each sand: the core of the injected plume is stock.
+4. The bend of the response: known dilutions, and the mass over the photographs.
+5. The mass of the pump log against the imaged one, as a check of all of them.
+
+Without a core the mass gives the level of stock; without a pump log too, the strongest signal does.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -19,28 +25,50 @@ from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
 from porotwin_imaging import sands
 from porotwin_imaging.baseline import Baseline, make_baseline
-from porotwin_imaging.calibration import Calibration, Labels, Response
-from porotwin_imaging.mass_balance_fit import (
-    LinearGrowth,
-    fit_growth,
-    fit_response,
-    injected_volume,
+from porotwin_imaging.calibration import Calibration, Labels
+from porotwin_imaging.calibration_evidence import (
+    Anchor,
+    CalibrationEvidence,
+    PhotographEvidence,
+    SandEvidence,
+    evidence_lines,
 )
+from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
+from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
+from porotwin_imaging.plume_evidence import plume_evidence
+from porotwin_imaging.response_fit import Dilution, ResponseFit, fit_response
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
+from porotwin_imaging.sand_edges import sand_edges
+from porotwin_imaging.sands import SandFactors
 from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, ImagingSettings
-from porotwin_imaging.tracer_signal import CHANNELS, TracerSignal, learned_weights
+from porotwin_imaging.signal_choice import choose_signal
+from porotwin_imaging.stock_level import StockLevels, diluted_signals, stock_levels
+from porotwin_imaging.tracer_signal import Contrast, TracerSignal
 
 Array = NDArray[Any]
 
-_STRONG_PERCENTILE = 99.9
-"""Percentile of the log ratios that is the strongest signal; single cells may be noise."""
-_QUIET_SPREADS = 4
-"""Cells within this many median absolute deviations are background."""
 _TRACER_SPREADS, _TRACER_SIGMA, _TRACER_MARGIN = 4, 3, (9, 9)
 """Cells with tracer: spreads above the background, blur and margin around them [cells]."""
 _TOP_SHARE = 0.3
-"""Without a pump log, stock is a percentile of the signals above this share of the largest."""
+"""Without core and log, stock is a percentile of the signals above this share of the largest."""
+_STOCK = 0.999
+"""Dilutions above this concentration are stock and show its level [-]."""
+
+
+@dataclass(frozen=True)
+class DilutionPhoto:
+    """A photograph of a plume, or of the whole rig, with a known concentration.
+
+    Attributes:
+        time: exposure time [s].
+        data: bytes of the file.
+        concentration: concentration of its core [-], 1 = tracer stock.
+    """
+
+    time: float
+    data: bytes
+    concentration: float
 
 
 @dataclass(frozen=True)
@@ -49,27 +77,31 @@ class CalibrationFit:
 
     Attributes:
         calibration: the result.
+        evidence: findings in the photographs, for the judgement of the calibration.
+        trust: the judgement; its objections refuse the calibration.
         lines: a summary for the operator, one line per step.
-        growth: linear fit to the pump log, None without one.
-        times: times of the photographs that were used [s].
-        injected: volume of stock injected until each photograph [m^3]; empty without a pump log.
-        imaged: volume of stock in each photograph according to the calibration [m^3].
+        response: the fit of the response.
+        dilutions: known dilutions with their relative signals.
         baseline: the baseline on the grid of the calibration.
         baseline_photo: the first baseline photograph (bytes of the file).
         sands: index of the sand in each cell, shape (nz, nx).
         signals: signal times sand factor of each photograph, shape (nz, nx).
+        stock_signal: signal of tracer stock in the reference sand [-].
+        depths: depth inside the plumes of each photograph [cells], shape (nz, nx).
     """
 
     calibration: Calibration
+    evidence: CalibrationEvidence
+    trust: Trust
     lines: list[str]
-    growth: LinearGrowth | None
-    times: list[float]
-    injected: list[float]
-    imaged: list[float]
+    response: ResponseFit
+    dilutions: list[Dilution]
     baseline: Baseline
     baseline_photo: bytes
     sands: Labels
     signals: list[Array]
+    stock_signal: float
+    depths: tuple[Array, ...]
 
 
 def fit_calibration(
@@ -78,6 +110,8 @@ def fit_calibration(
     states: Sequence[tuple[float, bytes]],
     *,
     schedule: Schedule | None = None,
+    dilutions: Sequence[DilutionPhoto] = (),
+    contrast: Contrast | None = None,
     source: str = '',
     progress: Callable[[str], None] = lambda _: None,
     settings: ImagingSettings = DEFAULTS,
@@ -91,63 +125,101 @@ def fit_calibration(
         baselines: photographs without tracer (bytes of the files).
         states: exposure time [s] and bytes of the photographs of the injection.
         schedule: injected rates in the time of the photographs, None if they are unknown.
+        dilutions: photographs of known dilutions.
+        contrast: 'absorbance' or 'difference'; None: the one that the colours prefer.
         source: name of the experiment, for the file.
         progress: called with a line for each photograph.
         settings: settings of all steps.
 
     Raises:
-        InputError: no photograph can be used, none shows tracer, or the signal does not grow with
-            the pump log.
+        CalibrationRefused: no photograph can be used, none shows tracer, or the level of stock
+            cannot be found.
+        InputError: the rig has no camera, or the baseline cannot be used.
     """
     grid = _calibration_grid(rig, settings.calibration)
     baseline = make_baseline(rig, grid, baselines, settings=settings)
     lines = list(baseline.remarks)
     compared, times = _compare_all(baseline, states, lines, progress)
-    signal = _choose_signal(compared, lines, settings.calibration)
-    labels = sands.segment(*baseline.sand_appearance(), compared[0].visible, settings.sands)
-    raw = [np.where(one.visible, signal.of(one.log_ratio), np.nan) for one in compared]
-    factors = sands.fit_factors(raw, labels, settings.sands)
-    lines.append(_sand_line(factors))
-    signals = [plane * np.array(factors.values)[labels] for plane in raw]
+    colours, texture = baseline.sand_appearance()
+    labels = sands.segment(colours, texture, compared[0].visible, settings.sands)
+    lights = sands.sand_lights(colours, labels, compared[0].visible)
+    choice = choose_signal(
+        [one.log_ratio for one in compared],
+        [one.visible for one in compared],
+        labels,
+        contrast,
+        settings.calibration,
+    )
+    lines.append(choice.line)
+    raw = [_signal(choice.signal, one) for one in compared]
+    injected = _injected(schedule, times)
+    concentrations = _core_concentrations(schedule, times)
+    stock = stock_levels(raw, labels, concentrations, settings.core)
+    factors = sands.fit_factors(raw, labels, stock.levels, stock.strong, lights, settings.sands)
+    factor_map = np.array(factors.values)[labels]
+    signals = [plane * factor_map for plane in raw]
     volume = rig.cell_pore_volume(grid)
-    response, growth, injected = _scale(volume, signals, times, schedule, lines, settings)
+    tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
+    diluted = [
+        (one.concentration, _signal(choice.signal, compare_with_baseline(one.data, baseline)))
+        for one in dilutions
+    ]
+    seen = diluted_signals(diluted, labels, factor_map, settings.core)
+    anchor, level, scale_error = _level_of_stock(
+        stock, factors, seen, signals, _integrals(tracer, volume), injected, settings
+    )
+    known = [Dilution(signal / level, concentration) for concentration, signal in seen]
+    response = fit_response(
+        [plane / level for plane in tracer] if anchor != 'mass' else [],
+        volume,
+        injected if anchor != 'mass' else [],
+        known,
+        settings.mass_balance,
+    )
+    curve = response.curve(level)
+    imaged = _integrals([curve.concentration_of(plane) for plane in tracer], volume)
+    line = fit_line(imaged, injected, settings.mass_balance) if len(injected) else None
+    cores = _core_levels(stock, factors, level, concentrations)
+    evidence = CalibrationEvidence(
+        anchor=anchor,
+        photographs=_photographs(times, injected, imaged, cores, line, settings),
+        sands=_sand_evidence(stock, factors),
+        family=response.family,
+        bend=response.bend,
+        bend_deviation=response.deviation,
+        colour_bend=choice.colour_bend,
+        core_flatness=_flatness(stock, factors.reference),
+        mass_factor=line.factor if line else float('nan'),
+        mass_factor_deviation=line.deviation if line else float('nan'),
+        mass_offset=line.offset / max(injected) if line else float('nan'),
+        mass_misfit=line.misfit if line else float('nan'),
+        dilution_misfit=_dilution_misfit(known, response),
+    )
+    plume = plume_evidence(signals, times, rig=rig, grid=grid, schedule=schedule)
+    trust = judged(evidence, plume, sand_edges(baseline.mask.unlit), settings.trust)
+    lines += [*evidence_lines(evidence), *trust.remarks]
     calibration = Calibration(
-        signal,
-        response,
+        choice.signal,
+        curve,
         np.ascontiguousarray(labels[::-1]) if len(factors.values) > 1 else None,
         factors.values,
-        made=_origin(source, len(compared), growth),
-        scale_error=_scale_error(growth, settings.calibration),
+        made=_origin(source, evidence),
+        scale_error=scale_error,
+        factor_deviations=factors.deviations,
     )
-    imaged = [
-        float(np.nansum(np.clip(response.concentration_of(plane), 0, 1) * volume))
-        for plane in signals
-    ]
-    if injected:
-        lines.append(seen_mass_line(injected, imaged))
     return CalibrationFit(
         calibration=calibration,
+        evidence=evidence,
+        trust=trust,
         lines=lines,
-        growth=growth,
-        times=times,
-        injected=injected,
-        imaged=imaged,
+        response=response,
+        dilutions=known,
         baseline=baseline,
         baseline_photo=baselines[0],
         sands=labels,
         signals=signals,
-    )
-
-
-def seen_mass_line(injected: Sequence[float], imaged: Sequence[float]) -> str:
-    """Return how far the tracer in all maps [m^3] is from the injected tracer [m^3].
-
-    Distances are relative to the largest injected volume.
-    """
-    apart = np.abs(np.subtract(imaged, injected)) / max(injected)
-    return (
-        f'mass in the maps of all {len(apart)} photographs: {100 * np.median(apart):.1f} % off in '
-        f'the median, {100 * apart.max():.1f} % at most'
+        stock_signal=level,
+        depths=stock.depths,
     )
 
 
@@ -157,23 +229,198 @@ def _calibration_grid(rig: Rig, settings: CalibrationSettings) -> Grid:
     return rig.grid(columns, max(1, round(columns * rig.height_m / rig.width_m)))
 
 
-def _origin(source: str, photographs: int, growth: LinearGrowth | None) -> dict[str, Any]:
+def _signal(signal: TracerSignal, compared: LogRatioMap) -> Array:
+    """Return the signal (nz, nx) of a photograph, NaN where it is hidden."""
+    return np.where(compared.visible, signal.of(compared.log_ratio), np.nan)
+
+
+def _integrals(planes: Sequence[Array], volume: Array) -> list[float]:
+    """Return the integral of each plane over the pore volume of the cells [m^3]."""
+    return [float((plane * volume).sum()) for plane in planes]
+
+
+def _injected(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
+    """Return the volume of stock injected before each photograph [m^3]; empty without a log.
+
+    Raises:
+        InputError: the pump log injects nothing before the photographs.
+    """
+    if schedule is None or not schedule.rows:
+        return []
+    start = min(row.time for row in schedule.rows)
+    volumes = [injected_volume(schedule, min(start, time), time) for time in times]
+    if max(volumes) <= 0:
+        raise InputError(
+            f'calibration: the pump log injects no tracer until the last photograph ({times[-1]:g} '
+            's); check rates.csv and the times in imaging.csv'
+        )
+    return volumes
+
+
+def _core_concentrations(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
+    """Return the concentration of the core in each photograph: the highest injected until then."""
+    if schedule is None:
+        return [1.0] * len(times)
+    injections = [row for row in schedule.rows if row.rate.rate > 0 and row.rate.concentration > 0]
+    return [
+        max((row.rate.concentration for row in injections if row.time < time), default=1.0)
+        for time in times
+    ]
+
+
+def _level_of_stock(
+    stock: StockLevels,
+    factors: SandFactors,
+    diluted: Sequence[tuple[float, float]],
+    signals: Sequence[Array],
+    integrals: Sequence[float],
+    injected: Sequence[float],
+    settings: ImagingSettings,
+) -> tuple[Anchor, float, float]:
+    """Return the anchor, the signal of stock in the reference sand, and its relative deviation.
+
+    Raises:
+        InputError: there is neither a core nor a dilution, and the signal does not grow with the
+            injected mass.
+    """
+    full = [signal for concentration, signal in diluted if concentration > _STOCK]
+    if full:
+        return 'dilutions', float(np.median(full)), settings.core.level_error
+    if stock.levels:
+        one = stock.levels[factors.reference]
+        return 'dilutions' if diluted else 'core', one.level, one.deviation
+    if diluted:
+        concentration, signal = max(diluted)
+        return 'dilutions', signal / concentration, settings.calibration.scale_error
+    if injected:
+        return 'mass', *_level_by_mass(integrals, injected, settings)
+    strong = np.concatenate([s[s > _TOP_SHARE * np.nanmax(s)] for s in signals])
+    top = float(np.nanpercentile(strong, settings.calibration.stock_percentile))
+    return 'strongest signal', top, settings.calibration.scale_error_without_log
+
+
+def _level_by_mass(
+    integrals: Sequence[float], injected: Sequence[float], settings: ImagingSettings
+) -> tuple[float, float]:
+    """Return the signal of stock that balances the injected mass, and its relative deviation.
+
+    Raises:
+        InputError: there are too few photographs, or the signal does not grow.
+    """
+    fewest = settings.mass_balance.fewest_photographs
+    if len(injected) < fewest:
+        raise CalibrationRefused(
+            f'calibration: {len(injected)} photographs during the injection; take at least {fewest}'
+        )
+    line = fit_line(integrals, injected, settings.mass_balance)
+    if line.factor <= 0 or line.agree.sum() < fewest:
+        raise CalibrationRefused(
+            'calibration: the signal does not grow with the injected volume; check rates.csv, the '
+            'times of the photographs and the baseline'
+        )
+    return line.factor, max(settings.calibration.scale_error, line.misfit / line.factor)
+
+
+def _photographs(
+    times: Sequence[float],
+    injected: Sequence[float],
+    imaged: Sequence[float],
+    cores: Sequence[tuple[float, int]],
+    line: MassLine | None,
+    settings: ImagingSettings,
+) -> tuple[PhotographEvidence, ...]:
+    """Return the evidence of each photograph.
+
+    `cores`: concentration relative to the injected one, NaN without a core, and cells.
+    """
+    found = []
+    for index, (level, cells) in enumerate(cores):
+        reasons = []
+        if abs(level - 1.0) > settings.core.outlier:
+            reasons.append(f'its core is {level:.2f} times the others')
+        if line is not None and not line.agree[index]:
+            reasons.append(
+                f'its mass is {100 * line.distances[index]:+.0f} % of the injection off the line'
+            )
+        log = injected[index] if injected else float('nan')
+        found.append(
+            PhotographEvidence(
+                times[index], log, imaged[index], level, cells, ' and '.join(reasons)
+            )
+        )
+    return tuple(found)
+
+
+def _core_levels(
+    stock: StockLevels, factors: SandFactors, level: float, concentrations: Sequence[float]
+) -> list[tuple[float, int]]:
+    """Return the level of the reference core of each photograph, 1 if as usual, and its cells."""
+    found = []
+    for cores, concentration in zip(stock.cores, concentrations, strict=True):
+        core = cores.get(factors.reference)
+        cells = sum(int(one.cells.sum()) for one in cores.values())
+        share = float('nan') if core is None else core.level / (level * concentration)
+        found.append((share, cells))
+    return found
+
+
+def _flatness(stock: StockLevels, reference: int) -> float:
+    """Return the median flatness of the reference cores; NaN without one."""
+    values = [cores[reference].flatness for cores in stock.cores if reference in cores]
+    return float(np.median(values)) if values else float('nan')
+
+
+def _sand_evidence(stock: StockLevels, factors: SandFactors) -> tuple[SandEvidence, ...]:
+    """Return how the factor of each sand was found."""
+    return tuple(
+        SandEvidence(
+            value,
+            deviation,
+            source,
+            stock.levels[sand].cells if sand in stock.levels else 0,
+            pairs,
+            at_bound,
+        )
+        for sand, (value, deviation, source, pairs, at_bound) in enumerate(
+            zip(
+                factors.values,
+                factors.deviations,
+                factors.sources,
+                factors.pairs,
+                factors.at_bound,
+                strict=True,
+            )
+        )
+    )
+
+
+def _dilution_misfit(known: Sequence[Dilution], response: ResponseFit) -> float:
+    """Return the largest distance of known dilutions from the curve; NaN without dilutions."""
+    if not known:
+        return float('nan')
+    seen = response.concentration_of(np.array([one.signal for one in known]))
+    return float(np.abs(seen - [one.concentration for one in known]).max())
+
+
+def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:
     """Return the entry `made` of the calibration file."""
-    return {
+    made: dict[str, Any] = {
         'by': 'porotwin calibrate',
         'from': source,
-        'photographs': photographs,
-        'outliers': 0 if growth is None else int((~growth.inliers).sum()),
-        'scale': 'pump log' if growth is not None else 'strongest signal taken for stock',
-        'mass_misfit': None if growth is None else round(growth.misfit, 4),
+        'photographs': len(evidence.photographs),
+        'disagreeing': [one.time for one in evidence.disagreeing],
+        'anchor': evidence.anchor,
+        'response': {
+            'family': evidence.family,
+            'bend': round(evidence.bend, 4),
+            'deviation': round(evidence.bend_deviation, 4),
+        },
+        'sands_from': [one.source for one in evidence.sands],
     }
-
-
-def _scale_error(growth: LinearGrowth | None, settings: CalibrationSettings) -> float:
-    """Return the relative standard deviation of the scale."""
-    if growth is None:
-        return settings.scale_error_without_log
-    return max(settings.scale_error, growth.misfit)
+    if np.isfinite(evidence.mass_factor):
+        made['mass_factor'] = round(evidence.mass_factor, 4)
+        made['mass_misfit'] = round(evidence.mass_misfit, 4)
+    return made
 
 
 def _compare_all(
@@ -198,55 +445,8 @@ def _compare_all(
         compared.append(found)
         times.append(time)
     if not compared:
-        raise InputError('calibration: no photograph of the injection can be used')
+        raise CalibrationRefused('calibration: no photograph of the injection can be used')
     return compared, times
-
-
-def _choose_signal(
-    compared: list[LogRatioMap], lines: list[str], settings: CalibrationSettings
-) -> TracerSignal:
-    """Return the signal whose weights separate tracer best from the background."""
-    ratios = np.concatenate([one.log_ratio[one.visible] for one in compared])
-    strength = -ratios.mean(axis=1)
-    strongest = np.percentile(strength, _STRONG_PERCENTILE)
-    tracer = strength > settings.tracer_share * strongest
-    deviation = np.median(np.abs(strength - np.median(strength)))
-    quiet = np.abs(strength) < _QUIET_SPREADS * deviation + 1e-4
-    if tracer.sum() < settings.fewest_tracer_cells or strongest < settings.least_log_ratio:
-        raise InputError('calibration: no photograph shows tracer; use ones of an injection')
-    candidates = {name: TracerSignal('difference', weights) for name, weights in CHANNELS.items()}
-    weights = learned_weights(ratios[tracer], ratios[quiet])
-    candidates['learned'] = TracerSignal('difference', weights)
-    clarity = {
-        name: _clarity(signal.of(ratios[tracer]), signal.of(ratios[quiet]))
-        for name, signal in candidates.items()
-    }
-    name = max(candidates, key=lambda key: clarity[key])
-    red, green, blue = candidates[name].weights
-    lines.append(
-        f'signal: {name} (red {red:.2f}, green {green:.2f}, blue {blue:.2f}); '
-        f'signal-to-noise ratio {clarity[name]:.0f}'
-    )
-    return candidates[name]
-
-
-def _clarity(tracer: Array, background: Array) -> float:
-    """Return the median signal of tracer over the spread of the background.
-
-    Two small terms in the divisor prefer signals that are also even within the tracer.
-    """
-    return float(np.median(tracer) / (background.std() + 0.002 + 0.05 * tracer.std()))
-
-
-def _sand_line(factors: sands.SandFactors) -> str:
-    """Return the line of the summary about sands."""
-    if len(factors.values) == 1:
-        return 'sands: one'
-    words = ', '.join(f'{value:.2f}' for value in factors.values)
-    return (
-        f'sands: {len(factors.values)}, factors {words}; median jump over their interfaces '
-        f'{100 * factors.jump_before:.0f} % before, {100 * factors.jump_after:.0f} % after'
-    )
 
 
 def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:
@@ -259,47 +459,3 @@ def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:
     spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(smooth - np.median(smooth))))
     tracer = (smooth > _TRACER_SPREADS * spread + settings.least_signal).astype(np.uint8)
     return np.where(cv2.dilate(tracer, np.ones(_TRACER_MARGIN, np.uint8)) > 0, filled, 0.0)
-
-
-def _scale(
-    volume: Array,
-    signals: list[Array],
-    times: list[float],
-    schedule: Schedule | None,
-    lines: list[str],
-    settings: ImagingSettings,
-) -> tuple[Response, LinearGrowth | None, list[float]]:
-    """Return the response, the linear growth if there is a pump log, and injected volumes [m^3].
-
-    `volume` (nz, nx) is the pore volume of the cells [m^3].
-    """
-    if schedule is None or not schedule.rows:
-        return _scale_without_log(signals, lines, settings.calibration), None, []
-    start = min(row.time for row in schedule.rows)
-    injected = [injected_volume(schedule, min(start, time), time) for time in times]
-    tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
-    integrals = [float((plane * volume).sum()) for plane in tracer]
-    growth = fit_growth(integrals, injected, settings.mass_balance)
-    used = np.flatnonzero(growth.inliers)
-    response, misfit = fit_response(
-        [tracer[i] for i in used],
-        volume,
-        [injected[i] for i in used],
-        scale=growth.scale,
-        settings=settings.mass_balance,
-    )
-    lines.append(
-        f'scale: {len(used)} of {len(times)} photographs follow the pump log; mass misfit '
-        f'{100 * growth.misfit:.1f} % straight, {100 * misfit:.1f} % with the monotone curve'
-    )
-    return response, replace(growth, misfit=misfit), injected
-
-
-def _scale_without_log(
-    signals: list[Array], lines: list[str], settings: CalibrationSettings
-) -> Response:
-    """Return a linear response that takes the strongest signal for tracer stock."""
-    strong = np.concatenate([s[s > _TOP_SHARE * np.nanmax(s)] for s in signals])
-    top = float(np.nanpercentile(strong, settings.stock_percentile))
-    lines.append(f'no pump log: the strongest signal, {top:.3f}, is taken for tracer stock')
-    return Response((0.0, top), (0.0, 1.0))

@@ -12,17 +12,31 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
-from porotwin_imaging.calibration_fit import CalibrationFit, seen_mass_line
+from porotwin_imaging.calibration_fit import CalibrationFit
+from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.colour_checker import REFERENCE
 
 Array = NDArray[Any]
 
+REFUSED = 'refused.txt'
+"""File with the reasons beside the pictures of a refused calibration."""
+
 
 def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
-    """Write calibration.yaml and a picture of every step into `folder`; return the pictures."""
+    """Write calibration.yaml and a picture of every step into `folder`; return the pictures.
+
+    Raises:
+        CalibrationRefused: the calibration cannot be trusted. The pictures are written and show
+            why; `REFUSED` holds the line, and there is no calibration.yaml.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    pictures = draw_fit(fit, folder)
+    if fit.trust.objections:
+        (folder / REFUSED).write_text(fit.trust.refusal + '\n', encoding='utf-8')
+        raise CalibrationRefused(fit.trust.refusal)
+    (folder / REFUSED).unlink(missing_ok=True)
     save_calibration(fit.calibration, folder / 'calibration.yaml')
-    return draw_fit(fit, folder)
+    return pictures
 
 
 def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
@@ -111,7 +125,9 @@ def _validity(axes: Any, fit: CalibrationFit) -> None:
 def _sands(axes: Any, fit: CalibrationFit) -> None:
     axes.imshow(fit.sands[::-1], extent=_extent(fit.baseline), cmap='tab10', vmin=0, vmax=9)
     for label, factor in enumerate(fit.calibration.factors):
-        axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=f'x {factor:.2f}')
+        one = fit.evidence.sands[label]
+        words = f'x {factor:.2f} +- {factor * one.deviation:.2f} ({one.source})'
+        axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=words)
     axes.legend(loc='lower right', title='factor')
     _label(axes, 'sands; correct by hand with sands.png')
 
@@ -123,26 +139,57 @@ def _map(axes: Any, baseline: Baseline, values: Array, title: str) -> None:
 
 
 def _mass(axes: Any, fit: CalibrationFit) -> None:
-    """Draw the imaged volume of tracer over the injected one."""
-    if fit.growth is None:
-        axes.set_title('no pump log')
-        axes.axis('off')
+    """Draw the imaged volume of tracer over the injected one, or over time without a pump log."""
+    photographs, evidence = fit.evidence.photographs, fit.evidence
+    imaged = 1e6 * np.array([one.imaged for one in photographs])
+    agree = np.array([not one.disagreement for one in photographs])
+    logged = np.isfinite(evidence.mass_factor)
+    where = np.array([1e6 * one.injected if logged else one.time for one in photographs])
+    axes.plot(where[agree], imaged[agree], 'o', label='photographs')
+    if not agree.all():
+        axes.plot(where[~agree], imaged[~agree], 'x', color='red', label='disagree')
+    for x, y in zip(where, imaged, strict=True):
+        axes.annotate(f'{y:.0f} ml', (x, y), (4, -12), textcoords='offset points', fontsize=8)
+    axes.set_ylabel('tracer in the map [ml]')
+    if not logged:
+        axes.set_xlabel('time [s]')
+        axes.set_title('tracer in the maps; there is no pump log to compare with')
         return
-    injected, imaged = 1e6 * np.array(fit.injected), 1e6 * np.array(fit.imaged)
-    inliers = fit.growth.inliers
-    axes.plot(injected[inliers], imaged[inliers], 'o', label='used')
-    axes.plot(injected[~inliers], imaged[~inliers], 'x', color='red', label='outliers')
-    axes.plot([0, injected.max()], [0, injected.max()], 'k-', linewidth=0.8, label='equal')
+    ends = np.array([0.0, where.max()])
+    offset = 1e6 * evidence.mass_offset * max(one.injected for one in photographs)
+    axes.plot(ends, ends, 'k-', linewidth=0.8, label='equal')
+    axes.plot(
+        ends, evidence.mass_factor * ends + offset, '--', label=f'{evidence.mass_factor:.3f} times'
+    )
     axes.set_xlabel('tracer injected after the pump log [ml]')
-    axes.set_ylabel('tracer seen [ml]')
-    axes.set_title(seen_mass_line(fit.injected, fit.imaged))
+    axes.set_title(
+        f'the maps hold {evidence.mass_factor:.3f} +- {evidence.mass_factor_deviation:.3f} times '
+        'the mass of the pump log'
+    )
     axes.legend()
 
 
 def _response(axes: Any, fit: CalibrationFit) -> None:
-    response = fit.calibration.response
-    axes.plot(response.signal, response.concentration, 'o-')
-    axes.set_xlabel('signal')
+    """Draw the response with its deviation, the dilutions, and the signals inside the plumes."""
+    response, level = fit.calibration.response, fit.stock_signal
+    signal, values = np.array(response.signal) / level, np.array(response.concentration)
+    spread = np.array(response.deviation)
+    axes.fill_between(signal, values - spread, values + spread, alpha=0.3, label='deviation')
+    axes.plot(signal, values, label=f'{fit.evidence.family} response')
+    axes.plot([0, 1], [0, 1], 'k--', linewidth=0.8, label='straight')
+    for number, one in enumerate(fit.dilutions):
+        label = 'known dilutions' if number == 0 else None
+        axes.plot(one.signal, one.concentration, 'o', color='red', label=label)
+    depths = np.concatenate([depth.ravel() for depth in fit.depths])
+    inside = np.concatenate([plane.ravel() for plane in fit.signals]) / level
+    seen = inside[(depths > 0) & np.isfinite(inside)]
+    counts, edges = np.histogram(seen, bins=np.linspace(0, 1.4, 71))
+    axes.stairs(
+        0.5 * counts / max(1, counts.max()), edges, color='grey', label='cells of the plumes'
+    )
+    axes.axvline(1.0, color='grey', linewidth=0.8, linestyle=':')
+    axes.set_xlabel(f'signal relative to stock ({fit.evidence.anchor}: {level:.3f})')
     axes.set_ylabel('concentration [-]')
-    axes.set_title('response')
+    axes.set_title('response; the cells must crowd at stock, 1')
+    axes.legend(loc='upper left')
     axes.grid(linewidth=0.3)

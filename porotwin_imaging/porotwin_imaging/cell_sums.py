@@ -1,4 +1,11 @@
-"""Means of a photograph and its baseline over the cells of a map, in one pass over the samples."""
+"""Means of a photograph and its baseline over the cells of a map, in one pass over the samples.
+
+A front of tracer may cross a cell. The mean of the light is then no measure of the mean tracer,
+because the bright part outshines the dark one: half stock and half water look like a quarter of
+stock. The mean of the logarithm is a measure. Single samples are noisy and feel every small blur,
+so the log ratio is taken over tiles of 2 x 2 or 3 x 3 samples, and averaged over the tiles of a
+cell. A cell whose samples cannot be divided like this is one tile.
+"""
 
 from typing import Any, NamedTuple
 
@@ -10,6 +17,8 @@ Array = NDArray[Any]
 
 LEAST_LIGHT = np.float32(1e-5)
 """Linear light is raised to this before it divides, and before a logarithm."""
+_TILES = (3, 2)
+"""Samples across a tile in the order of preference: enough to average grains, finer than fronts."""
 
 
 class BlockSums(NamedTuple):
@@ -39,8 +48,9 @@ class CellSums(NamedTuple):
     """Sums over the samples of each cell, and over blocks of cells.
 
     Attributes:
-        log_ratio: log of the corrected light of the photograph over that of the baseline, shape
-            (nz, nx, 3 = red, green, blue), row 0 at the bottom; 0 without usable samples.
+        log_ratio: mean over the tiles of a cell of the log of the corrected light of the photograph
+            over that of the baseline, shape (nz, nx, 3 = red, green, blue), row 0 at the bottom; 0
+            without usable samples.
         share: share of the samples that are usable in both pictures, shape (nz, nx).
         blocks: light and its second moments over blocks of cells.
     """
@@ -63,7 +73,7 @@ def cell_sums(
 ) -> CellSums:
     """Return the sums of a sampled photograph and baseline; both have row 0 at the top.
 
-    The ratio of the sums over a cell weights every grain by its own light. The colour matrix acts
+    The ratio of the sums over a tile weights every grain by its own light. The colour matrix acts
     on the sums, which equals its action on every sample because it is linear.
 
     Args:
@@ -85,13 +95,24 @@ def cell_sums(
         np.ascontiguousarray(matrix, np.float32),
         glare_level,
         samples_across,
+        _tile(samples_across),
         cells_across,
     )
-    return CellSums(log_ratio, share, BlockSums(*moments, covered))
+    state, before, state_square, before_square, product = moments
+    return CellSums(
+        log_ratio,
+        share,
+        BlockSums(state, before, state_square, before_square, product, covered),
+    )
+
+
+def _tile(samples_across: int) -> int:
+    """Return the samples across a tile of a cell of `samples_across` samples."""
+    return next((size for size in _TILES if samples_across % size == 0), samples_across)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, cells_across):  # type: ignore[no-untyped-def]
+def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, tile, cells_across):  # type: ignore[no-untyped-def]
     nz, nx = usable.shape[0] // factor, usable.shape[1] // factor
     high, wide = -(-nz // cells_across), -(-nx // cells_across)
     log_ratio = np.empty((nz, nx, 3), np.float32)
@@ -101,38 +122,53 @@ def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, cells_ac
     cells = np.zeros((high, wide), np.float32)
     columns = np.arange(nx) * wide // nx
     own = np.empty((5, 3), np.float32)
+    light_sums = np.empty((2, 3), np.float32)
+    logs = np.empty(3, np.float32)
     part = np.float32(1.0 / (factor * factor))
     for k in range(nz):
         lowest = (nz - 1 - k) * factor
         row = k * high // nz
         for n in range(nx):
             own[:] = 0.0
+            logs[:] = 0.0
             count = 0
-            for i in range(lowest, lowest + factor):
-                for j in range(n * factor, (n + 1) * factor):
-                    brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
-                    if usable[i, j] == 0 or brightest >= glare_level:
+            for first in range(lowest, lowest + factor, tile):
+                for left in range(n * factor, (n + 1) * factor, tile):
+                    light_sums[:] = 0.0
+                    seen = 0
+                    for i in range(first, first + tile):
+                        for j in range(left, left + tile):
+                            brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
+                            if usable[i, j] == 0 or brightest >= glare_level:
+                                continue
+                            seen += 1
+                            for c in range(3):
+                                now = light[pixels[i, j, 2 - c]]
+                                then = baseline[i, j, c]
+                                light_sums[0, c] += now
+                                light_sums[1, c] += then
+                                own[2, c] += now * now
+                                own[3, c] += then * then
+                                own[4, c] += now * then
+                    if seen == 0:
                         continue
-                    count += 1
+                    count += seen
                     for c in range(3):
-                        now = light[pixels[i, j, 2 - c]]
-                        then = baseline[i, j, c]
-                        own[0, c] += now
-                        own[1, c] += then
-                        own[2, c] += now * now
-                        own[3, c] += then * then
-                        own[4, c] += now * then
+                        now, then = np.float32(0.0), np.float32(0.0)
+                        for e in range(3):
+                            now += matrix[c, e] * light_sums[0, e]
+                            then += matrix[c, e] * light_sums[1, e]
+                        least = LEAST_LIGHT * seen
+                        logs[c] += seen * np.log(max(now, least) / max(then, least))
+                        own[0, c] += light_sums[0, c]
+                        own[1, c] += light_sums[1, c]
             own *= part
             column = columns[n]
             share[k, n] = count * part
             covered[row, column] += share[k, n]
             cells[row, column] += np.float32(1.0)
             for c in range(3):
-                now, then = np.float32(0.0), np.float32(0.0)
-                for e in range(3):
-                    now += matrix[c, e] * own[0, e]
-                    then += matrix[c, e] * own[1, e]
-                log_ratio[k, n, c] = np.log(max(now, LEAST_LIGHT) / max(then, LEAST_LIGHT))
+                log_ratio[k, n, c] = logs[c] / max(count, 1)
                 for moment in range(5):
                     moments[moment, row, column, c] += own[moment, c]
     covered /= cells

@@ -1,4 +1,4 @@
-"""Denoising a concentration map: data weights from the noise, and the noise of the result."""
+"""Denoising a concentration map: data weights from the noise."""
 
 from typing import Any
 
@@ -7,12 +7,15 @@ from numpy.typing import NDArray
 
 from porotwin_core.grid import Grid
 from porotwin_imaging.row_bands import by_bands
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings, NoiseSettings
+from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 from porotwin_imaging.total_variation import fill, total_variation_denoising
 
 Array = NDArray[Any]
 
 _SMALLEST_DIVISOR = 1e-9
+_LEAST_VISIBLE_WEIGHT = 0.5
+"""Smallest data weight of a visible cell [-]: dark stock is noisier than water in absorbance, but
+must not lose more of its height, which is inverse to the weight."""
 
 
 def denoised(
@@ -44,38 +47,16 @@ def denoised(
 def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
     """Return the data weights (nz, nx) of the denoising: min((median noise / noise)^2, 1).
 
-    A cell of median noise has the weight 1, so that the total variation weight has the same effect
-    in every photograph. Hidden cells have the weight 0.
+    Weights of visible cells are at least 0.5. A cell of median noise has the weight 1, so that the
+    total variation weight has the same effect in every photograph. Hidden cells have the weight 0.
     """
     if not visible.any():
         return np.zeros_like(noise)
     median = float(np.median(noise[visible]))
-    (weights,) = by_bands(
-        lambda noise, visible: (
-            np.where(
-                visible, np.minimum((median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2, 1.0), 0.0
-            ),
-        ),
-        noise,
-        visible,
-    )
+
+    def band(noise: Array, visible: Array) -> tuple[Array]:
+        weights = (median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2
+        return (np.where(visible, np.clip(weights, _LEAST_VISIBLE_WEIGHT, 1.0), 0.0),)
+
+    (weights,) = by_bands(band, noise, visible)
     return weights
-
-
-def noise_after_denoising(
-    noise: Array, values: Array, scale_error: float, settings: NoiseSettings = DEFAULTS.noise
-) -> Array:
-    """Return the standard deviation (nz, nx) of denoised `values` from the noise of the data.
-
-    Denoising averages over n = 1 + 2 noise / |gradient| cells, those with the same concentration to
-    within the noise. The errors of light and scale do not average out:
-
-        sqrt((noise / n)^2 + (scale_error values)^2 + light_error^2).
-    """
-    slope = np.hypot(*np.gradient(np.nan_to_num(values)))
-    reach = np.clip(
-        noise / np.maximum(slope, _SMALLEST_DIVISOR), 0.0, settings.averaging_reach_cells
-    )
-    averaged = noise / (1.0 + 2.0 * reach)
-    scale = scale_error * values
-    return np.sqrt(averaged**2 + scale**2 + settings.light_error**2)

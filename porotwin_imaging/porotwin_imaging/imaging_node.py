@@ -4,7 +4,6 @@ Callbacks only queue. One worker reads photograph after photograph. A photograph
 costs one log line and a diagnostic, and the stream continues.
 """
 
-import math
 import queue
 import threading
 from typing import Any
@@ -13,13 +12,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
-from porotwin_core.conversions import header_at, time_from_msg, tracer_to_msg
+from porotwin_core.conversions import header_at, map_to_msg, time_from_msg, tracer_to_msg
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import only_one
 from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
 from porotwin_msgs.msg import CleanState, NewState, StateRefreshed
 
@@ -55,6 +55,7 @@ class ImagingNode(Node):
             calibration=load_calibration(calibration) if calibration else None,
             longest_gap_s=longest_gap or None,
         )
+        self._calibration_hash = sha256_of_file(calibration)
         self._queue: queue.Queue[tuple[str, float, bytes]] = queue.Queue()
         self._diagnostics = Diagnostics(self)
         self._new_state = self.create_publisher(NewState, 'asset/new_state', FIELD)
@@ -120,15 +121,17 @@ class ImagingNode(Node):
             cause = CleanState.INTERRUPTED if state.number else CleanState.START
             reason = state.placement.reason
             self._clean.publish(CleanState(header=header, cause=cause, reason=reason))
-        noise = state.map.typical_noise
         self._new_state.publish(
             NewState(
                 header=header,
                 sequence=state.number,
                 time_step=state.placement.time_step,
                 tracer=tracer_to_msg(state.map.values, self._session.grid, state.time),
-                noise=noise if math.isfinite(noise) else math.nan,
+                noise=state.map.typical_noise,
+                deviation=map_to_msg(state.map.deviation),
+                systematic=map_to_msg(state.map.systematic),
                 calibrated=state.map.calibrated,
+                calibration=self._calibration_hash,
                 remarks=state.map.status,
             )
         )

@@ -22,7 +22,7 @@ Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
 _WINDOW = 3
-"""Cells across the window in which brightness is averaged: one cell is noise."""
+"""Cells across the window in which light is averaged: one cell is noise."""
 _REACH = 7
 """Cells across the surroundings of brighter cells that are left out as well."""
 _GREY = np.full((1, 3), 1 / 3, np.float32)
@@ -46,9 +46,7 @@ def lit_as_baseline(
     Raises:
         InputError: too much of the sand is brighter.
     """
-    grey = np.where(visible, cv2.transform(residual, _GREY), np.float32(0.0))
-    weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))
-    smooth = cv2.blur(grey, (_WINDOW, _WINDOW)) / np.maximum(weight, 1.0 / _WINDOW**2)
+    smooth = cv2.transform(window_mean(residual, visible), _GREY)
     brighter = visible & (smooth > settings.most_brighter)
     share = float(brighter.sum() / max(1, visible.sum()))
     if share > settings.most_brighter_share:
@@ -63,6 +61,14 @@ def lit_as_baseline(
     lost = float((left_out & visible).sum() / max(1, visible.sum()))
     remark = f'{100 * lost:.1f} % of the sand is near a reflection or lamp: left out'
     return visible & ~left_out, [remark]
+
+
+def window_mean(residual: Array, visible: Mask) -> Array:
+    """Return the mean of `residual` (nz, nx, 3) over the visible cells of small windows."""
+    weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))
+    filled = np.where(visible[..., None], residual, np.float32(0.0)).astype(np.float32)
+    smooth = cv2.blur(filled, (_WINDOW, _WINDOW))
+    return np.asarray(smooth / np.maximum(weight, 1.0 / _WINDOW**2)[..., None])
 
 
 def refuse_unknown_light(

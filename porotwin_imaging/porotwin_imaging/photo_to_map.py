@@ -10,9 +10,10 @@
 | sample the cells | `sampling`, `cell_sums` |
 | subtract the baseline | `baseline_subtraction` |
 | check which sand is visible | `validity` |
-| correct colours and light | `colour_correction`, `light_drift`, `light_check` |
+| correct colours and light | `colour_correction`, `light_correction` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
-| denoise | `denoising`, `total_variation` |
+| denoise | `denoising`, `total_variation`, `level_smoothing` |
+| estimate the deviation | `map_deviation`, `light_error` |
 
 Both functions here are pure: the same photograph and baseline give the same result.
 """
@@ -29,15 +30,15 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio_variance
 from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
-from porotwin_imaging.denoising import denoised, noise_after_denoising
-from porotwin_imaging.light_check import (
-    exposure_remarks,
-    lit_as_baseline,
-    refuse_grey,
-    refuse_unknown_light,
-)
-from porotwin_imaging.light_drift import LightDrift, light_drift
+from porotwin_imaging.denoising import denoised
+from porotwin_imaging.frame import frame_remarks, in_frame
+from porotwin_imaging.level_smoothing import smooth_along_levels
+from porotwin_imaging.light_check import refuse_grey
+from porotwin_imaging.light_correction import corrected_light
+from porotwin_imaging.light_drift import LightDrift
+from porotwin_imaging.light_error import SeenTracer, light_error
 from porotwin_imaging.linear_light import LINEAR_LIGHT
+from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
@@ -52,7 +53,8 @@ class ConcentrationMap:
     Attributes:
         values: concentration, float32, shape (nz, nx), row 0 at the bottom, 1 = tracer stock, NaN
             where the photograph does not show the sand.
-        noise: standard deviation of `values`, same shape.
+        deviation: standard deviation of `values`, same shape.
+        systematic: the part of it that stays the same from photograph to photograph, same shape.
         calibrated: False if the scale is only a default.
         suspicious: True if a person should check the map.
         status: remarks, one line each.
@@ -61,7 +63,8 @@ class ConcentrationMap:
     """
 
     values: NDArray[np.float32]
-    noise: NDArray[np.float32]
+    deviation: NDArray[np.float32]
+    systematic: NDArray[np.float32]
     calibrated: bool
     suspicious: bool
     status: list[str]
@@ -70,9 +73,12 @@ class ConcentrationMap:
 
     @property
     def typical_noise(self) -> float:
-        """Median standard deviation over the visible cells [-]; NaN if no cell is visible."""
-        known = self.noise[np.isfinite(self.noise)]
-        return float(np.median(known)) if known.size else math.nan
+        """Median of the random deviation of the visible cells [-]; NaN if no cell is visible."""
+        known = np.isfinite(self.deviation)
+        if not known.any():
+            return math.nan
+        variance = self.deviation[known] ** 2 - self.systematic[known] ** 2
+        return float(np.sqrt(max(np.median(variance), 0.0)))
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,8 @@ class LogRatioMap:
     Attributes:
         log_ratio: log of light relative to the baseline without the drift of light, shape (nz, nx,
             3 = red, green, blue).
-        variance: variance of `log_ratio`, same shape.
+        variance: variance of `log_ratio` from noise, same shape.
+        light_variance: variance of the local light that was removed, shape (nz, nx).
         visible: cells that show their sand, shape (nz, nx).
         drift: the drift of light that was removed.
         alignment: movement of the camera since the baseline.
@@ -92,6 +99,7 @@ class LogRatioMap:
 
     log_ratio: Array
     variance: Array
+    light_variance: Array
     visible: NDArray[np.bool_]
     drift: LightDrift
     alignment: Alignment
@@ -111,13 +119,21 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
         values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
-        noise = noise_after_denoising(
-            noise, values, baseline.calibration.scale_error, baseline.settings.noise
+        smoothed = smooth_along_levels(
+            concentration, noise, values, baseline.grid.dx, baseline.settings.level_smoothing
+        )
+        seen = SeenTracer(
+            compared.log_ratio, compared.light_variance, baseline.sand_factors, smoothed.values
+        )
+        wrong_light = light_error(seen, baseline.calibration, baseline.settings.light_error)
+        deviation = map_deviation(
+            smoothed, wrong_light, baseline.calibration, baseline.grid, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
-        values=values.astype(np.float32),
-        noise=noise.astype(np.float32),
+        values=smoothed.values.astype(np.float32),
+        deviation=deviation.total.astype(np.float32),
+        systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
         suspicious=compared.suspicious,
         status=uncalibrated + compared.remarks,
@@ -145,51 +161,69 @@ def compare_with_baseline(
     with watch.stage('remap'):
         sampled = sampling.sample(pixels, alignment.homography)
     with watch.stage('average'):
-        sums = _cell_sums(sampled, baseline)
+        framed = in_frame(sampling, alignment.homography, pixels.shape)
+        usable, share = _in_view(framed, baseline)
+        frame_lines = frame_remarks(baseline.share, share, settings.validity)
+        sums = _cell_sums(sampled, usable, baseline)
         refuse_grey(sums.blocks.state, sums.blocks.baseline)
         ratio = sums.log_ratio
         variance = log_ratio_variance(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
-        unclipped, clipped_remarks = unclipped_cells(sums, baseline.share, settings.validity)
+        unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
         visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
-        gain, light_remarks = checker_gain(
+        gain, chart_remarks = checker_gain(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
-        weight = np.where(visible, sums.share, 0.0)
-        drift = light_drift(ratio, weight, gain, settings.light)
-        refuse_unknown_light(ratio, visible, drift, chart_seen=gain is not None)
-        residual = drift.removed_from(ratio)
-        variance += baseline.fluctuation
-        light_remarks += exposure_remarks(gain, settings.light)
-        visible, bright_remarks = lit_as_baseline(residual, visible, settings.light)
-    left_out = [*clipped_remarks, *hidden_remarks, *bright_remarks]
+        light = corrected_light(
+            ratio,
+            visible,
+            sums.share,
+            sums.blocks,
+            gain,
+            baseline.calibration.signal.tracer_colour,
+            settings,
+        )
+    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
-        log_ratio=residual,
-        variance=variance,
-        visible=visible,
-        drift=drift,
+        log_ratio=light.log_ratio,
+        variance=variance + baseline.fluctuation,
+        light_variance=light.variance,
+        visible=light.comparable,
+        drift=light.drift,
         alignment=alignment,
-        remarks=moved_remarks + light_remarks + left_out,
+        remarks=moved_remarks + chart_remarks + light.remarks + left_out,
         suspicious=deformed or bool(left_out),
     )
 
 
-def _cell_sums(sampled: NDArray[np.uint8], baseline: Baseline) -> CellSums:
-    """Return the means of the sampled photograph and the baseline over each cell."""
+def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Array, Array]:
+    """Return the usable samples, and the share of each cell (nz, nx) that they cover.
+
+    `framed` tells which samples lie in the photograph; None if all of them do.
+    """
+    if framed is None:
+        return baseline.usable, baseline.share
+    usable = baseline.usable * framed
+    return usable, baseline.sampling.cell_means(usable.astype(np.float32))
+
+
+def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
+    """Return the sums of the sampled photograph and the baseline over each cell."""
+    samples = baseline.sampling.samples_across
     return cell_sums(
         sampled,
         baseline.colours,
-        baseline.usable,
+        usable,
         light=LINEAR_LIGHT,
         matrix=baseline.chart.matrix,
         glare_level=baseline.settings.decoding.bright_level,
-        samples_across=baseline.sampling.samples_across,
-        cells_across=cells_per_block(baseline.sampling.samples_across, baseline.settings.noise),
+        samples_across=samples,
+        cells_across=cells_per_block(samples, baseline.settings.noise),
     )
 
 

@@ -21,6 +21,10 @@ from porotwin_imaging.settings import DEFAULTS, SamplingSettings
 Array = NDArray[Any]
 
 
+_FEWEST_FOR_BLOCKS = 4
+"""Samples of a cell in each direction from which they are even, so that they divide into blocks."""
+
+
 def choose_reduction(
     geometry: Geometry,
     grid: Grid,
@@ -46,9 +50,10 @@ def choose_reduction(
 
 
 def samples_across(geometry: Geometry, grid: Grid, reduction: int) -> int:
-    """Return the samples of a cell in each direction, about one per pixel decoded by `reduction`."""
+    """Return the samples of a cell in each direction, about one per pixel after decoding."""
     pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
-    return max(1, round(pixels_per_cell))
+    across = max(1, round(pixels_per_cell))
+    return across if across < _FEWEST_FOR_BLOCKS else 2 * round(pixels_per_cell / 2)
 
 
 @dataclass(frozen=True)

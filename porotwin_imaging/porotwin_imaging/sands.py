@@ -1,10 +1,11 @@
 """Sands: their segmentation in the baseline, and one factor on the signal of each.
 
 The same tracer gives another signal in another sand. Each sand is assumed to be uniform and gets
-one factor. The factors minimise the jumps of the signal at the interfaces between sands, in the
-least squares sense (paper, sec. 2.2.1), at places with signal on both sides.
+one factor. Cores of plumes, the jumps of the signal at the interfaces between sands (paper, sec.
+2.2.1) and a prior determine the factors.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -13,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.calibration_evidence import FactorSource
+from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.settings import DEFAULTS, SandSettings
 
 Array = NDArray[Any]
@@ -26,27 +29,46 @@ _BRIGHTNESS_WEIGHT = 1.5
 """Weight of brightness against texture and hue; brightness is the sharpest feature."""
 _LEAST_LIGHT, _LEAST_TEXTURE = 1e-4, 1e-3
 """Light and texture are raised to these before the logarithm."""
-_ROBUST_ROUNDS, _SMALLEST_JUMP = 20, 0.02
-"""Rounds of the fit of least absolute jumps; smaller jumps [log] have a constant weight."""
-_FACTOR_PENALTY = 1e-3
-"""Keeps the factor of sands without pairs at 1."""
-_STRONG_PERCENTILE, _STRONG_CELLS = 99.5, 50
-"""Percentile for the strongest signal of a sand, and the cells needed for it."""
+_FIXED = 1e-4
+"""Deviation of a fixed log signal: the reference sand without any core."""
+
+
+@dataclass(frozen=True)
+class SandLevel:
+    """The signal of tracer stock in one sand, from the cores of the photographs.
+
+    Attributes:
+        level: signal of stock [-].
+        deviation: its relative standard deviation [-].
+        cells: cells of the cores.
+    """
+
+    level: float
+    deviation: float
+    cells: int
 
 
 @dataclass(frozen=True)
 class SandFactors:
-    """The factors that make the signal continuous between sands.
+    """The factors that make the signal the same in all sands.
 
     Attributes:
-        values: factor of each sand, 1 for the sand with most pairs.
-        pairs: pairs of cells that determined each factor.
+        values: factor of each sand, 1 for the reference sand.
+        deviations: relative standard deviation of each factor [-].
+        pairs: pairs of cells across the interfaces of each sand.
+        sources: where each factor comes from.
+        at_bound: True where the photographs ask for a factor outside the bounds.
+        reference: index of the reference sand.
         jump_before: median absolute log jump between sands without the factors.
         jump_after: the same with the factors.
     """
 
     values: tuple[float, ...]
+    deviations: tuple[float, ...]
     pairs: tuple[int, ...]
+    sources: tuple[FactorSource, ...]
+    at_bound: tuple[bool, ...]
+    reference: int
     jump_before: float
     jump_after: float
 
@@ -77,7 +99,7 @@ def segment(
     # texture and hue hardly depend on the lamps, so that these classes separate sand from light
     first = np.zeros(visible.shape, int)
     first[visible] = _clustered([rough, blue], visible, settings)[1]
-    even = brightness - _lamps(brightness, first, visible, settings)
+    even = brightness - _lamps(brightness, first, visible, settings.most_sands)
     values, classes = _clustered([rough, _BRIGHTNESS_WEIGHT * even, blue], visible, settings)
     labels = np.zeros(visible.shape, np.uint8)
     labels[visible] = _merged(values, classes, settings)
@@ -104,17 +126,15 @@ def _clustered(
     return values, classes[:, 0]
 
 
-def _lamps(
-    brightness: Array, classes: Array, visible: NDArray[np.bool_], settings: SandSettings
-) -> Array:
+def _lamps(brightness: Array, classes: Array, visible: NDArray[np.bool_], count: int) -> Array:
     """Return the smooth part (nz, nx) of log brightness, a quadratic common to all classes."""
     rows, columns = np.indices(visible.shape)
     u, v = columns / visible.shape[1] - 0.5, rows / visible.shape[0] - 0.5
     smooth = np.stack([u, v, u * u, u * v, v * v], axis=-1)
-    members = classes[visible][:, None] == np.arange(settings.most_sands)
+    members = classes[visible][:, None] == np.arange(count)
     design = np.column_stack([members, smooth[visible]])
     found = np.linalg.lstsq(design, brightness[visible], rcond=None)[0]
-    return smooth @ found[settings.most_sands :]
+    return smooth @ found[count:]
 
 
 def _masked_median(plane: Array, visible: NDArray[np.bool_]) -> Array:
@@ -203,63 +223,155 @@ def _sharpened(
 
 
 def fit_factors(
-    signals: list[Array], labels: Labels, settings: SandSettings = DEFAULTS.sands
+    signals: list[Array],
+    labels: Labels,
+    levels: Mapping[int, SandLevel],
+    strong: float,
+    lights: Array,
+    settings: SandSettings = DEFAULTS.sands,
 ) -> SandFactors:
-    """Return the factors that make the signals continuous at interfaces.
+    """Return the factors that make the signal of the same tracer the same in all sands.
 
-    A pair is two cells on either side of an interface, two and four cells away from it, so that
-    neither contains both sands. The signal is extrapolated to the interface from both sides, so
-    that a slope of concentration is no jump. With signals s_a and s_b at the interface, the log
-    factors f minimise the sum of |ln s_a + f_a - ln s_b - f_b|. Sands without pairs keep 1.
+    Three kinds of evidence meet in one least squares fit of the log signals of stock. The core of a
+    plume shows the signal of stock in its sand. At interfaces the signal is continuous: a pair is
+    two cells on either side, extrapolated to the interface, so that a slope of concentration is no
+    jump. A prior from their light keeps all sands plausible (`expected_logs`). The reference sand,
+    with the factor 1, has the largest core.
 
     Args:
         signals: signal of each photograph, shape (nz, nx), NaN where it is not visible.
         labels: index of the sand in each cell, shape (nz, nx).
-        settings: thresholds.
+        levels: signal of stock by sand, where a core shows it.
+        strong: strong signal of all photographs [-]; far paler pairs are not used.
+        lights: log of the light of each sand (`sand_lights`), shape (sands,).
+        settings: thresholds and prior.
     """
     count = int(labels.max()) + 1
-    strongest = _strongest(signals, labels, count)
-    first, second, jump = _jumps(signals, labels, settings.least_signal * strongest)
+    first, second, jump = _jumps(signals, labels, settings.least_signal * strong)
     pairs = np.bincount(np.concatenate([first, second]), minlength=count)
-    if len(jump) < settings.fewest_pairs:
-        return SandFactors((1.0,) * count, tuple(int(n) for n in pairs), 0.0, 0.0)
-    design = np.zeros((len(jump), count))
-    design[np.arange(len(jump)), first] += 1.0
-    design[np.arange(len(jump)), second] -= 1.0
-    weight = np.ones(len(jump))
-    logs: Array = np.zeros(count)
-    for _ in range(_ROBUST_ROUNDS):
-        normal = design.T @ (weight[:, None] * design) + _FACTOR_PENALTY * np.eye(count)
-        logs = np.linalg.solve(normal, -design.T @ (weight * jump))
-        residual = np.abs(jump + design @ logs)
-        # weights of the least absolute jumps, because fronts of tracer are outliers
-        weight = 1.0 / np.maximum(residual, _SMALLEST_JUMP)
-    reference = int(np.argmax(pairs))
-    logs = np.where(pairs >= settings.fewest_pairs, logs - logs[reference], 0.0)
-    after = jump + design @ logs
+    reference = _reference(levels, pairs)
+    expected = expected_logs(lights, reference, settings)
+    logs, deviations = _joint_fit(expected, reference, levels, (first, second, jump), settings)
+    bound = np.log(settings.widest_factor)
+    inside = np.clip(logs, -bound, bound)
+    sources: list[FactorSource] = [
+        'core' if n in levels else 'interface' if pairs[n] >= settings.fewest_pairs else 'prior'
+        for n in range(count)
+    ]
+    after = jump - inside[first] + inside[second]
     return SandFactors(
-        tuple(float(value) for value in np.exp(logs)),
+        tuple(float(value) for value in np.exp(-inside)),
+        tuple(float(value) for value in deviations),
         tuple(int(n) for n in pairs),
-        float(np.median(np.abs(jump))),
-        float(np.median(np.abs(after))),
+        tuple(sources),
+        tuple(bool(value) for value in np.abs(logs) > bound),
+        reference,
+        float(np.median(np.abs(jump))) if len(jump) else 0.0,
+        float(np.median(np.abs(after))) if len(jump) else 0.0,
     )
 
 
-def _strongest(signals: list[Array], labels: Labels, count: int) -> Array:
-    """Return the strongest signal of each sand, infinite for sands with too few cells."""
-    strongest = np.full(count, np.inf)
-    for label in range(count):
-        values = np.concatenate([signal[labels == label] for signal in signals])
-        values = values[np.isfinite(values)]
-        if len(values) > _STRONG_CELLS:
-            strongest[label] = np.percentile(values, _STRONG_PERCENTILE)
-    return strongest
+def sand_lights(colours: Array, labels: Labels, visible: NDArray[np.bool_]) -> Array:
+    """Return the log light of each sand in the baseline, without the lamps, shape (sands,).
+
+    Args:
+        colours: linear colours of the baseline, shape (nz, nx, 3).
+        labels: index of the sand in each cell, shape (nz, nx).
+        visible: cells that show sand, shape (nz, nx).
+    """
+    brightness = np.log(np.maximum(colours.mean(axis=2), _LEAST_LIGHT))
+    even = brightness - _lamps(brightness, labels, visible, int(labels.max()) + 1)
+    return np.array(
+        [
+            np.median(even[visible & (labels == sand)]) if (visible & (labels == sand)).any() else 0
+            for sand in range(int(labels.max()) + 1)
+        ]
+    )
 
 
-def _jumps(signals: list[Array], labels: Labels, least: Array) -> tuple[Array, Array, Array]:
+def expected_logs(lights: Array, reference: int, settings: SandSettings = DEFAULTS.sands) -> Array:
+    """Return the log signals of stock that the light of the sands tells, relative to the reference.
+
+    The law of Kubelka and Munk gives the reflection R of a layer with absorption K and scattering S
+    by K / S = (1 - R)^2 / (2 R). Fine sand scatters more: it is brighter, and the same dye darkens
+    it less. Sand darker than half grey hardly follows.
+
+    Args:
+        lights: log of the light of each sand, shape (sands,).
+        reference: index of the reference sand.
+        settings: slopes of the law.
+    """
+    brighter = lights - lights[reference]
+    return -settings.bright_slope * np.maximum(brighter, 0.0) - settings.dark_slope * np.minimum(
+        brighter, 0.0
+    )
+
+
+def _reference(levels: Mapping[int, SandLevel], pairs: Array) -> int:
+    """Return the sand with the largest core, or without cores the one with most pairs."""
+    if levels:
+        return max(levels, key=lambda n: levels[n].cells)
+    return int(np.argmax(pairs))
+
+
+def _joint_fit(
+    expected: Array,
+    reference: int,
+    levels: Mapping[int, SandLevel],
+    found: tuple[Array, Array, Array],
+    settings: SandSettings,
+) -> tuple[Array, Array]:
+    """Return the log signals of stock relative to the reference and their deviations.
+
+    `expected`: log signals before any evidence, shape (sands,).
+    """
+    rows, values, count = [], [], len(expected)
+
+    def add(a: int, b: int | None, value: float, deviation: float) -> None:
+        row = np.zeros(count)
+        row[a] = 1.0
+        if b is not None:
+            row[b] = -1.0
+        rows.append(row / deviation)
+        values.append(value / deviation)
+
+    unit = levels[reference].level if levels else 1.0
+    for sand in range(count):
+        relative_to = reference if sand != reference else None
+        add(sand, relative_to, float(expected[sand]), settings.prior_deviation)
+    for sand, one in levels.items():
+        add(sand, None, float(np.log(one.level / unit)), one.deviation)
+    if not levels:
+        add(reference, None, 0.0, _FIXED)
+    first, second, jump = found
+    for a, b in combinations(range(count), 2):
+        one_way, other_way = (first == a) & (second == b), (first == b) & (second == a)
+        jumps = np.concatenate([jump[one_way], -jump[other_way]])
+        if len(jumps) < settings.fewest_pairs:
+            continue
+        middle = float(np.median(jumps))
+        spread = SPREAD_PER_DEVIATION * float(np.median(np.abs(jumps - middle)))
+        independent = len(jumps) / settings.pairs_together
+        add(a, b, middle, float(np.hypot(settings.jump_error, spread / np.sqrt(independent))))
+    design = np.array(rows)
+    normal = design.T @ design
+    logs = np.linalg.solve(normal, design.T @ np.array(values))
+    logs = logs - logs[reference]
+    return logs, _relative_deviations(np.linalg.inv(normal), reference)
+
+
+def _relative_deviations(covariance: Array, reference: int) -> Array:
+    """Return the standard deviations of the log signals relative to the reference sand."""
+    variance = np.diag(covariance)
+    relative = variance + variance[reference] - 2 * covariance[:, reference]
+    return np.sqrt(np.maximum(relative, 0.0))
+
+
+def _jumps(signals: list[Array], labels: Labels, least: float) -> tuple[Array, Array, Array]:
     """Return (first sand, second sand, ln s_first - ln s_second) of every pair of cells.
 
-    `least`: smallest signal of each sand that counts.
+    A pair is two and four cells away from the interface on each side, so that no cell contains both
+    sands. `least`: smallest signal that counts.
     """
     found = []
     for axis in (0, 1):
@@ -270,8 +382,8 @@ def _jumps(signals: list[Array], labels: Labels, least: Array) -> tuple[Array, A
         crossing &= (far_low == low) & (far_high == high)
         for signal in signals:
             a, b, a_far, b_far = (_shifted(signal, axis, n, 8 - n) for n in (2, 6, 0, 8))
-            strong = np.minimum(a, a_far) > least[low]
-            strong &= np.minimum(b, b_far) > least[high]
+            strong = np.minimum(a, a_far) > least
+            strong &= np.minimum(b, b_far) > least
             chosen = crossing & strong  # comparisons with NaN are False
             logs = [np.log(plane[chosen]) for plane in (a, a_far, b, b_far)]
             found.append((low[chosen], high[chosen], 2 * logs[0] - logs[1] - 2 * logs[2] + logs[3]))

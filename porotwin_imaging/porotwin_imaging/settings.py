@@ -36,6 +36,28 @@ class TotalVariationSettings:
 
 
 @dataclass(frozen=True)
+class LevelSmoothingSettings:
+    """Smoothing along the levels of concentration (`level_smoothing.py`)."""
+
+    reach_m: float = 0.015
+    """Standard deviation of the average along a level [m]. A plume bends on a longer way."""
+    reach_cells: tuple[float, float] = (1.5, 5.0)
+    """Least and largest reach [cells]."""
+    clean_reach: float = 2.0
+    """Total variation averages clean sand further than a level, by this factor [-]."""
+    guide_blur_m: float = 0.004
+    """Blur of the map that gives the levels [m], so that they do not follow the noise."""
+    guide_blur_cells: tuple[float, float] = (0.5, 1.5)
+    """Least and largest blur [cells]: a front of two cells must stay."""
+    least_tracer: float = 0.01
+    """Where no value within reach exceeds this there is no tracer to correct [-]."""
+    most_columns: int = 400
+    """Maps with more columns are corrected on coarser cells."""
+    least_share: float = 0.3
+    """Visible share of a coarse cell below which it does not count [-]."""
+
+
+@dataclass(frozen=True)
 class DecodingSettings:
     """Which photographs are refused when they are decoded (`photo_file.py`)."""
 
@@ -131,6 +153,67 @@ class LightSettings:
 
 
 @dataclass(frozen=True)
+class ToneSettings:
+    """Another tone curve, or haze (`tone_change.py`)."""
+
+    least_spread: float = 0.15
+    """Spread of the brightness of the sands that shows a change of tone [log]."""
+    least_slope: float = 0.006
+    """Drift of the log ratio with the log of brightness from which a change is searched [-]. It is
+    below 0.003 on real and rendered photographs."""
+    brighter: float = 0.05
+    """Cells that are brighter by more count as a sign of it [log ratio]; single cells are noisy."""
+    brighter_share: float = 0.03
+    """Share of such cells from which a change is searched [-]. In ordinary photographs it is 0."""
+    least_gain: float = 1.03
+    """Sand that follows one smooth light after the correction, relative to before [-]."""
+
+
+@dataclass(frozen=True)
+class LocalLightSettings:
+    """Soft shadows and lamps (`local_light.py`)."""
+
+    blocks_across: int = 140
+    """Blocks of cells across the rig whose light is judged: enough for soft shadows."""
+    nodes_across: int = 28
+    """Nodes of the field of light across the rig; soft edges are a few nodes wide."""
+    least_share: float = 0.3
+    """Visible share of a block that counts [-]."""
+    darkest: float = 0.9
+    """Blocks that are darker by more are no soft shadow [log ratio]: 40 % of the light."""
+    most_brighter: float = 0.08
+    """Brighter places are corrected by at most so much [log ratio]; more is a reflection."""
+    least_change: float = 0.02
+    """Missing light that no ordinary photograph has [log ratio]; there it stays below 0.01."""
+    least_part: float = 0.01
+    """Share of the sand without tracer that must be changed so [-]."""
+    tolerance: float = 0.06
+    """Cut-off of Tukey's biweight [log ratio]: blocks further from the field show objects."""
+
+
+@dataclass(frozen=True)
+class ForeignSignalSettings:
+    """Changes that tracer cannot make (`foreign_signal.py`).
+
+    The limits hold for averages over small windows. In brackets: the largest values on real and
+    rendered photographs of tracer.
+    """
+
+    most_brighter: float = 0.1
+    """Brightening of one colour channel [log ratio] (0.053)."""
+    hue_error: float = 0.05
+    """Hue that noise and light make [log ratio] (0.04)."""
+    most_turned: float = 0.8
+    """Hue across the direction of the dye relative to the hue along it [-] (0.6)."""
+    least_dark: float = 0.15
+    """Darkening from which the hue of the dye must be seen [log ratio]."""
+    least_hue: float = 0.3
+    """Hue relative to the hue of tracer that darkens as much [-] (0.5)."""
+    most_share: float = 0.15
+    """Share of the sand above which a photograph is refused [-]."""
+
+
+@dataclass(frozen=True)
 class BaselineMaskSettings:
     """Where the baseline shows sand (`baseline_mask.py`)."""
 
@@ -175,6 +258,20 @@ class ValiditySettings:
 
 
 @dataclass(frozen=True)
+class ThinObjectSettings:
+    """Tubes and cables that were laid before the sand after the baseline (`thin_objects.py`)."""
+
+    core: float = 6.0
+    """Scatter in a block relative to its surroundings that shows an object [-]."""
+    edge: float = 4.0
+    """The same for the blocks between [-]."""
+    least_length: float = 10.0
+    """Length of an object [blocks]. In ordinary photographs blocks join to at most 5."""
+    least_seeds: float = 0.4
+    """Blocks above `core` per block of its length [-]."""
+
+
+@dataclass(frozen=True)
 class NoiseSettings:
     """Standard deviation of a map (`baseline_subtraction.py`, `denoising.py`)."""
 
@@ -182,13 +279,41 @@ class NoiseSettings:
     """Neighbouring samples that share one error, because JPEG and interpolation smear it."""
     fewest_samples_across: int = 5
     """Samples in each direction needed to estimate the scatter; smaller cells are pooled."""
-    averaging_reach_cells: float = 5.0
-    """Denoising averages over at most this distance in each direction [cells]."""
-    light_error: float = 1.5e-3
-    """Standard deviation of the light drift that remains after its removal [-]."""
+    place_error: float = 3e-4
+    """Standard deviation of the place of a cell relative to the width of the rig [-]: the lines of
+    a laser grid on the large FluidFlower, imaged with the published curvature, deviate by 1.0 mm on
+    2.8 m. Corners that a person reads from a photograph to half a pixel of 1600 are as good."""
+    blur_cells: float = 0.45
+    """Width of the blur of a front that is left in a map [cells]."""
     credible: tuple[float, float] = (-0.5, 1.5)
     """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
     a single cell and must not spread."""
+
+
+@dataclass(frozen=True)
+class LightErrorSettings:
+    """Error of the map from light that is not that of the baseline (`light_error.py`)."""
+
+    measured: float = 3e-4
+    """Standard deviation of the drift of light on clean sand, where it is measured [log ratio]."""
+    below_plume: float = 2.5e-3
+    """The same where clean sand is far: the drift is continued by a quadratic [log ratio]."""
+    reach: float = 0.02
+    """Distance over which clean sand tells the light, relative to the width of the map [-]."""
+    clean: float = 0.01
+    """Lower values are clean sand [-]."""
+    full: float = 0.7
+    """Higher values show the colour of tracer stock [-]."""
+    fewest_full_cells: int = 100
+    """Cells that determine this colour."""
+    smoothing_cells: float = 3.0
+    """Width of the local mean of colours [cells]; light changes slowly."""
+    front_step: float = 0.02
+    """Larger steps between cells are fronts [-]."""
+    colour_tolerance: float = 0.02
+    """Smaller changes of colour are noise or drift [log ratio]."""
+    dye_tolerance: float = 0.06
+    """The same for tracer stock: its colour differs from sand to sand [log ratio]."""
 
 
 @dataclass(frozen=True)
@@ -207,24 +332,84 @@ class SandSettings:
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
-    least_signal: float = 0.35
-    """Signal on both sides of an interface, relative to the strongest of the sand [-]."""
+    least_signal: float = 0.3
+    """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
+    tracer at an interface has often not entered the finer sand."""
     fewest_pairs: int = 12
     """Pairs of cells across interfaces that determine a factor."""
+    pairs_together: float = 12.0
+    """Neighbouring pairs that share one error: grains, fronts and labels extend over cells."""
+    jump_error: float = 0.05
+    """Standard deviation of the true jump of the signal at an interface [log]: tracer flows along
+    it on one side only."""
+    bright_slope: float = 0.6
+    """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
+    law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
+    times as much as sand."""
+    dark_slope: float = 0.1
+    """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
+    edge is no property of the sand."""
+    prior_deviation: float = 0.2
+    """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
+    large FluidFlower differ by up to 0.3 from the law."""
+    widest_factor: float = 2.5
+    """Largest factor of a sand, and the inverse of the smallest."""
+
+
+@dataclass(frozen=True)
+class CoreSettings:
+    """Finding the core of a plume (`plume_core.py`)."""
+
+    edge_share: float = 0.4
+    """The edge of a plume lies at this share of the strong signal [-]. Stock in fine sand gives
+    about half the signal of stock in coarse sand."""
+    fewest_cells: int = 40
+    """Cells of a core: their median is known to 1 % although grains scatter by 5 %."""
+    plateau_share: float = 0.88
+    """Cells of the core exceed this share of its top [-]. Paler plumes beside it are no core."""
+    least_share: float = 0.3
+    """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
+    reached: float = 0.99
+    """The plateau begins at this share of the highest level [-]."""
+    flattest: float = 0.025
+    """Largest rise inside a core [-]; a plume that rises further has no plateau."""
+    level_error: float = 0.007
+    """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
+    reached."""
+    outlier: float = 0.04
+    """Photographs whose core differs from the others by more disagree with them [-]."""
+    interface_cells: int = 2
+    """Cells this near to another sand belong to no core: pixels and labels mix there."""
 
 
 @dataclass(frozen=True)
 class MassBalanceSettings:
-    """Scaling the signal to the injected mass (`mass_balance_fit.py`)."""
+    """Comparing the imaged with the injected mass (`mass_balance_fit.py`)."""
 
     fewest_photographs: int = 3
-    """Photographs that determine a line and reveal an outlier."""
+    """Photographs that give the level of stock by their mass and reveal an outlier."""
+    log_error: float = 0.012
+    """Relative deviation of the injected mass in the pores [-]: pumps, porosity and depth as a
+    careful laboratory knows them. Larger differences occur, so its distribution has wide tails."""
+    most_factor: float = 5.0
+    """Largest ratio of imaged to injected mass that is considered, and its inverse smallest."""
+    photograph_error: float = 0.005
+    """Relative deviation of the mass in one photograph [-], from light and noise."""
+    common_error: float = 0.003
+    """The same relative to the largest injected mass."""
+    offset_error: float = 0.01
+    """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
+    volume of the tubes, clocks, remaining light."""
     outlier_distance: float = 0.03
-    """Outliers are farther from the line than this share of the injected volume [-]."""
-    knots: int = 9
-    """Points of the response curve."""
-    stiffness: float = 0.02
-    """Weight of the bending of the curve against the misfit of mass, both relative [-]."""
+    """Photographs that are farther from the common line disagree with it, relative to the largest
+    injected mass [-]."""
+    expected_bend: float = -0.02
+    """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
+    fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
+    bend_deviation: float = 0.04
+    """Standard deviation of the bend before any evidence [-]."""
+    dilution_error: float = 0.01
+    """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
 
 @dataclass(frozen=True)
@@ -250,21 +435,71 @@ class CalibrationSettings:
 
 
 @dataclass(frozen=True)
+class TrustSettings:
+    """When a calibration is refused, and when a user is told (`calibration_trust.py`).
+
+    Porosity, depth and sorption of a rig are rarely known better than to 10 %, a pump log is.
+    """
+
+    most_mass_factor: float = 1.25
+    """Largest ratio of tracer in the plume to injected tracer, either way [-]. The core gives the
+    level of stock, so that the maps are right up to it; beyond it the log is of something else."""
+    most_filled_factor: float = 1.3
+    """The same for the pores that the plume fills, where no core tells the level of stock [-]. Half
+    of the level is not exactly half of the fluid in a small or smeared plume."""
+    told_mass_error: float = 0.03
+    """Difference of tracer in the maps and in the pump log that is told [-]."""
+    sure_deviations: float = 2.0
+    """Standard deviations from which a difference is told [-]."""
+    most_offset: float = 0.14
+    """Largest tracer at the start of the pump log, relative to the injected [-]."""
+    told_offset: float = 0.05
+    """Tracer at the start of the pump log that is told [-]."""
+    least_hollow: float = 0.6
+    """Least signal at the injecting well relative to the level of the plume [-]."""
+    least_followers: float = 0.6
+    """Least share of photographs that agree with each other [-]."""
+    most_mass_misfit: float = 0.08
+    """Largest scatter of the photographs about the pump log, relative to the injection [-]."""
+    most_factor: float = 4.0
+    """Largest factor between two sands [-]. Real sands differ by less than 2."""
+    least_strongest: float = 0.85
+    """Least concentration of the injected fluid, relative to stock [-]."""
+    most_core_slope: float = 0.15
+    """Largest relative difference of signal between the inner and the outer half of the core."""
+    most_dilution_misfit: float = 0.15
+    """Largest difference between known and imaged dilutions [-]."""
+    most_bow: float = 0.012
+    """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
+    the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
+    told_bend_deviation: float = 0.05
+    """Error of the response at half stock that is told [-]."""
+
+
+@dataclass(frozen=True)
 class ImagingSettings:
     """The settings of all steps."""
 
     total_variation: TotalVariationSettings = field(default_factory=TotalVariationSettings)
+    level_smoothing: LevelSmoothingSettings = field(default_factory=LevelSmoothingSettings)
     decoding: DecodingSettings = field(default_factory=DecodingSettings)
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
     colour_checker: ColourCheckerSettings = field(default_factory=ColourCheckerSettings)
     light: LightSettings = field(default_factory=LightSettings)
+    tone: ToneSettings = field(default_factory=ToneSettings)
+    local_light: LocalLightSettings = field(default_factory=LocalLightSettings)
+    foreign_signal: ForeignSignalSettings = field(default_factory=ForeignSignalSettings)
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
     validity: ValiditySettings = field(default_factory=ValiditySettings)
+    light_error: LightErrorSettings = field(default_factory=LightErrorSettings)
+    thin_objects: ThinObjectSettings = field(default_factory=ThinObjectSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
+    core: CoreSettings = field(default_factory=CoreSettings)
     mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
+    trust: TrustSettings = field(default_factory=TrustSettings)
 
 
 DEFAULTS = ImagingSettings()

@@ -164,7 +164,7 @@ def _filled(weighted: Array, weight: Array, full_weight: np.float32) -> NDArray[
     if min(rows, columns) < _SMALLEST_LEVEL or weight.min() >= full_weight:
         total = float(weight.sum())
         mean = float(weighted.sum()) / total if total > 0 else 0.0
-        coarser = np.broadcast_to(np.float32(mean), weight.shape)
+        coarser: Array = np.broadcast_to(np.float32(mean), weight.shape)
     else:
         half = ((columns + 1) // 2, (rows + 1) // 2)
         coarse = _filled(

@@ -15,6 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.tracer_colour import TracerColour
+
 Array = NDArray[Any]
 
 Contrast = Literal['absorbance', 'difference']
@@ -34,10 +36,18 @@ class TracerSignal:
     Attributes:
         contrast: 'difference' or 'absorbance', see the module.
         weights: weights of red, green and blue [-].
+        absorbance: mean absorbance of tracer in red, green and blue, in any unit; None if it is not
+            known. It tells tracer from light.
     """
 
     contrast: Contrast = 'difference'
     weights: tuple[float, float, float] = CHANNELS['red']
+    absorbance: tuple[float, float, float] | None = None
+
+    @property
+    def tracer_colour(self) -> TracerColour | None:
+        """Colour of the tracer; None if it is unknown or grey."""
+        return None if self.absorbance is None else TracerColour.of_absorbance(self.absorbance)
 
     def of(self, log_ratio: Array) -> Array:
         """Return the signal (nz, nx) of log ratios (nz, nx, 3 = red, green, blue)."""
@@ -76,4 +86,10 @@ def learned_weights(log_ratio: Array, background: Array) -> tuple[float, float, 
     if weights @ direction < 0:
         weights = -weights
     red, green, blue = (float(value) for value in weights)
+    return red, green, blue
+
+
+def mean_absorbance(log_ratio: Array) -> tuple[float, float, float]:
+    """Return the absorbance of red, green and blue of cells with tracer, log ratios (n, 3)."""
+    red, green, blue = (float(value) for value in -np.median(log_ratio, axis=0))
     return red, green, blue

@@ -35,7 +35,7 @@ def test_row_zero_is_the_bottom(baseline, laboratory, make_plume, true_shape) ->
 def test_the_stated_noise_covers_the_error_of_the_map(baseline, laboratory, true_map) -> None:
     found = concentration_map(laboratory.photograph(true_map, noise=3.0, seed=4), baseline)
     truth = conservative_resample(true_map, found.values.shape)
-    within = np.abs(found.values - truth) < 2 * found.noise
+    within = np.abs(found.values - truth) < 2 * found.deviation
     assert within.mean() > 0.85
     assert 1e-4 < found.typical_noise < 0.02
 

@@ -15,6 +15,7 @@ from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.wells import WellRates
+from porotwin_page.expectation import Expectation
 from porotwin_page.packed_rates import PackedRates
 
 HISTORY_LENGTH = 1440
@@ -227,6 +228,7 @@ class GraphSnapshot:
             safe rates were confirmed, because it had expired.
         expired: number of the setpoint whose expiry is in the log; None if it is not over.
         log: newest setpoints, expiries and reports of rates.
+        expected: what the siblings expect with the present rates; None before they tell.
         alarm: one line on wrong publishers of setpoints; empty if all is well.
         history: points of the curves.
         history_end: number of points ever added; `history` ends with number `history_end` - 1.
@@ -253,6 +255,7 @@ class GraphSnapshot:
     confirmed: tuple[int, bool] | None = None
     expired: int | None = None
     log: tuple[LogLine, ...] = ()
+    expected: Expectation | None = None
     alarm: str = ''
     history: tuple[CyclePoint, ...] = ()
     history_end: int = 0
@@ -377,6 +380,11 @@ def with_corrected(now: GraphSnapshot, map_: Map) -> GraphSnapshot:
     """Return the snapshot with a corrected forecast."""
     now, map_ = _numbered(now, map_)
     return replace(now, corrected=(*now.corrected, map_)[-FORECASTS_KEPT:])
+
+
+def with_expectation(now: GraphSnapshot, expected: Expectation) -> GraphSnapshot:
+    """Return the snapshot with a forecast of the siblings."""
+    return replace(now, expected=expected)
 
 
 def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -14,9 +15,12 @@ from porotwin_core import conversions, qos, senders
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.rig import load_rig
+from porotwin_core.wells import RateStep
+from porotwin_core.wells import WellRates as RatesByWell
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
+    Forecast,
     NewState,
     Outcome,
     RigDescription,
@@ -24,15 +28,17 @@ from porotwin_msgs.msg import (
     TracerField,
     WellRates,
 )
-from porotwin_msgs.srv import ConfirmRates
+from porotwin_msgs.srv import ConfirmRates, WhatIf
 from porotwin_page import address, graph_snapshot
 from porotwin_page.access import Access, new_token, parse_hosts, token_in
 from porotwin_page.confirmation import Confirmation
+from porotwin_page.expectation import Expectation, plume_outlines
 from porotwin_page.past_states import MOST_STATES, PastStates
 from porotwin_page.server import (
     ConfirmationUnavailable,
     PageApplication,
     ServerThread,
+    SiblingsUnavailable,
     StreamSettings,
 )
 from porotwin_page.setpoint_source import SetpointSource
@@ -49,7 +55,10 @@ NODES_PERIOD = 2.0
 SETPOINT_TOPIC = 'wells/setpoint'
 
 SERVICE_TIMEOUT = 1.0
-"""Longest wait for the service of the operator node [s]."""
+"""Longest wait for the service of another node [s]."""
+
+ANSWER_TIMEOUT = 20.0
+"""Longest wait for what proposed rates would do [s]; the siblings take about a second."""
 
 
 def _own_name(host: str) -> frozenset[str]:
@@ -106,6 +115,7 @@ class PageNode(Node):
         access = Access(token, parse_hosts(hosts) | _own_name(host))
         self._source = SetpointSource(senders.full_name(self, senders.GUARD))
         self._past = PastStates(most=states)
+        self._what_if_client = self.create_client(WhatIf, 'siblings/what_if')
         self._confirm_client = self.create_client(ConfirmRates, 'operator/confirm')
         self._diagnostics = Diagnostics(self)
         self._make_subscriptions()
@@ -114,6 +124,7 @@ class PageNode(Node):
             self._confirm,
             self._graph_time,
             access,
+            ask=self._ask,
             past=self._past,
             settings=StreamSettings(limit=browsers),
         )
@@ -142,6 +153,7 @@ class PageNode(Node):
             (Setpoint, SETPOINT_TOPIC, self._on_setpoint, qos.SETPOINT),
             (WellRates, 'wells/measured', self._on_measured, qos.FIELD),
             (CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD),
+            (Forecast, 'siblings/forecast', self._on_forecast, qos.CONFIG),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10),
         ):
             self.create_subscription(message_type, topic, self._checked(topic, callback), profile)
@@ -239,6 +251,32 @@ class PageNode(Node):
         )
         self._store.update(graph_snapshot.with_cycle, point)
 
+    def _on_forecast(self, message: Forecast) -> None:
+        self._store.update(graph_snapshot.with_expectation, self._expectation(message))
+
+    def _expectation(self, message: Forecast) -> Expectation:
+        """Return a forecast of the siblings with the outlines of the plume at its end.
+
+        Raises:
+            InputError: a map or a rate is wrong.
+        """
+        observed = self._store.snapshot.observed
+        now = observed.map if observed is not None else None
+        last = self._map(message.mean[-1]) if message.mean else None
+        time_s = conversions.time_from_msg(message.header.stamp)
+        return Expectation(
+            time=time_s,
+            rates=conversions.plan_from_msg(message.schedule)[0].rates,
+            times=np.array(message.times),
+            zone_tracer=np.array(
+                [message.zone_tracer_low, message.zone_tracer, message.zone_tracer_high]
+            ),
+            zone_reached=np.array(message.zone_reached),
+            outline_time=last.time - time_s if last is not None else 0.0,
+            outlines=plume_outlines(last.concentration, last.grid) if last is not None else (),
+            now=plume_outlines(now.concentration, now.grid) if now is not None else (),
+        )
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now = time.monotonic()
         for status in message.status:
@@ -264,6 +302,24 @@ class PageNode(Node):
         publishers = senders.publishers(self, SETPOINT_TOPIC)
         return self._source.doubt([sender.node for sender in publishers], time.monotonic())
 
+    def _ask(self, rates: RatesByWell) -> Expectation:
+        """Ask the siblings what `rates` of control wells would do; runs in a thread of the server.
+
+        Raises:
+            InputError: the siblings refused the question.
+            SiblingsUnavailable: they are absent or do not answer.
+        """
+        client = self._what_if_client
+        if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
+            raise SiblingsUnavailable('nobody can tell: the node siblings does not run')
+        request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
+        response = _answered(client, request, ANSWER_TIMEOUT)
+        if response is None:
+            raise SiblingsUnavailable(f'the siblings did not answer within {ANSWER_TIMEOUT:g} s')
+        if response.outcome.code != Outcome.OK:
+            raise InputError(response.outcome.message)
+        return self._expectation(response.proposed)
+
     def _confirm(self, given: Confirmation) -> str:
         """Call the operator node and return one line; runs in a thread of the server.
 
@@ -276,16 +332,14 @@ class PageNode(Node):
             raise ConfirmationUnavailable(
                 'nobody receives confirmations: the operator node is absent'
             )
-        answered, timeout = threading.Event(), self._confirm_timeout
-        wells = conversions.rates_to_msg(given.rates)
-        future = client.call_async(ConfirmRates.Request(sequence=given.sequence, wells=wells))
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(timeout):
-            client.remove_pending_request(future)
+        timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
+        request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
+        response = _answered(client, request, timeout)
+        if response is None:
             raise ConfirmationUnavailable(
                 f'the operator node did not answer within {timeout:g} s; try again'
             )
-        outcome = future.result().outcome
+        outcome = response.outcome
         if outcome.code != Outcome.OK:
             raise InputError(outcome.message)
         self._store.update(graph_snapshot.with_confirmation, given.sequence, safe=given.safe)
@@ -296,6 +350,17 @@ class PageNode(Node):
         self._server.close()
         self._past.close()
         super().destroy_node()
+
+
+def _answered(client: Any, request: Any, timeout: float) -> Any:
+    """Return the response of a service, None after `timeout` [s]; for a thread of its own."""
+    answered = threading.Event()
+    future = client.call_async(request)
+    future.add_done_callback(lambda _: answered.set())
+    if not answered.wait(timeout):
+        client.remove_pending_request(future)
+        return None
+    return future.result()
 
 
 def main() -> None:

@@ -22,16 +22,20 @@ import numpy as np
 from aiohttp import web
 
 from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRates
 from porotwin_page import confirmation
 from porotwin_page.access import Access, AccessRefused
 from porotwin_page.confirmation import Confirmation, ConfirmationDoubt
 from porotwin_page.curve_history import history_view
 from porotwin_page.event import event_view, past_view
+from porotwin_page.expectation import Expectation, expectation_view
 from porotwin_page.graph_snapshot import GraphSnapshot
+from porotwin_page.json_values import Json
 from porotwin_page.map_pictures import Theme
 from porotwin_page.panel import MapPanel, Moment, Panel
 from porotwin_page.panel_registry import all_panels
 from porotwin_page.past_states import PastStates
+from porotwin_page.proposal import parse_proposal
 from porotwin_page.snapshot_store import SnapshotStore
 from porotwin_page.web_files import document, web_files
 
@@ -60,12 +64,27 @@ ConfirmFn = Callable[[Confirmation], str]
 Raises InputError if it is refused, ConfirmationUnavailable if nobody receives it.
 """
 
+AskFn = Callable[[WellRates], Expectation]
+"""Asks what proposed rates [m^3/s] of control wells would do; blocks.
+
+Raises InputError if the question is refused, SiblingsUnavailable if nobody answers.
+"""
+
 ClockFn = Callable[[], float | None]
 """Returns the time on the graph's clock [s]; None if it has not started."""
 
 
 class ConfirmationUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake
     """Nobody receives confirmations; the message names the remedy."""
+
+
+class SiblingsUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake
+    """Nobody answers what proposed rates would do; the message names the remedy."""
+
+
+def nobody_to_ask(_: WellRates) -> Expectation:
+    """Answer no question."""
+    raise SiblingsUnavailable('nobody can tell: the node siblings does not run')
 
 
 @dataclass(frozen=True)
@@ -95,6 +114,7 @@ class PageApplication:
         confirm: passes confirmations on.
         clock: returns the time on the graph's clock [s].
         access: the rules for requests.
+        ask: asks what proposed rates would do; nobody by default.
         past: holds earlier states; an empty one by default.
         panels: panels by name; all panels of the registry by default.
         settings: timing of the streams.
@@ -110,6 +130,7 @@ class PageApplication:
         clock: ClockFn,
         access: Access,
         *,
+        ask: AskFn = nobody_to_ask,
         past: PastStates | None = None,
         panels: Mapping[str, Panel] | None = None,
         settings: StreamSettings | None = None,
@@ -117,6 +138,8 @@ class PageApplication:
         self.streams = 0
         self._store = store
         self._confirm = confirm
+        self._ask = ask
+        self._asking = asyncio.Lock()
         self._clock = clock
         self._access = access
         self._past = PastStates(most=0) if past is None else past
@@ -140,6 +163,7 @@ class PageApplication:
                 web.get('/values/{panel}', self.values),
                 web.get('/scale/{panel}.png', self.scale),
                 web.post('/confirm', self.confirm),
+                web.post('/what-if', self.what_if),
             ]
         )
         return application
@@ -304,6 +328,40 @@ class PageApplication:
         except ConfirmationDoubt as doubt:
             return 409, {'question': str(doubt)}
         except ConfirmationUnavailable as error:
+            return 503, {'error': str(error)}
+
+    async def what_if(self, request: web.Request) -> web.Response:
+        """Answer what proposed rates would do; nothing is pumped."""
+        status, answer = await self._answer(request)
+        return web.json_response(answer, status=status)
+
+    async def _answer(self, request: web.Request) -> tuple[int, Json]:
+        """Return the status and the expectation, or the reason why there is none.
+
+        A question costs the machine of the twin some time. So it needs the token, and only one is
+        asked at a time.
+        """
+        if request.content_type != 'application/json':
+            return 415, {'error': 'what if: send application/json'}
+        token = request.headers.get('Authorization', '').removeprefix('Bearer').strip()
+        try:
+            self._access.check_change(request.headers.get('Origin'), request.host, token)
+            async with asyncio.timeout(BODY_TIMEOUT_S):
+                body = await request.read()
+            rates = parse_proposal(confirmation.decoded(body), self._store.snapshot)
+            if self._asking.locked():
+                return 429, {'error': 'another question is being answered; ask again'}
+            async with self._asking:
+                return 200, expectation_view(await asyncio.to_thread(self._ask, rates))
+        except AccessRefused as refused:
+            return 403, {'error': str(refused)}
+        except web.HTTPRequestEntityTooLarge:
+            return 413, {'error': f'what if: longer than {MAX_CONFIRMATION} bytes'}
+        except TimeoutError:
+            return 408, {'error': 'what if: the request did not arrive as a whole'}
+        except InputError as error:
+            return 400, {'error': str(error)}
+        except SiblingsUnavailable as error:
             return 503, {'error': str(error)}
 
 

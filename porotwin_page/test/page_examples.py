@@ -10,6 +10,7 @@ from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_page import graph_snapshot as snapshot
+from porotwin_page.expectation import Expectation
 from porotwin_page.graph_snapshot import (
     CyclePoint,
     GraphSnapshot,
@@ -69,6 +70,21 @@ def setpoint(sequence: int, control1: float) -> Setpoint:
     time = START + 30.0 * (sequence - 1)
     return Setpoint(
         sequence, time, time + 90.0, rates(control1), 'least tracer', arrival=time, clock=time
+    )
+
+
+def expectation(scale: float = 1.0, control1: float = 120.0) -> Expectation:
+    """Return a forecast over 20 min, its tracer in the zone times `scale`."""
+    tracer = scale * np.array([[0.0, 1e-6], [1e-6, 2e-6], [2e-6, 4e-6]])
+    return Expectation(
+        time=START + 30.0,
+        rates=rates(control1),
+        times=np.array([600.0, 1200.0]),
+        zone_tracer=tracer,
+        zone_reached=np.array([0.5, 1.0]),
+        outline_time=1200.0,
+        outlines=([(0.1, 0.1), (0.5, 0.1), (0.5, 0.4), (0.1, 0.1)],),
+        now=([(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (0.1, 0.1)],),
     )
 
 

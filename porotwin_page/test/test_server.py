@@ -13,19 +13,32 @@ import numpy as np
 import pytest
 from aiohttp import ClientResponse, ClientSession, ClientTimeout
 from aiohttp.test_utils import TestClient, TestServer
-from page_examples import RIG, START, TOKEN, ml_h, observed_state, point, rates, two_cycles
+from page_examples import (
+    RIG,
+    START,
+    TOKEN,
+    expectation,
+    ml_h,
+    observed_state,
+    point,
+    rates,
+    two_cycles,
+)
 
 from porotwin_core.errors import InputError
+from porotwin_core.wells import WellRates
 from porotwin_page import graph_snapshot as snapshot
 from porotwin_page.access import Access
 from porotwin_page.address import listen
 from porotwin_page.confirmation import Confirmation
+from porotwin_page.expectation import Expectation
 from porotwin_page.past_states import PastStates
 from porotwin_page.server import (
     MAX_CONFIRMATION,
     ConfirmationUnavailable,
     PageApplication,
     ServerThread,
+    SiblingsUnavailable,
     StreamSettings,
 )
 from porotwin_page.snapshot_store import SnapshotStore
@@ -43,6 +56,9 @@ class Scene:
         self.store = SnapshotStore()
         self.store.update(lambda _: two_cycles())
         self.confirmed: list[Confirmation] = []
+        self.asked: list[WellRates] = []
+        self.answering = threading.Event()
+        self.answering.set()
         self.refusal: Exception | None = None
         self.past = PastStates()
         self.application = PageApplication(
@@ -50,9 +66,17 @@ class Scene:
             self.confirm,
             lambda: START + 40.0,
             Access(TOKEN, frozenset({'lab-pc'})),
+            ask=self.ask,
             past=self.past,
             settings=settings,
         )
+
+    def ask(self, rates: WellRates) -> Expectation:
+        if self.refusal is not None:
+            raise self.refusal
+        self.asked.append(rates)
+        self.answering.wait(10)
+        return expectation(0.5)
 
     def confirm(self, given: Confirmation) -> str:
         if self.refusal is not None:
@@ -390,3 +414,66 @@ def test_the_server_runs_in_its_own_thread_and_frees_its_port_with_streams_open(
         running.close()
     listen(f'127.0.0.1:{port}').close()
     assert not any(thread.name == 'page' for thread in threading.enumerate())
+
+
+PROPOSED = {'rates_ml_h': {'control1': 250}}
+
+
+def test_a_proposal_is_answered_with_what_to_expect() -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        async with client.post('/what-if', json=PROPOSED, headers=BEARER) as response:
+            assert response.status == 200
+            assert (await response.json())['zone_ml']['median'] == [0.5, 1.0]
+        assert list(scene.asked[0]) == ['control1']
+        assert scene.confirmed == []
+
+    with_client(work)
+
+
+def test_a_question_needs_the_token_and_the_pages_own_site() -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        foreign = {**BEARER, 'Origin': 'http://elsewhere.example'}
+        for headers in ({}, foreign):
+            async with client.post('/what-if', json=PROPOSED, headers=headers) as response:
+                assert response.status == 403
+        assert scene.asked == []
+
+    with_client(work)
+
+
+def test_one_question_is_answered_at_a_time() -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        scene.answering.clear()
+        first = asyncio.create_task(client.post('/what-if', json=PROPOSED, headers=BEARER))
+        while not scene.asked:
+            await asyncio.sleep(0.01)
+        async with client.post('/what-if', json=PROPOSED, headers=BEARER) as response:
+            assert response.status == 429
+        scene.answering.set()
+        assert (await first).status == 200
+
+    with_client(work)
+
+
+@pytest.mark.parametrize(
+    ('refusal', 'status'),
+    [(SiblingsUnavailable('nobody can tell'), 503), (InputError('no photograph yet'), 400)],
+)
+def test_why_there_is_no_answer_is_told(refusal: Exception, status: int) -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        scene.refusal = refusal
+        async with client.post('/what-if', json=PROPOSED, headers=BEARER) as response:
+            assert response.status == status
+            assert (await response.json())['error'] == str(refusal)
+
+    with_client(work)
+
+
+def test_a_question_beyond_the_limits_is_refused() -> None:
+    async def work(scene: Scene, client: TestClient) -> None:
+        beyond = {'rates_ml_h': {'control1': 900}}
+        async with client.post('/what-if', json=beyond, headers=BEARER) as response:
+            assert response.status == 400
+        assert scene.asked == []
+
+    with_client(work)

@@ -14,7 +14,13 @@ from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_recording import topic_names
 from porotwin_recording.bag_reader import BagMessage, BagReader
-from porotwin_recording.concentration import ConcentrationMaps, Maps
+from porotwin_recording.concentration import (
+    DEVIATIONS,
+    ConcentrationMaps,
+    MapOrigin,
+    Maps,
+    MapSeries,
+)
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.segments import LocatedPhoto, Location, PhotoKey, Segment, joined
@@ -275,24 +281,55 @@ def _maps(
     locations = [segment.maps[stamp] for stamp in stamps]
     times = np.array([(stamp - start) / SECOND for stamp in stamps])
 
-    def read(first: int, last: int) -> Maps:
-        maps = np.empty((last - first, *grid.shape), dtype=np.float32)
-        numbers = {location: number for number, location in enumerate(locations[first:last])}
-        for location, message in _between(bag, locations[first:last]):
-            if (number := numbers.get(location)) is not None:
-                maps[number] = _map_values(bag, message, grid, times[first + number])
-        return maps
+    def reader(values_of: Callable[[Any], Any]) -> Callable[[int, int], Maps]:
+        def read(first: int, last: int) -> Maps:
+            maps = np.full((last - first, *grid.shape), np.nan, dtype=np.float32)
+            numbers = {location: number for number, location in enumerate(locations[first:last])}
+            for location, message in _between(bag, locations[first:last]):
+                if (number := numbers.get(location)) is not None:
+                    values = np.asarray(values_of(bag.decode(message)))
+                    maps[number] = _map_values(bag, values, grid, times[first + number])
+            return maps
 
-    return ConcentrationMaps(times, rig.grid(grid.nx, grid.nz), read)
+        return read
+
+    cells = rig.grid(grid.nx, grid.nz)
+    state, origin = _first_state(bag, locations[0])
+    deviations = {
+        name: MapSeries(times, cells, reader(_deviation_reader(name, grid)))
+        for name in DEVIATIONS
+        if len(getattr(state, name, ()))
+    }
+    read = reader(lambda message: message.tracer.concentration)
+    return ConcentrationMaps(times, cells, read, **deviations, origin=origin)
 
 
-def _map_values(bag: BagReader, message: BagMessage, grid: Grid, time: float) -> Maps:
-    """Return the map (nz, nx) in a state message.
+def _first_state(bag: BagReader, first: Location) -> tuple[Any, MapOrigin]:
+    """Return the state message at `first`, and how the maps of its topic were made."""
+    state = next(bag.decode(one) for location, one in _between(bag, [first]) if location == first)
+    program = bag.topics[first.topic].program
+    # an imported folder may hold maps of unknown origin, which count as calibrated
+    unknown = program == '' and state.calibrated
+    calibration = getattr(state, 'calibration', '')
+    return state, MapOrigin(None if unknown else state.calibrated, calibration, program or '')
+
+
+def _deviation_reader(name: str, grid: Grid) -> Callable[[Any], Any]:
+    """Return the function that reads the field `name` of a state; NaN where a state has none."""
+
+    def values_of(state: Any) -> Any:
+        values = getattr(state, name)
+        return values if len(values) else np.full(grid.shape, np.nan, dtype=np.float32)
+
+    return values_of
+
+
+def _map_values(bag: BagReader, values: Maps, grid: Grid, time: float) -> Maps:
+    """Return the `values` of a state message as a map (nz, nx).
 
     Raises:
-        InputError: it lies on another grid.
+        InputError: they lie on another grid.
     """
-    values = np.asarray(bag.decode(message).tracer.concentration)
     if values.size != grid.nx * grid.nz:
         raise InputError(
             f'{bag.path}: the map at {time:g} s has {values.size} values, '

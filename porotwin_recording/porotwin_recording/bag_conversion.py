@@ -16,12 +16,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
-from porotwin_core.conversions import CAMERA_FRAME, RIG_FRAME, grid_to_msg, rates_to_msg, rig_to_msg
+from porotwin_core import PROGRAM
+from porotwin_core.conversions import (
+    CAMERA_FRAME,
+    RIG_FRAME,
+    grid_to_msg,
+    map_to_msg,
+    rates_to_msg,
+    rig_to_msg,
+)
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_msgs.msg import (
@@ -101,7 +108,10 @@ def import_experiment(
     with _complete_or_absent(Path(bag)) as path, BagWriter(path) as writer:
         for stamp, topic, message in _messages(recording):
             name = f'{topic_names.NAMESPACE}/{topic}'
-            writer.add_topic(name, message_type(message), qos=_QOS.get(topic))
+            program = PROGRAM
+            if topic == topic_names.NEW_STATE and recording.maps is not None:
+                program = recording.maps.origin.program
+            writer.add_topic(name, message_type(message), qos=_QOS.get(topic), program=program)
             counts[name] = counts.get(name, 0) + 1
             writer.write(name, serializer.to_cdr(message), log_time=stamp, sequence=counts[name])
             if progress and topic in _COUNTED:
@@ -229,6 +239,11 @@ def _measured(data: RecordedData) -> Iterator[_StampedMessage]:
 
 def _images(data: RecordedData) -> Iterator[_StampedMessage]:
     for photo in data.photos:
+        if photo.role == 'dilution':
+            raise InputError(
+                f"photograph '{photo.name}' is a dilution, for which a bag has no place; calibrate "
+                'from the folder, and import it without its dilutions'
+            )
         topic = topic_names.BASELINE if photo.role == 'baseline' else topic_names.IMAGE
         yield _StampedMessage(_stamp(photo.time), topic, _image(photo))
 
@@ -245,22 +260,22 @@ def _image(photo: Photo) -> CompressedImage:
 def _states(data: RecordedData) -> Iterator[_StampedMessage]:
     if data.maps is None:
         return
-    grid = grid_to_msg(data.maps.grid)
+    grid, origin = grid_to_msg(data.maps.grid), data.maps.origin
     previous = data.maps.times[0]
-    for sequence, (time, frame) in enumerate(zip(data.maps.times, data.maps, strict=True), start=1):
+    frames = zip(data.maps.times, data.maps.with_deviations(), strict=True)
+    for sequence, (time, (frame, deviation, systematic)) in enumerate(frames, start=1):
         stamp = _stamp(time)
         header = _header(stamp)
-        values = np.ascontiguousarray(frame, dtype=np.float32)
-        tracer = TracerField(
-            header=header, grid=grid, concentration=array.array('f', values.tobytes())
-        )
         state = NewState(
             header=header,
             sequence=sequence,
             time_step=float(time - previous),
-            tracer=tracer,
+            tracer=TracerField(header=header, grid=grid, concentration=map_to_msg(frame)),
             noise=math.nan,
-            calibrated=True,
+            deviation=map_to_msg(deviation),
+            systematic=map_to_msg(systematic),
+            calibrated=origin.calibrated is not False,
+            calibration=origin.calibration,
         )
         yield _StampedMessage(stamp, topic_names.NEW_STATE, state)
         refreshed = StateRefreshed(header=header, sequence=sequence)

@@ -43,6 +43,8 @@ class Topic:
         qos: quality of service of the publisher.
         definition: message definition in the format ros2msg; empty if the bag has none.
         message_count: number of messages in the bag.
+        program: name and version of the program that made the messages; empty: not known; None:
+            the bag does not say.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Topic:
     qos: TopicQos
     definition: str
     message_count: int = 0
+    program: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

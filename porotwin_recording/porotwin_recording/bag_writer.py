@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Self
 
 import yaml
 
+from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 from porotwin_recording.bag_folder import METADATA, mcap_files
 from porotwin_recording.bag_records import Topic, TopicQos, qos_profiles
@@ -102,6 +103,7 @@ class BagWriter:
         *,
         qos: TopicQos | None = None,
         definition: str | None = None,
+        program: str = PROGRAM,
     ) -> None:
         """Add the topic `name` (absolute); must precede its messages.
 
@@ -110,6 +112,7 @@ class BagWriter:
             type_name: message type as pkg/msg/Name.
             qos: quality of service of its publisher.
             definition: definition of the type (ros2msg); the installed one by default.
+            program: name and version of the program that makes its messages; empty: not known.
 
         Raises:
             InputError: the bag holds this topic with another type, or the type is not installed.
@@ -125,9 +128,10 @@ class BagWriter:
         definition = message_definition(type_name) if definition is None else definition
         if type_name not in self._schemas:
             self._schemas[type_name] = self._mcap.add_schema(type_name, definition)
-        metadata = {'offered_qos_profiles': yaml.safe_dump(qos_profiles(qos), sort_keys=False)}
+        profiles = yaml.safe_dump(qos_profiles(qos), sort_keys=False)
+        metadata = {'offered_qos_profiles': profiles, 'program': program}
         channel = self._mcap.add_channel(name, self._schemas[type_name], metadata)
-        self._topics[name] = (channel, Topic(name, type_name, qos, definition))
+        self._topics[name] = (channel, Topic(name, type_name, qos, definition, program=program))
 
     def write(
         self,

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from typing import Final, Self, overload
 
@@ -29,6 +30,12 @@ LARGEST_DIMENSION = 10_000_000
 """Largest size of a dimension: photographs of ten years at one per half minute."""
 
 
+DEVIATIONS = {
+    'deviation': 'standard deviation of the concentration',
+    'systematic': 'part of the standard deviation that is the same at all times',
+}
+"""Variables of standard deviations, with their descriptions."""
+
 _OTHER_UNITS = {'ms', 'min', 'minute', 'minutes', 'h', 'hour', 'hours', 'd', 'days', 'mm', 'cm'}
 """Units of coordinates that a reader would take for s or m."""
 
@@ -43,12 +50,30 @@ _COMPRESSION_LEVEL: Final = 4
 
 
 @dataclass(frozen=True)
-class ConcentrationMaps:
-    """A series of tracer maps that is read from disk on demand.
+class MapOrigin:
+    """How maps were made.
 
-    An index selects one map (nz, nx), a slice a series (nt, nz, nx), both float32. The value 1 is
-    the tracer stock; NaN marks cells without information in the photograph. Iteration holds a few
-    maps in memory at a time.
+    Attributes:
+        calibrated: whether their scale was measured; None: not known.
+        calibration: SHA-256 of the calibration's file; empty: none, or not known.
+        program: name and version of the program; empty: not known.
+    """
+
+    calibrated: bool | None = None
+    calibration: str = ''
+    program: str = ''
+
+
+UNKNOWN_ORIGIN = MapOrigin()
+"""Maps of a simulation, or from a file that does not say."""
+
+
+@dataclass(frozen=True)
+class MapSeries:
+    """A series of maps that is read from disk on demand.
+
+    An index selects one map (nz, nx), a slice a series (nt, nz, nx), both float32. NaN marks cells
+    without information in the photograph. Iteration holds a few maps in memory at a time.
 
     Attributes:
         times: seconds since the start of the experiment, ascending, shape (nt,).
@@ -85,8 +110,32 @@ class ConcentrationMaps:
         return maps if dtype is None else maps.astype(dtype)
 
 
+@dataclass(frozen=True)
+class ConcentrationMaps(MapSeries):
+    """A series of tracer maps with their standard deviations; 1 is the tracer stock.
+
+    Attributes:
+        deviation: standard deviation of every value; None where the recording has none.
+        systematic: the part of it that is the same from map to map; None likewise.
+        origin: how the maps were made.
+    """
+
+    deviation: MapSeries | None = None
+    systematic: MapSeries | None = None
+    origin: MapOrigin = UNKNOWN_ORIGIN
+
+    def with_deviations(self) -> Iterator[tuple[Maps, Maps | None, Maps | None]]:
+        """Yield every map (nz, nx) with its `deviation` and `systematic` part, None where none."""
+        nothing: Iterator[None] = repeat(None)
+        deviation = nothing if self.deviation is None else self.deviation
+        systematic = nothing if self.systematic is None else self.systematic
+        yield from zip(self, deviation, systematic, strict=False)
+
+
 def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     """Return the maps in the NetCDF file `path` without loading them.
+
+    Standard deviations are read if the file has them.
 
     Raises:
         InputError: the file is not readable, its dimensions or coordinates do not fit the grid
@@ -94,9 +143,11 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
     """
     with _damage_named(path), _dataset(path) as dataset:
         _check_sizes(dataset, path)
-        variable = _variable(dataset, path, 'concentration', ('time', 'z', 'x'))
-        if not np.issubdtype(variable.dtype, np.number):
-            raise InputError(f'{path}: concentration is {variable.dtype}; write float32')
+        _check_maps(dataset, path, 'concentration')
+        deviations = [name for name in DEVIATIONS if name in dataset.variables]
+        for name in deviations:
+            _check_maps(dataset, path, name)
+        origin = _origin(dataset)
         times, z, x = (_coordinate(dataset, path, name) for name in ('time', 'z', 'x'))
     grid = rig.grid(len(x), len(z))
     _check_coordinate(path, 'x', x, grid.x, f'width_m {rig.width_m:g}')
@@ -108,12 +159,32 @@ def open_maps(path: Path, rig: Rig) -> ConcentrationMaps:
             f'{times[first - 1]:g}; times must increase'
         )
 
+    series = {name: MapSeries(times, grid, _reader(path, name)) for name in deviations}
+    return ConcentrationMaps(times, grid, _reader(path, 'concentration'), **series, origin=origin)
+
+
+def _reader(path: Path, name: str) -> Callable[[int, int], Maps]:
+    """Return the function that reads the variable `name` of the file `path`."""
+
     def read(start: int, stop: int) -> Maps:
         with _damage_named(path), _dataset(path) as opened:
-            values = opened.variables['concentration'][start:stop]
+            values = opened.variables[name][start:stop]
             return np.ma.filled(np.ma.asarray(values, dtype=np.float32), np.float32(np.nan))
 
-    return ConcentrationMaps(times, grid, read)
+    return read
+
+
+def _check_maps(dataset: netCDF4.Dataset, path: Path, name: str) -> None:
+    variable = _variable(dataset, path, name, ('time', 'z', 'x'))
+    if not np.issubdtype(variable.dtype, np.number):
+        raise InputError(f'{path}: {name} is {variable.dtype}; write float32')
+
+
+def _origin(dataset: netCDF4.Dataset) -> MapOrigin:
+    """Return what the attributes of a file say about its maps; other words count as unknown."""
+    calibrated = {'yes': True, 'no': False}.get(str(getattr(dataset, 'calibrated', '')).strip())
+    texts = {name: str(getattr(dataset, name, '')) for name in ('calibration', 'program')}
+    return MapOrigin(calibrated, **texts)
 
 
 @contextmanager
@@ -199,11 +270,24 @@ class ConcentrationWriter:
         writer.append(time, concentration)
     ```
 
+    Args:
+        path: the file.
+        grid: the grid of the maps.
+        packed: whether concentrations are packed.
+        origin: how the maps were made.
+
     Raises:
         InputError: the file cannot be created.
     """
 
-    def __init__(self, path: Path, grid: Grid, *, packed: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        grid: Grid,
+        *,
+        packed: bool = False,
+        origin: MapOrigin = UNKNOWN_ORIGIN,
+    ) -> None:
         self.path = path
         self.grid = grid
         self._partial = path.with_name(path.name + '.partial')
@@ -215,6 +299,15 @@ class ConcentrationWriter:
         self._packed = packed
         self._define_coordinates()
         self._define_concentration()
+        self._define_origin(origin)
+
+    def _define_origin(self, origin: MapOrigin) -> None:
+        words = {
+            'calibrated': {True: 'yes', False: 'no', None: ''}[origin.calibrated],
+            'calibration': origin.calibration,
+            'program': origin.program,
+        }
+        self._dataset.setncatts({name: word for name, word in words.items() if word})
 
     def _define_coordinates(self) -> None:
         dataset = self._dataset
@@ -246,17 +339,33 @@ class ConcentrationWriter:
                 {'scale_factor': np.float32(PACKED_STEP), 'add_offset': np.float32(0)}
             )
 
-    def append(self, time: float, concentration: NDArray) -> None:
+    def append(
+        self,
+        time: float,
+        concentration: NDArray,
+        *,
+        deviation: NDArray | None = None,
+        systematic: NDArray | None = None,
+    ) -> None:
         """Write the map (nz, nx) [-] at `time` [s].
+
+        Args:
+            time: its time [s].
+            concentration: the map (nz, nx) [-].
+            deviation: its standard deviation (nz, nx) [-], if known.
+            systematic: the part of it that is the same at all times, if known.
 
         Raises:
             InputError: the shape is not the one of the grid, or `time` does not increase.
         """
-        if concentration.shape != self.grid.shape:
-            raise InputError(
-                f'{self.path}: map of shape {concentration.shape} at {time:g} s; '
-                f'the grid has {self.grid.shape}'
-            )
+        deviations = {'deviation': deviation, 'systematic': systematic}
+        known = {name: values for name, values in deviations.items() if values is not None}
+        for values in (concentration, *known.values()):
+            if values.shape != self.grid.shape:
+                raise InputError(
+                    f'{self.path}: map of shape {values.shape} at {time:g} s; '
+                    f'the grid has {self.grid.shape}'
+                )
         if not time > self._last:
             raise InputError(
                 f'{self.path}: map at {time:g} s after the one at {self._last:g} s; '
@@ -269,8 +378,27 @@ class ConcentrationWriter:
             values = np.clip(np.where(unseen, 0, values), 0, (PACKED_NAN - 1) * PACKED_STEP)
             values = np.ma.array(values, mask=unseen)
         self._dataset.variables['concentration'][number] = values
+        for name, values in known.items():
+            self._deviations(name)[number] = np.asarray(values, dtype=np.float32)
         self._dataset.variables['time'][number] = time
         self._last = time
+
+    def _deviations(self, name: str) -> netCDF4.Variable:
+        """Return the variable `name` of standard deviations; the first map with them makes it."""
+        if name in self._dataset.variables:
+            return self._dataset.variables[name]
+        variable = self._dataset.createVariable(
+            name,
+            'f4',
+            ('time', 'z', 'x'),
+            zlib=True,
+            complevel=_COMPRESSION_LEVEL,
+            shuffle=True,
+            chunksizes=(1, self.grid.nz, self.grid.nx),
+            fill_value=np.float32(np.nan),
+        )
+        variable.setncatts({'units': '1', 'long_name': DEVIATIONS[name]})
+        return variable
 
     def close(self) -> None:
         """Complete the file and rename it to its final name."""

@@ -111,7 +111,8 @@ def _ignore(*_: int) -> None:
 def _write_maps(
     path: Path, maps: ConcentrationMaps, *, packed: bool, done: Callable[[int], None]
 ) -> None:
-    with ConcentrationWriter(path, maps.grid, packed=packed) as writer:
-        for count, (time, frame) in enumerate(zip(maps.times, maps, strict=True), start=1):
-            writer.append(time, frame)
+    with ConcentrationWriter(path, maps.grid, packed=packed, origin=maps.origin) as writer:
+        frames = zip(maps.times, maps.with_deviations(), strict=True)
+        for count, (time, (frame, deviation, systematic)) in enumerate(frames, start=1):
+            writer.append(time, frame, deviation=deviation, systematic=systematic)
             done(count)

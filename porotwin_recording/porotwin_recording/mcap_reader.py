@@ -263,4 +263,5 @@ def _topic(summary: Summary, channel: Channel, statistics: Statistics) -> Topic:
         qos_from_yaml(channel.metadata.get('offered_qos_profiles', '')),
         schema.data.decode(errors='replace') if schema and schema.encoding == 'ros2msg' else '',
         statistics.channel_message_counts.get(channel.id, 0),
+        channel.metadata.get('program'),
     )

@@ -1,5 +1,6 @@
 """Tests of the conversion: folder to bag and back, no map, rate or photograph is changed."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,12 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.bag_conversion import export_bag, import_experiment
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_writer import BagWriter
-from porotwin_recording.concentration import ConcentrationMaps, ConcentrationWriter
+from porotwin_recording.concentration import (
+    ConcentrationMaps,
+    ConcentrationWriter,
+    MapOrigin,
+    MapSeries,
+)
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
@@ -51,6 +57,12 @@ def assert_same(back: Recording, original: Recording) -> None:
         assert back.times.tobytes() == original.times.tobytes()
         assert back.concentration.tobytes() == original.concentration.tobytes()
         np.testing.assert_array_equal(list(back.maps), original.concentration)
+        assert back.maps.origin == original.maps.origin
+        for name in ('deviation', 'systematic'):
+            series, expected = getattr(back.maps, name), getattr(original.maps, name)
+            assert (series is None) == (expected is None)
+            if expected is not None:
+                assert series[:].tobytes() == expected[:].tobytes()
     assert [(photo.time, photo.role, photo.read()) for photo in back.photos] == [
         (photo.time, photo.role, photo.read()) for photo in original.photos
     ]
@@ -98,6 +110,29 @@ def test_an_experiment_survives_the_way_through_a_bag(
     export_bag(tmp_path / name, tmp_path / 'back')
     assert_same(open_recording(tmp_path / 'back'), original)
     assert {path.suffix for path in (tmp_path / 'back' / 'photos').iterdir()} == {'.jpg', '.png'}
+
+
+def test_deviations_and_the_origin_of_maps_survive_the_way_through_a_bag(
+    folder: Path, tmp_path: Path
+) -> None:
+    plain = open_recording(folder)
+    assert plain.maps is not None
+    assert plain.maps.deviation is None
+    values = np.random.default_rng(4).random((2, 40, *plain.grid.shape), dtype=np.float32)
+    values[:, 3, :2] = np.nan
+    deviation, systematic = (
+        MapSeries(plain.times, plain.grid, lambda a, b, i=i: values[i, a:b]) for i in range(2)
+    )
+    origin = MapOrigin(calibrated=False, calibration='ab' * 32, program='Others 2.1')
+    maps = replace(plain.maps, deviation=deviation, systematic=systematic, origin=origin)
+    write_folder(tmp_path / 'imaged', RecordedData(plain.rig, maps=maps))
+    original = open_recording(tmp_path / 'imaged')
+    assert original.maps is not None
+    assert original.maps.origin == origin
+    import_experiment(tmp_path / 'imaged', tmp_path / 'run.mcap')
+    assert_same(open_recording(tmp_path / 'run.mcap'), original)
+    export_bag(tmp_path / 'run.mcap', tmp_path / 'again')
+    assert_same(open_recording(tmp_path / 'again'), original)
 
 
 def test_importing_twice_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:

@@ -117,15 +117,18 @@ class Engine:
         scheme: Scheme,
         coupled_physics: Physics | None = None,
         supervision: Supervision = UNSUPERVISED,
+        longest_step: float = LONGEST_STEP,
     ) -> None:
         """Factorise the flow of `physics`, which does not depend on the rates.
 
         The grid of `coupled_physics` equals the grid of `physics` or is coarser by a whole factor;
-        by default it is the same. `supervision` bounds every call of `advance`.
+        by default it is the same. `supervision` bounds every call of `advance`. A splitting step
+        takes at most `longest_step` [s].
         """
         self.physics = physics
         self.scheme = scheme
         self.supervision = supervision
+        self.longest_step = longest_step
         self.grid = physics.grid
         self.flow = SHARED_FLOWS.flow(self.grid, physics.mobility_thickness, physics.boundaries)
         self.sources_and_sinks = SourcesAndSinks(physics)
@@ -206,7 +209,7 @@ class Engine:
 
     def splitting(self, duration: float) -> tuple[int, float]:
         """Return the number of splitting steps in `duration` [s] and their length [s]."""
-        count = max(1, math.ceil(duration / LONGEST_STEP - STEP_ROUND_OFF))
+        count = max(1, math.ceil(duration / self.longest_step - STEP_ROUND_OFF))
         return count, duration / count
 
     def coefficients(

@@ -130,7 +130,7 @@ class Model:
                 closed rig, a time step that is not positive, or the supervision refuses the cost.
         """
         start = self.validated_map(concentration, 'concentration')
-        step = _validated_step(time_step)
+        step = validated_duration(time_step, 'time step')
         state = State.equilibrium(refine(start, self.engine.grid.shape))
         self.engine.advance(state, rates, step)
         predicted = coarsen(self.engine.mean_concentration(state), self.grid.shape)
@@ -209,7 +209,12 @@ class Model:
         return self.predict(previous, rates, time_step)
 
 
-def _validated_step(time_step: float) -> float:
-    if not (math.isfinite(time_step) and time_step > 0):
-        raise InputError(f'time step {time_step} s: must be positive')
-    return float(time_step)
+def validated_duration(seconds: float, name: str) -> float:
+    """Return a duration [s] as a float.
+
+    Raises:
+        InputError: it is not finite and positive; the message begins with `name`.
+    """
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise InputError(f'{name} {seconds} s: must be positive')
+    return float(seconds)

@@ -3,15 +3,18 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from porotwin_core import __version__
 from porotwin_core.conversions import (
+    cost_term_from_msg,
     effect_to_msg,
     grid_to_msg,
     ok,
+    plan_from_msg,
     rates_from_msg,
     refusal,
     source_from_msg,
@@ -27,16 +30,20 @@ from porotwin_core.single_instance import only_one
 from porotwin_msgs.msg import Outcome, SourceField, TracerField
 from porotwin_msgs.srv import (
     Correct,
+    CostGradient,
     InitialCondition,
     ModelInfo,
     Ping,
     Predict,
     QuantityOfInterest,
     Residual,
+    Rollout,
 )
+from porotwin_solver.grid_models import GridModels
 from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.quantities import QUANTITIES
+from porotwin_solver.rollout import rollout
 from porotwin_solver.supervision import Supervision
 from porotwin_solver.turns import BusyError, CancelledError, Turns
 
@@ -59,6 +66,8 @@ graph, as long as the hub waits; a prediction of ten minutes of the small rig ne
 class SolverNode(Node):
     """Offers `solver/predict`, `residual`, `correct` and more for one rig, grid and preset.
 
+    `solver/cost_gradient` and `solver/rollout` also take states on a coarser grid.
+
     The parameters `rig`, `grid` and `preset` choose them. A request that fails gets its reason in
     `outcome`, and the log gets one line.
     """
@@ -76,8 +85,20 @@ class SolverNode(Node):
         )
         grid = declare_grid(self, rig)
         self._turns = Turns(MOST_WAITING)
-        self.model = Model(rig, grid, preset=preset, supervision=self._declare_supervision())
-        self.model.prepare()
+        coarse_preset = declare(
+            self,
+            'coarse_preset',
+            'fast',
+            'preset of plans on a coarser grid, which smears more; second order makes up for it',
+            choices=PRESETS,
+        )
+        self._models = GridModels(
+            rig,
+            grid,
+            preset=preset,
+            coarse_preset=coarse_preset,
+            supervision=self._declare_supervision(),
+        )
         # a request that works must not keep these from being answered
         quick = MutuallyExclusiveCallbackGroup()
         self.create_service(Ping, 'solver/ping', self._ping, callback_group=quick)
@@ -88,8 +109,15 @@ class SolverNode(Node):
         self._serve(Predict, 'solver/predict', self._predict)
         self._serve(Residual, 'solver/residual', self._residual)
         self._serve(Correct, 'solver/correct', self._correct)
+        self._serve(CostGradient, 'solver/cost_gradient', self._cost_gradient)
+        self._serve(Rollout, 'solver/rollout', self._rollout)
         self._serve(QuantityOfInterest, 'solver/quantity_of_interest', self._quantity)
         self.get_logger().info(f'{rig.name}: {grid} cells, preset {preset}, ready')
+
+    @property
+    def model(self) -> Model:
+        """The model on the grid of the maps."""
+        return self._models.own
 
     def _declare_supervision(self) -> Supervision:
         return Supervision(
@@ -182,6 +210,28 @@ class SolverNode(Node):
             request.time_step,
         )
         response.corrected = tracer_to_msg(corrected, self.model.grid, _end_time(request))
+
+    def _cost_gradient(self, request: Any, response: Any) -> None:
+        initial, grid = tracer_from_msg(request.initial)
+        response.cost, by_rate = self._models.plan_cost(
+            initial,
+            plan_from_msg(request.schedule),
+            horizon=request.horizon,
+            terms=[cost_term_from_msg(term, grid) for term in request.terms],
+            with_gradient=request.with_gradient,
+        )
+        if by_rate is not None:
+            response.gradient = np.ravel(by_rate).tolist()
+
+    def _rollout(self, request: Any, response: Any) -> None:
+        initial, grid = tracer_from_msg(request.initial)
+        model = self._models.on(grid)
+        begin = time_from_msg(request.initial.header.stamp)
+        maps = rollout(model, initial, plan_from_msg(request.schedule), request.times)
+        response.states = [
+            tracer_to_msg(values, model.grid, begin + time)
+            for time, values in zip(request.times, maps, strict=True)
+        ]
 
     def _quantity(self, request: Any, response: Any) -> None:
         state = self._map(request.state)

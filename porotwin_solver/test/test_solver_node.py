@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.rig import load_rig
-from porotwin_core.wells import WellRate
+from porotwin_core.wells import RateStep, WellRate
+from porotwin_solver.adjoint.schedule_cost import schedule_cost
 from porotwin_solver.model import Model
 from porotwin_solver.quantities import QUANTITIES
 
@@ -22,6 +24,8 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from porotwin_core.conversions import (  # noqa: E402
+    cost_term_to_msg,
+    plan_to_msg,
     rates_to_msg,
     source_from_msg,
     source_to_msg,
@@ -31,12 +35,14 @@ from porotwin_core.conversions import (  # noqa: E402
 from porotwin_msgs.msg import Outcome  # noqa: E402
 from porotwin_msgs.srv import (  # noqa: E402
     Correct,
+    CostGradient,
     InitialCondition,
     ModelInfo,
     Ping,
     Predict,
     QuantityOfInterest,
     Residual,
+    Rollout,
 )
 
 pytestmark = pytest.mark.graph
@@ -243,6 +249,42 @@ def test_a_bad_request_gets_its_reason_and_the_node_keeps_running(
     assert 'source field: 589 cells are not finite' in answer.outcome.message
     good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=30.0)
     assert good.outcome.code == Outcome.OK
+
+
+@pytest.mark.parametrize('cells', [(31, 19), (15, 9)], ids=['own grid', 'coarser grid'])
+def test_the_cost_of_a_plan_and_its_gradient_equal_those_of_the_model(
+    client: Client, rig_file: Path, rates: Any, cells: tuple[int, int]
+) -> None:
+    rig = load_rig(rig_file)
+    model = Model(rig, rig.grid(*cells), preset='fast')
+    plan = [RateStep(0.0, rates), RateStep(60.0, {})]
+    terms = [CostTerm(0.0, 120.0, linear=np.ones(model.grid.shape))]
+    expected = schedule_cost(model, model.initial_condition(), plan, horizon=120.0, terms=terms)
+    fields = {
+        'initial': tracer_to_msg(model.initial_condition(), model.grid, 100.0),
+        'schedule': plan_to_msg(plan),
+        'terms': [cost_term_to_msg(term) for term in terms],
+        'horizon': 120.0,
+    }
+    answer = client.call(CostGradient, 'cost_gradient', with_gradient=True, **fields)
+    assert answer.outcome.code == Outcome.OK, answer.outcome.message
+    assert answer.cost == pytest.approx(expected.cost, rel=1e-12)
+    assert expected.gradient is not None
+    np.testing.assert_allclose(answer.gradient, expected.gradient.ravel(), rtol=1e-12)
+    alone = client.call(CostGradient, 'cost_gradient', with_gradient=False, **fields)
+    assert (alone.cost, len(alone.gradient)) == (answer.cost, 0)
+
+
+def test_a_rollout_has_a_state_for_each_time(client: Client, model: Model, rates: Any) -> None:
+    initial = tracer_to_msg(model.initial_condition(), model.grid, 100.0)
+    plan = plan_to_msg([RateStep(0.0, rates)])
+    answer = client.call(Rollout, 'rollout', initial=initial, schedule=plan, times=[30.0, 60.0])
+    assert [state.header.stamp.sec for state in answer.states] == [130, 160]
+    expected = model.predict(model.predict(model.initial_condition(), rates, 30.0), rates, 30.0)
+    np.testing.assert_allclose(tracer_from_msg(answer.states[1])[0], expected, atol=1e-7)
+    fine = tracer_to_msg(np.zeros((20, 40)), model.rig.grid(40, 20), 0.0)
+    refused = client.call(Rollout, 'rollout', initial=fine, schedule=plan, times=[30.0])
+    assert 'grid 40x20: has more cells than the grid 31x19' in refused.outcome.message
 
 
 def test_predictions_are_cancelled_and_the_solver_is_free_again(

@@ -1,6 +1,7 @@
 """./porotwin bench: speed and accuracy on this machine."""
 
 import importlib
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -12,21 +13,25 @@ BENCHES = {
     'solver': 'porotwin_solver.solver_bench',
     'imaging': 'porotwin_imaging.imaging_bench',
     'costa': 'porotwin_cli.bench_costa',
-    'loop': 'porotwin_cli.bench_loop',
+    'cycle': 'porotwin_cli.bench_cycle',
     'diagnosis': 'porotwin_validation.diagnosis_bench',
 }
 """Parts that can be measured, and the module whose `run()` returns a list of rows."""
 
-LONG = {'faults': 'porotwin_cli.bench_faults'}
-"""Parts that take hours: measured only by name."""
+LONG = {
+    'loop': 'porotwin_cli.bench_loop',
+    'faults': 'porotwin_cli.bench_faults',
+    'calibration': 'porotwin_validation.calibration_bench',
+}
+"""Parts that take long or need data: measured only by name. `loop` has a table of its own."""
 
 
 def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; {", ".join(LONG)} takes hours. '
-            'Default: all but the last.'
+            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop and faults, which '
+            'take an hour or more, and calibration, which needs --baseline. Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -36,7 +41,25 @@ def command(
     tries: Annotated[
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
-    seed: Annotated[int, typer.Option(help='faults: seed of moments and damages.')] = 1,
+    seed: Annotated[
+        int, typer.Option(help='loop, faults, calibration: seed of everything drawn.')
+    ] = 1,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
+    ] = None,
+    cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
+    scenarios: Annotated[int, typer.Option(help='loop: number of scenarios.', min=1)] = 20,
+    maps: Annotated[
+        bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(help='loop: runs at a time; default: all cores.', min=1)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help='loop: folder of its runs; one with earlier runs is continued.'),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed and accuracy on this machine.
@@ -45,20 +68,34 @@ def command(
 
     Example: ./porotwin bench solver
 
+    Example: ./porotwin bench loop --scenarios 3 --output runs/bench
+
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
+
+    Example: ./porotwin bench calibration --baseline experiment --cases 20
     """
     modules = {**BENCHES, **LONG}
     options: dict[str, dict[str, Any]] = {
-        'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed}
-    }
+        'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed},
+        'loop': {
+            'scenarios': scenarios, 'seed': seed, 'workers': workers, 'output': output,
+            'photographs': not maps,
+        },
+    }  # fmt: skip
     results: dict[str, Any] = {}
     for part in parts or list(BENCHES):
         if part not in modules:
             raise InputError(f"nothing to measure is called '{part}'; choose {', '.join(modules)}")
         say(f'measuring {part} ...')
-        rows = importlib.import_module(modules[part]).run(**options.get(part, {}))
-        results[part] = rows
-        if rows and not as_json:
-            print_table(part, list(rows[0]), [list(row.values()) for row in rows])
+        module = importlib.import_module(modules[part])
+        found = module.run(**options.get(part, {}))
+        results |= found if part == 'loop' else {part: found}
+        if as_json:
+            continue
+        if part == 'loop':
+            module.show(found)
+        elif found:
+            print_table(part, list(found[0]), [list(row.values()) for row in found])
     if as_json:
         print_json(results)

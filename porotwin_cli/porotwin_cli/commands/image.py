@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
+from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,9 +41,10 @@ def command(
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
+    from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
     from porotwin_imaging.photo_to_map import concentration_map
-    from porotwin_recording.concentration import ConcentrationWriter
+    from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
 
     picture = picture_beside(output)
@@ -50,7 +52,7 @@ def command(
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
     baselines = [photo for photo in recording.photos if photo.role == 'baseline']
-    states = [photo for photo in recording.photos if photo.role != 'baseline']
+    states = [photo for photo in recording.photos if photo.role == 'state']
     if not baselines or not states:
         raise InputError(
             f'{experiment}: needs a baseline and at least one state photograph; '
@@ -66,12 +68,18 @@ def command(
     for remark in baseline.remarks:
         say(remark)
     imaged, refused = [], []
-    with ConcentrationWriter(output, map_grid) as writer, progress() as bar:
+    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
+    with ConcentrationWriter(output, map_grid, origin=origin) as writer, progress() as bar:
         task = bar.add_task('photographs', total=len(states))
         for photo in states:
             try:
                 found = concentration_map(_read(photo), baseline)
-                writer.append(photo.time, found.values)
+                writer.append(
+                    photo.time,
+                    found.values,
+                    deviation=found.deviation,
+                    systematic=found.systematic,
+                )
             except InputError as error:
                 refused.append(f'{photo.name}: {error}')
                 say(refused[-1])

@@ -62,6 +62,7 @@ def command(
     diagnosis: Annotated[
         bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
     ] = True,
+    siblings: Annotated[bool, typer.Option(help=description_of('siblings'))] = True,
     output: Annotated[
         Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
     ] = None,
@@ -116,6 +117,7 @@ def command(
         photo_interval_s=photo_interval_s,
         horizon_s=horizon_s,
         control=not predict_only,
+        siblings=siblings,
         retrain_every=retrain_every,
         architecture=architecture,
         page=settled(page) if page else '',

@@ -6,7 +6,12 @@ the whole rig. `rig_file` reads and writes files, with the help of `yaml_reader`
 docs/rig.md lists every key.
 """
 
-from porotwin_core.rig.control_section import Control, FixedWell, ObjectiveDescription
+from porotwin_core.rig.control_section import (
+    PUMP_STEP_ML_H,
+    Control,
+    FixedWell,
+    ObjectiveDescription,
+)
 from porotwin_core.rig.description import Rig
 from porotwin_core.rig.rig_file import load_rig, parse_rig, read_rig, rig_from_maps, write_rig
 from porotwin_core.rig.sections import (
@@ -21,6 +26,7 @@ from porotwin_core.rig.sections import (
 
 __all__ = [
     'DEFAULT_WELL_RADIUS',
+    'PUMP_STEP_ML_H',
     'Boundaries',
     'Camera',
     'Control',

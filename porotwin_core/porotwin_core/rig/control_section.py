@@ -12,6 +12,13 @@ from porotwin_core.rig.sections import Point, Section, check_corners
 DEFAULT_OBJECTIVE = 'keep_out'
 """The objective of a rig that names none: keep the tracer out of a zone (paper, section 4)."""
 
+PUMP_STEP_ML_H = 0.1
+"""Resolution of a pump's display [ml/h], unless `rate_step_ml_h` says otherwise."""
+
+CHANGE_COST_ML_MIN = 0.3
+"""Worth of one order less, unless `change_cost_ml_min` says otherwise: 0.3 ml of tracer where it
+must not be, for a minute. On the small rig a wrong setting costs more within a minute."""
+
 
 class FixedWell(Section):
     """A well whose rate the twin does not change; it injects `concentration` (0 water, 1 stock)."""
@@ -69,6 +76,22 @@ class Control(Section):
     max_total_rate_ml_h: Positive = Field(
         500.0, description='largest sum of the rates of the control wells [ml/h]'
     )
+    rate_step_ml_h: Positive = Field(
+        PUMP_STEP_ML_H, description='rates are multiples of it, as the pumps are set [ml/h]'
+    )
+    min_rate_ml_h: NotNegative = Field(
+        0.0, description='smallest rate of a control well that pumps [ml/h]'
+    )
+    max_change_ml_h: Positive | None = Field(
+        None, description='largest change of one rate from one setpoint to the next [ml/h]'
+    )
+    change_cost_ml_min: NotNegative = Field(
+        CHANGE_COST_ML_MIN,
+        description='an order is given only if it is worth this much [ml min of the objective]',
+    )
+    end_min: Positive | None = Field(
+        None, description='end of the experiment, after its start [min]; none: open'
+    )
     objective: ObjectiveDescription = Field(
         ObjectiveDescription(), description='objective of the controller: a name, or {name:, ...}'
     )
@@ -92,6 +115,23 @@ class Control(Section):
         if isinstance(value, ObjectiveDescription):
             return value
         raise ValueError('give a name, or {name: keep_in, zone_m: [...]}')
+
+    @pydantic.model_validator(mode='after')
+    def _rates_can_be_set(self) -> Self:
+        greatest, step = self.max_rate_ml_h, self.rate_step_ml_h
+        if step > greatest:
+            raise ValueError(f'rate_step_ml_h {step:g} is above max_rate_ml_h {greatest:g}')
+        if self.min_rate_ml_h > greatest:
+            raise ValueError(
+                f'min_rate_ml_h {self.min_rate_ml_h:g} is above max_rate_ml_h {greatest:g}'
+            )
+        least = max(self.min_rate_ml_h, step)
+        if self.max_change_ml_h is not None and self.max_change_ml_h < least:
+            raise ValueError(
+                f'max_change_ml_h {self.max_change_ml_h:g} is below {least:g} ml/h, the smallest '
+                'rate that the pumps can be set to: no well could ever start'
+            )
+        return self
 
     @pydantic.field_validator('disallowed_zone_m')
     @classmethod

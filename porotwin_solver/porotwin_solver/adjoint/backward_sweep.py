@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.wells import WellRate
-from porotwin_solver.adjoint.forward_sweep import ForwardSweep, Interval
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_solver.adjoint.forward_sweep import ForwardSweep
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
 from porotwin_solver.adjoint.step_adjoint import (
     StepDerivatives,
@@ -63,7 +63,10 @@ def sweep_backward(
             by_parameter += step.by_parameter
             by_parameter += coefficient_derivatives(varied, rates, first, step)
             by_source = flow_adjoint(engine, first, rates, bar, step.derivatives)
-            _add_well_derivatives(engine, interval, index, step.derivatives, by_source, found)
+            by_rate, by_concentration = well_derivatives(engine, rates, step.derivatives, by_source)
+            for name in engine.physics.wells:
+                found.rate[name][index] += by_rate[name]
+                found.concentration[name][index] += by_concentration[name]
     return found
 
 
@@ -91,34 +94,35 @@ def _map_adjoint(
     return np.array([one.derivative(weighted) for one in varied])
 
 
-def _add_well_derivatives(
+def well_derivatives(
     engine: Engine,
-    interval: Interval,
-    index: int,
+    rates: WellRates,
     derivatives: StepDerivatives,
     by_source: FloatArray | None,
-    found: SweepDerivatives,
-) -> None:
-    """Add dJ/drate and dJ/dconcentration of every well through one step of interval `index`.
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return dJ/drate and dJ/dconcentration of every well through one step under `rates`.
 
     A rate acts through its unit flow, through the sources of its cells and, by `by_source`, through
-    the tracer-driven flow.
+    the tracer-driven flow. For a well at rest it is the derivative for the start of an injection.
     """
     at, units = engine.sources_and_sinks, engine.unit_fluxes
     flux_bar, sources_bar, _ = derivatives.advection
+    found_rate, found_concentration = {}, {}
     for name, source_sink in engine.physics.wells.items():
-        commanded = interval.rates.get(name, WellRate())
+        commanded = rates.get(name, WellRate())
         factor = engine.physics.rate_factors.get(name, 1.0)
         unit = at.all.index(source_sink)
         by_rate = float(np.vdot(flux_bar.x, units.x[unit]))
         by_rate += float(np.vdot(flux_bar.z, units.z[unit]))
         if by_source is not None and engine.coupling is not None:
             by_rate += engine.coupling.sources_and_sinks.disc_mean(source_sink, by_source)
+        by_tracer = 0.0
         if commanded.rate >= 0:
             by_tracer = at.disc_mean(source_sink, sources_bar.tracer)
             by_inflow = at.disc_mean(source_sink, sources_bar.inflow)
             by_rate += by_inflow + commanded.concentration * by_tracer
-            found.concentration[name][index] += factor * commanded.rate * by_tracer
         else:
             by_rate -= at.disc_mean(source_sink, sources_bar.outflow)
-        found.rate[name][index] += factor * by_rate
+        found_rate[name] = factor * by_rate
+        found_concentration[name] = factor * max(commanded.rate, 0.0) * by_tracer
+    return found_rate, found_concentration

@@ -24,6 +24,10 @@ from porotwin_solver.face_field import FaceField
 from porotwin_solver.model import Model
 from porotwin_solver.transport import Sources
 
+NEGLIGIBLE_DERIVATIVE = 1e-100
+"""Derivatives by a concentration that are smaller count as zero. Far from the cost they would fall
+below the smallest normal number, 2e-308, where the processor takes ten times as long."""
+
 
 class StepDerivatives(NamedTuple):
     """Derivatives of the cost by the coefficients of one step, in the shapes of these.
@@ -68,18 +72,22 @@ def step_adjoint(
     rates: WellRates,
     length: float,
     bar: State,
-    varied: Sequence[ParameterDifference],
+    varied: Sequence[ParameterDifference] = (),
+    *,
+    coefficients: StepCoefficients | None = None,
 ) -> StepAdjoint:
     """Run the step of `length` [s] from `first` again and apply its adjoint.
 
     The derivatives by the parameters `varied` are part of the result. `rates` are [m^3/s] by well.
     Turns `bar` in place from dJ/d(state after the step) into dJ/d(state before it), apart from the
-    part through the tracer-driven flow (`flow_adjoint`).
+    part through the tracer-driven flow (`flow_adjoint`). Without given `coefficients` those of the
+    step are computed.
 
     Raises:
         InputError: as `Engine.coefficients`.
     """
-    coefficients = engine.coefficients(first, rates, length)
+    if coefficients is None:
+        coefficients = engine.coefficients(first, rates, length)
     half = coefficients.exchanges.levels.duration
     tapes = StepTapes.empty(coefficients)
     state = first.copy()
@@ -99,6 +107,7 @@ def step_adjoint(
     )
     by_parameter += _reaction_derivatives(varied, bar, first, half)
     engine.react_adjoint(bar, half)
+    bar.mobile[np.abs(bar.mobile) < NEGLIGIBLE_DERIVATIVE] = 0.0
     return StepAdjoint(coefficients, derivatives, by_parameter)
 
 

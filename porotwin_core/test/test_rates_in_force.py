@@ -4,9 +4,7 @@ import math
 
 import pytest
 
-from porotwin_core.units import from_ml_h
-from porotwin_core.wells import WellRate, net_rate
-from porotwin_hub.rates_in_force import (
+from porotwin_core.rates_in_force import (
     MOST_PERIODS,
     KnownRates,
     RatePeriod,
@@ -16,6 +14,8 @@ from porotwin_hub.rates_in_force import (
     rates_in_force,
     same_rates,
 )
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate, net_rate
 
 
 def push(rate_ml_h: float) -> dict[str, WellRate]:

@@ -4,11 +4,14 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, mean_rates, net_rate
-from porotwin_hub.setpoint_limits import CONCENTRATION_TOLERANCE, SAME_SETTING_ML_H
 
-SAME_RATE = from_ml_h(SAME_SETTING_ML_H)
+CONCENTRATION_TOLERANCE = 1e-6
+"""Round-off allowed in injected concentrations [-]."""
+
+SAME_RATE = from_ml_h(0.5 * PUMP_STEP_ML_H)
 """Rates that differ by at most this are the same setting of a pump [m^3/s]."""
 
 PUMP_ACCURACY = 0.02
@@ -148,6 +151,15 @@ def balanced(rates: WellRates, producer: str) -> dict[str, WellRate]:
     """
     others = {name: well for name, well in rates.items() if name != producer}
     return {**others, producer: WellRate(-net_rate(others))}
+
+
+def injected_tracer(periods: Sequence[RatePeriod]) -> float:
+    """Return the volume of tracer stock [m^3] that all wells inject in `periods`."""
+    return sum(
+        (period.end - period.start) * max(well.rate, 0.0) * well.concentration
+        for period in periods
+        for well in period.rates.values()
+    )
 
 
 def describe_difference(periods: Sequence[RatePeriod], expected: WellRates) -> str:

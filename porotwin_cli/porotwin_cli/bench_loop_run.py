@@ -1,0 +1,228 @@
+"""One experiment of the bench: a scenario under one controller, from takeover to end."""
+
+import math
+import statistics
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from porotwin_cli.bench_loop_operator import OperatorAtWork
+from porotwin_cli.bench_loop_optimum import optimum_schedules, play
+from porotwin_cli.bench_loop_rig import Eyes, LoopRig, LoopSettings
+from porotwin_cli.bench_loop_scenarios import LoopScenario
+from porotwin_core.errors import InputError
+from porotwin_core.rates_in_force import KnownRates, same_rates
+from porotwin_core.rig import Rig
+from porotwin_core.state_filter import StateFilter
+from porotwin_core.wells import Schedule, WellRates
+from porotwin_guard.guard import Guard, SetpointRequest
+from porotwin_hub.controller import Controller
+from porotwin_hub.forecast import no_correction
+from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.rate_learning import RateLearner
+from porotwin_hub.setpoint_expiry import SetpointDecision
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.twin import Twin
+from porotwin_rig.limits import refuse_broken_limits
+from porotwin_solver.grid_models import GridModels
+from porotwin_solver.model import Model
+
+CONSTANT_HORIZON_S = 1800.0
+"""Horizon of the search for constant rates [s], which the hub had before."""
+
+PLAN_PRESET = 'fast'
+"""Numerical scheme of plans on their coarser grid, as the solver's node has it."""
+
+EVALUATIONS = 60
+"""Most predictions of one search for constant rates."""
+
+
+@dataclass(frozen=True)
+class LoopFigures:
+    """The figures of one run.
+
+    Attributes:
+        dose_ml_min: tracer where it must not be, integrated over time [ml min].
+        end_ml: the same at the end [ml].
+        water_ml: water that the control wells injected [ml].
+        orders: setpoints that differ from the one before.
+        violations: setpoints that break a limit, by the guard's and the rig's own checks.
+        model_runs: predictions and gradients that the decisions asked for.
+        decision_s: median wall-clock time of a decision [s]; NaN without decisions.
+        decision_p99_s: 99 % of the decisions took less [s].
+        course_ml: tracer where it must not be at every photograph [ml].
+    """
+
+    dose_ml_min: float
+    end_ml: float
+    water_ml: float
+    orders: int = 0
+    violations: int = 0
+    model_runs: int = 0
+    decision_s: float = math.nan
+    decision_p99_s: float = math.nan
+    course_ml: list[float] = field(default_factory=list)
+
+
+MakeTwin = Callable[[LoopScenario, LoopSettings], Twin]
+"""Makes the twin with its controller for a scenario."""
+
+
+def _constant_rates(scenario: LoopScenario, settings: LoopSettings, horizon: float) -> Twin:
+    """Return a twin that searches constant rates by COBYLA."""
+    grid = settings.grid(scenario)
+    return Twin(
+        Model(scenario.rig, grid, preset=settings.preset),
+        no_correction,
+        photo_interval=scenario.photo_interval,
+        controller=Controller(
+            Limits.of(scenario.rig),
+            make_objective(scenario.rig, grid),
+            horizon=horizon,
+            evaluations=EVALUATIONS,
+        ),
+    )
+
+
+def paper_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
+    """Return the loop of the paper (section 4): COBYLA, constant rates, one interval ahead."""
+    return _constant_rates(scenario, settings, scenario.photo_interval)
+
+
+def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
+    """Return the loop with constant rates over half an hour, by COBYLA."""
+    return _constant_rates(scenario, settings, CONSTANT_HORIZON_S)
+
+
+def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
+    """Return the loop of this program, as the hub makes it.
+
+    It plans over the rest of the experiment, filters the state and learns what the pumps deliver.
+
+    The end of the experiment is known, as a laboratory knows it.
+    """
+    grid = settings.grid(scenario)
+    rig = with_end(scenario)
+    models = GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
+    pores = rig.cell_pore_volume(grid)
+    return Twin(
+        models.own,
+        no_correction,
+        photo_interval=scenario.photo_interval,
+        controller=plan_controller(
+            rig, grid, models, horizon=CONSTANT_HORIZON_S, interval=scenario.photo_interval
+        ),
+        pore_volume=pores,
+        began=0.0,
+        state_filter=StateFilter(pores, (grid.dz, grid.dx)),
+        learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
+    )
+
+
+def with_end(scenario: LoopScenario) -> Rig:
+    """Return the rig of a scenario with the end of the experiment."""
+    control = scenario.rig.control
+    assert control is not None
+    told = control.model_copy(update={'end_min': scenario.end / 60.0})
+    return scenario.rig.model_copy(update={'control': told})
+
+
+TWINS: dict[str, MakeTwin] = {
+    'paper': paper_twin,
+    'constant': constant_twin,
+    'twin': planning_twin,
+}
+"""The closed loops that are compared, by name."""
+
+RUNS = ('none', *TWINS, 'optimum')
+"""All runs of a scenario: without control, the closed loops, the best schedule found offline."""
+
+
+def run_free(scenario: LoopScenario, settings: LoopSettings) -> LoopFigures:
+    """Return the figures without control: the safe rates all the time."""
+    safe = Schedule.constant(Limits.of(scenario.rig).safe())
+    return figures_of(play(scenario, safe, settings))
+
+
+def run_optimum(scenario: LoopScenario, settings: LoopSettings) -> LoopFigures:
+    """Return the figures of the best schedule found offline, as the virtual rig plays it."""
+    played = [
+        (play(scenario, schedule, settings), schedule) for schedule in optimum_schedules(scenario)
+    ]
+    best, schedule = min(played, key=lambda pair: pair[0].dose_ml_min)
+    orders = len({row.time for row in schedule.rows if row.time >= scenario.start})
+    return figures_of(best, orders=orders)
+
+
+def figures_of(rig: LoopRig, **others: float) -> LoopFigures:
+    """Return the figures of a rig after its experiment, with `others` by name."""
+    found = LoopFigures(rig.dose_ml_min, rig.end_ml, rig.water_ml, course_ml=rig.course_ml)
+    return LoopFigures(**{**found.__dict__, **others})
+
+
+def run_closed(
+    scenario: LoopScenario, settings: LoopSettings, eyes: Eyes, make_twin: MakeTwin
+) -> LoopFigures:
+    """Return the figures of a scenario in closed loop."""
+    rig, twin = LoopRig(scenario, settings), make_twin(scenario, settings)
+    limits = Limits.of(scenario.rig)
+    judge = _Judge(scenario, limits)
+    operator = OperatorAtWork(scenario.operator, limits, seed=scenario.seed)
+    known: list[KnownRates] = []
+    model_runs, seconds = 0, []
+    while not rig.is_over:
+        cycle = twin.decide(rig.seen(eyes), known)
+        assert cycle.setpoint is not None
+        judge.see(cycle.setpoint, rig.time)
+        seconds.append(cycle.durations['optimise'])
+        model_runs += cycle.decision.evaluations if cycle.decision else 0
+        twin.look_ahead(cycle)
+        known = _pumped(rig, operator, cycle.setpoint.rates, meters=scenario.meters)
+    return figures_of(
+        rig,
+        orders=judge.orders,
+        violations=judge.violations,
+        model_runs=model_runs,
+        decision_s=statistics.median(seconds),
+        decision_p99_s=float(np.percentile(seconds, 99)),
+    )
+
+
+def _pumped(
+    rig: LoopRig, operator: OperatorAtWork, order: WellRates, *, meters: bool
+) -> list[KnownRates]:
+    """Let the operator follow `order` and the rig run on; return what the twin hears of it."""
+    begin = rig.time
+    rates, are_new = operator.follow(order)
+    delivered = rig.advance(rates)
+    if meters:
+        return [KnownRates(begin, rig.time, delivered)]
+    return [KnownRates(begin, begin, dict(rates))] if are_new else []
+
+
+class _Judge:
+    """Counts orders, and setpoints that break a limit by checks of which the hub knows nothing."""
+
+    def __init__(self, scenario: LoopScenario, limits: Limits) -> None:
+        self.orders = 0
+        self.violations = 0
+        self._guard = Guard(scenario.rig, photo_interval=scenario.photo_interval)
+        self._scenario = scenario
+        self._last: WellRates = limits.safe()
+        self._seen = 0
+
+    def see(self, setpoint: SetpointDecision, time: float) -> None:
+        """Take a setpoint for the photograph at `time` [s]."""
+        self._seen += 1
+        if not same_rates(setpoint.rates, self._last):
+            self.orders += 1
+        self._last = setpoint.rates
+        now = max(time, 1.0)  # the guard takes zero for a clock that stands still
+        request = SetpointRequest(self._seen, time, setpoint.valid_until, setpoint.rates, 'bench')
+        try:
+            self._guard.check(request, now=now)
+            refuse_broken_limits(self._scenario.rig, setpoint.rates)
+        except InputError:
+            self.violations += 1

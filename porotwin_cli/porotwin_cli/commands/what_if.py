@@ -1,0 +1,162 @@
+"""./porotwin what-if: a proposed schedule beside the present one, from a moment of a recording."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, print_table, progress, say
+
+if TYPE_CHECKING:
+    from porotwin_cli.what_if_study import WhatIfStudy
+    from porotwin_core.wells import WellRates
+    from porotwin_siblings.siblings import Outlook
+
+TABLE_ROWS = 6
+"""Times in the table."""
+
+MORE_CELLS_M = 0.015
+"""Default cell size of the siblings [m]; as in the node siblings."""
+
+
+def command(
+    recording: Annotated[Path, typer.Argument(help='Experiment folder or MCAP bag with maps.')],
+    at: Annotated[str, typer.Option(help='When the plans part: 35min, 0.5h, or seconds.')],
+    rates: Annotated[
+        list[str],
+        typer.Option(
+            help='[TIME:]WELL=ML_H,WELL=ML_H: the proposal. Without a time it holds from --at on; '
+            'may be given several times. Other wells keep their rates, the producer balances.'
+        ),
+    ],
+    horizon: Annotated[
+        str,
+        typer.Option(help='How far to look, such as 60min. Default: to the end of the recording.'),
+    ] = '',
+    rig: Annotated[Path | None, typer.Option(help='rig.yaml. Default: from the recording.')] = None,
+    siblings: Annotated[int, typer.Option(help='Number of siblings.', min=24)] = 32,
+    cell_m: Annotated[
+        float, typer.Option(help='Width of the cells of the siblings [m].', min=0.001)
+    ] = MORE_CELLS_M,
+    workers: Annotated[
+        int | None, typer.Option(help='Siblings at a time. Default: all cores.', min=1)
+    ] = None,
+    output: Annotated[Path, typer.Option(help='Folder for the picture.')] = Path('what-if'),
+    as_json: Json = False,
+) -> None:
+    """Show what other rates would do, beside the present schedule, with 90 % bands.
+
+    Siblings of the twin learn from the maps until --at and run both schedules from there. The
+    present schedule is that of the recording. Nothing is pumped.
+
+    Example: ./porotwin what-if runs/monday/bag --at 35min --rates control1=300,control2=0
+
+    Example: ./porotwin what-if sample --at 600 --rates control1=300 --rates 15min:control1=0
+    """
+    import os
+    from concurrent.futures import ThreadPoolExecutor
+
+    from porotwin_cli.what_if_picture import what_if_picture
+    from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
+    from porotwin_recording.recording import open_recording
+
+    opened = open_recording(recording, rig=rig)
+    start = seconds_of(at)
+    steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
+    ahead = seconds_of(horizon) if horizon else None
+    grid = opened.rig.default_grid(cell_m)
+    with ThreadPoolExecutor(workers or os.cpu_count()) as executor, progress() as bar:
+        task = bar.add_task('learning from the maps', total=None)
+        found = study_what_if(
+            opened,
+            start,
+            steps,
+            grid=grid,
+            executor=executor,
+            horizon=ahead,
+            siblings=siblings,
+            learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
+        )
+    for line in found.objections:
+        say(f'the guard would refuse this proposal: {line}')
+    output.mkdir(parents=True, exist_ok=True)
+    picture = output / 'what_if.png'
+    what_if_picture(picture, found)
+    if as_json:
+        print_json(_json(found) | {'picture': picture})
+        return
+    _show(found)
+    print(f'picture: {picture}; nothing was pumped')
+
+
+def _show(found: 'WhatIfStudy') -> None:
+    """Print the rates of both plans, and what is expected at some times."""
+    import numpy as np
+
+    from porotwin_cli.run_account import ML
+
+    for name, outlook in (('present', found.present), ('proposed', found.proposed)):
+        for step in outlook.plan:
+            minute = (found.start + step.start) / 60.0
+            print(f'{name}, from {minute:.4g} min [ml/h]: {_in_words(step.rates)}')
+    plans = (found.present, found.proposed)
+    rows = []
+    for index in np.linspace(0, len(plans[0].times) - 1, TABLE_ROWS).round().astype(int):
+        row = [f'{(found.start + plans[0].times[index]) / 60.0:.4g}']
+        for outlook in plans:
+            low, median, high = outlook.zone_tracer[:, index] * ML
+            row += [f'{median:.2f} ({low:.2f} to {high:.2f})', f'{outlook.zone_reached[index]:.0%}']
+        rows.append(row)
+    print_table(
+        f'tracer in the zone (ml), median and 90 % band; probability that it is reached '
+        f'({found.seconds:.2f} s)',
+        ('time [min]', 'present', 'reached', 'proposed', 'reached'),
+        rows,
+    )
+
+
+def _in_words(rates: 'WellRates') -> str:
+    from porotwin_core.units import to_ml_h
+
+    return ', '.join(f'{name} {to_ml_h(well.rate):.4g}' for name, well in rates.items())
+
+
+def _json(found: 'WhatIfStudy') -> dict[str, Any]:
+    """Return both forecasts in laboratory units."""
+    from porotwin_cli.run_account import ML
+
+    return {
+        'at_s': found.start,
+        'present': _outlook_json(found.present),
+        'proposed': _outlook_json(found.proposed),
+        'seen': {
+            'times_s': (found.seen_times - found.start).tolist(),
+            'zone_ml': (found.seen_tracer * ML).tolist(),
+        },
+        'rate_factors': {
+            well: {'factor': factor, 'deviation': deviation}
+            for well, (factor, deviation) in found.rate_factors.items()
+        },
+        'objections': list(found.objections),
+        'model_s': found.seconds,
+    }
+
+
+def _outlook_json(outlook: 'Outlook') -> dict[str, Any]:
+    from porotwin_cli.run_account import ML
+    from porotwin_core.units import to_ml_h
+
+    names = ('low', 'median', 'high')
+    return {
+        'schedule': [
+            {
+                'start_s': step.start,
+                'rates_ml_h': {name: to_ml_h(well.rate) for name, well in step.rates.items()},
+            }
+            for step in outlook.plan
+        ],
+        'times_s': outlook.times.tolist(),
+        'zone_ml': dict(zip(names, (outlook.zone_tracer * ML).tolist(), strict=True)),
+        'zone_area_cm2': dict(zip(names, (outlook.zone_area * 1e4).tolist(), strict=True)),
+        'zone_reached': outlook.zone_reached.tolist(),
+    }

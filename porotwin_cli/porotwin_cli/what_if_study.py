@@ -1,0 +1,252 @@
+"""What the siblings expect from a moment of a recording on, under the present and a proposed plan.
+
+The siblings learn from all maps of the recording up to that moment, as they would have beside the
+rig. Then both plans start from the same state.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.rig import Rig
+from porotwin_core.safe_rates import safe_rates
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import RateStep, Schedule, WellRate
+from porotwin_hub.setpoint_limits import Limits
+from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.recording import Recording
+from porotwin_siblings.rate_log import proposed_plan
+from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+
+TIMES = 12
+"""Times of a forecast: enough for a smooth curve. The siblings step from one to the next."""
+
+LEAST_HORIZON_S = 1800.0
+"""How far a study looks at the end of a recording [s]."""
+
+MOST_PHOTOGRAPHS = 200
+"""Most maps that are learnt from; of a longer recording they are evenly spread."""
+
+UNITS_S = {'s': 1.0, 'min': 60.0, 'h': 3600.0}
+"""Units of a time that a user writes [s]."""
+
+
+@dataclass(frozen=True)
+class WhatIfStudy:
+    """Two forecasts from one state.
+
+    Attributes:
+        rig: the rig.
+        grid: grid of the maps.
+        start: time of the state [s].
+        state: the state estimate (nz, nx) [-].
+        present: what is expected under the plan of the recording.
+        proposed: what is expected under the proposed plan.
+        seen_times: times of later photographs [s]; they were not learnt from.
+        seen_tracer: tracer in the zone on these photographs [m^3].
+        objections: limits that the proposal breaks, one line each.
+        rate_factors: share that each pump delivers, and its standard deviation [-].
+        seconds: wall-clock time of both forecasts [s].
+    """
+
+    rig: Rig
+    grid: Grid
+    start: float
+    state: FloatArray
+    present: Outlook
+    proposed: Outlook
+    seen_times: FloatArray
+    seen_tracer: FloatArray
+    objections: tuple[str, ...]
+    rate_factors: dict[str, tuple[float, float]]
+    seconds: float
+
+
+def seconds_of(text: str) -> float:
+    """Return a time such as 35min, 0.5h or 2100 in seconds; a number alone is in seconds.
+
+    Raises:
+        InputError: the text is no time.
+    """
+    for unit in sorted(UNITS_S, key=len, reverse=True):
+        if text.endswith(unit):
+            number, factor = text.removesuffix(unit), UNITS_S[unit]
+            break
+    else:
+        number, factor = text, 1.0
+    try:
+        seconds = float(number) * factor
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 <= seconds < np.inf:
+        raise InputError(f"time '{text}': write a number and s, min or h, like 35min")
+    return seconds
+
+
+def rate_step(text: str, rig: Rig, start: float) -> RateStep:
+    """Return the change of rates that a user writes as `[TIME:]WELL=ML_H,WELL=ML_H`.
+
+    Without a time it happens at `start` [s]. Control wells inject water, fixed wells their fluid.
+
+    Raises:
+        InputError: the text is no change, or a well is unknown.
+    """
+    moment, colon, pairs = text.rpartition(':')
+    after = seconds_of(moment) - start if colon else 0.0
+    if after < 0.0:
+        raise InputError(f"rates '{text}': {moment} lies before --at; give a later time, or none")
+    rates = {}
+    for pair in pairs.split(','):
+        well, equals, number = (part.strip() for part in pair.partition('='))
+        if well not in rig.wells:
+            raise InputError(f"rates '{text}': well '{well}' is unknown; {', '.join(rig.wells)}")
+        try:
+            rate = from_ml_h(float(number))
+        except ValueError:
+            rate = np.nan
+        if not equals or not np.isfinite(rate):
+            raise InputError(f"rates '{text}': write WELL=ML_H, like {next(iter(rig.wells))}=300")
+        fixed = rig.control.fixed.get(well) if rig.control is not None else None
+        rates[well] = WellRate(rate, fixed.concentration if fixed is not None else 0.0)
+    return RateStep(after, rates)
+
+
+def study_what_if(
+    recording: Recording,
+    start: float,
+    steps: Sequence[RateStep],
+    *,
+    grid: Grid,
+    executor: Executor,
+    horizon: float | None = None,
+    siblings: int = 32,
+    map_times: int = 2,
+    learnt: Callable[[int, int], None] = lambda *_: None,
+) -> WhatIfStudy:
+    """Return what is expected from the photograph nearest to `start` [s] on.
+
+    Args:
+        recording: with maps and rates.
+        start: when the plans part [s].
+        steps: the proposed changes; their times count from `start`. Wells without a change keep
+            their rates, and the producer balances them.
+        grid: of the siblings.
+        executor: runs the siblings.
+        horizon: how far to look ahead [s]; None: to the end of the recording, but at least
+            `LEAST_HORIZON_S`.
+        siblings: number of siblings.
+        map_times: number of maps of each forecast, evenly spread to its end.
+        learnt: called with the number of maps that were learnt from, and of all.
+
+    Raises:
+        InputError: the recording holds no maps or rates before `start`, or a course cannot be run.
+    """
+    times = recording.times
+    if not len(times) or start < times[0] - recording_step(times):
+        raise InputError(f'{recording.source}: its first map is from {_minutes(times)}; ask later')
+    if start > times[-1] + recording_step(times):
+        raise InputError(f'{recording.source}: its last map is from {_minutes(times[-1:])}')
+    newest = int(np.abs(times - start).argmin())
+    begin = float(times[newest])
+    ahead = horizon or max(LEAST_HORIZON_S, float(times[-1]) - begin)
+    family = Siblings(recording.rig, grid, executor=executor, count=siblings)
+    _learn(family, recording, newest, learnt)
+    commanded = _schedule(recording)
+    present = [
+        RateStep(low - begin, rates) for low, _, rates in commanded.intervals(begin, begin + ahead)
+    ]
+    producer = recording.rig.control.producer if recording.rig.control is not None else None
+    proposed = proposed_plan(steps, present[0].rates, producer)
+    after = np.linspace(0.0, ahead, TIMES + 1)[1:]
+    maps_after = np.linspace(0.0, ahead, map_times + 1)[1:]
+    clock = time.perf_counter()
+    outlooks = [family.outlook(plan, ahead, after, maps_after) for plan in (present, proposed)]
+    seconds = time.perf_counter() - clock
+    later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
+    seen = [family.zone.tracer(np.nan_to_num(_on(grid, recording.concentration[n]))) for n in later]
+    return WhatIfStudy(
+        rig=recording.rig,
+        grid=grid,
+        start=begin,
+        state=family.state,
+        present=outlooks[0],
+        proposed=outlooks[1],
+        seen_times=np.array([times[n] for n in later]),
+        seen_tracer=np.array(seen),
+        objections=_objections(recording.rig, proposed),
+        rate_factors=family.rate_factors(),
+        seconds=seconds,
+    )
+
+
+def recording_step(times: FloatArray) -> float:
+    """Return the usual time between two of `times` [s]; 0 for one."""
+    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+
+
+def _minutes(times: FloatArray) -> str:
+    return f'{times[0] / 60.0:.4g} min' if len(times) else 'nowhere'
+
+
+def _on(grid: Grid, values: FloatArray) -> FloatArray:
+    return conservative_resample(np.asarray(values, dtype=float), grid.shape)
+
+
+def _schedule(recording: Recording) -> Schedule:
+    """Return the commanded rates; those that pumps measured where nothing was commanded."""
+    if recording.commanded is not None and recording.commanded.rows:
+        return recording.commanded
+    return recording.delivered
+
+
+def _learn(
+    family: Siblings, recording: Recording, newest: int, learnt: Callable[[int, int], None]
+) -> None:
+    """Let the siblings learn from the maps up to number `newest`."""
+    stride = max(1, newest // MOST_PHOTOGRAPHS)
+    chosen = [*range(newest % stride, newest, stride), newest]
+    maps, before = recording.maps, None
+    assert maps is not None
+    delivered = recording.delivered
+    for count, number in enumerate(chosen, start=1):
+        now = float(recording.times[number])
+        periods = (
+            []
+            if before is None
+            else [
+                RatePeriod(low, high, rates or safe_rates(recording.rig))
+                for low, high, rates in delivered.intervals(before, now)
+            ]
+        )
+        family.observe(_photograph(maps, number, family.grid), periods)
+        before = now
+        learnt(count, len(chosen))
+
+
+def _photograph(maps: ConcentrationMaps, number: int, grid: Grid) -> Photograph:
+    """Return a map with its deviations, as far as the recording has them, on `grid`."""
+    found = Photograph.plain(float(maps.times[number]), _on(grid, maps[number]))
+    if maps.deviation is None or maps.systematic is None:
+        return found
+    total, systematic = (_on(grid, one[number]) for one in (maps.deviation, maps.systematic))
+    if not (np.isfinite(total).all() and np.isfinite(systematic).all()):
+        total, systematic = (
+            np.nan_to_num(one, nan=float(np.nanmax(one))) for one in (total, systematic)
+        )
+    random = np.sqrt(np.maximum(total**2 - systematic**2, 0.0))
+    return found._replace(random=random, systematic=systematic)
+
+
+def _objections(rig: Rig, plan: Sequence[RateStep]) -> tuple[str, ...]:
+    """Return the limits of `rig` that a plan breaks; none without a control section."""
+    if rig.control is None:
+        return ()
+    limits = Limits.of(rig)
+    lines = [line for step in plan for line in limits.violations(step.rates)]
+    return tuple(dict.fromkeys(lines))

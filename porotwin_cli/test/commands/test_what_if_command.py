@@ -1,0 +1,30 @@
+"""./porotwin what-if."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_examples import porotwin
+
+SHORT = ('--siblings', '24', '--cell-m', '0.04', '--horizon', '2min')
+
+
+@pytest.mark.slow
+def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_path: Path) -> None:
+    asked = ('what-if', experiment, '--at', '2min', '--rates', 'producer=-300', *SHORT)
+    found = porotwin(*asked, '--output', tmp_path, '--json')
+    assert found.returncode == 0, found.stderr
+    result = json.loads(found.stdout)
+    assert result['proposed']['schedule'][0]['rates_ml_h']['producer'] == pytest.approx(-300.0)
+    assert result['present']['schedule'][0]['rates_ml_h']['producer'] == pytest.approx(-500.0)
+    assert set(result['proposed']['zone_ml']) == {'low', 'median', 'high'}
+    assert Path(result['picture']).is_file()
+    assert 'refuse' in found.stderr
+    shown = porotwin(*asked, '--output', tmp_path)
+    assert 'nothing was pumped' in shown.stdout
+
+
+def test_a_wrong_time_is_one_line(experiment: Path) -> None:
+    found = porotwin('what-if', experiment, '--at', 'soon', '--rates', 'control1=3')
+    assert found.returncode == 2
+    assert 'like 35min' in found.stderr

@@ -1,0 +1,237 @@
+"""The state estimate: photograph and prediction, weighed cell by cell by their errors.
+
+A Kalman filter with one variance for each cell. Its gain is the share of the prediction's error in
+the difference between photograph and prediction (Evensen et al., Data Assimilation Fundamentals,
+2022, ch. 6). How wrong predictions are is learnt from these differences. A second filter keeps the
+volume of tracer: what pumps injected, what photographs show, and the scale of the photographs.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import nnls
+
+from porotwin_core.grid import FloatArray, fill_unseen
+
+USUAL_RANDOM = 0.015
+"""Random deviation of a photograph that tells none [-]."""
+
+USUAL_SYSTEMATIC = 0.04
+"""Systematic deviation of a photograph that tells none, relative to its concentration [-]."""
+
+LEAST_RANDOM = 0.003
+"""Least random deviation that is believed [-]: the resolution of a photograph."""
+
+MEMORY = 0.9
+"""Weight of earlier differences beside the newest one, in how wrong predictions are."""
+
+FIRST_ERROR = (1e-6, 1e-4, 1e-6)
+"""First guess of the variance that a prediction adds, by `_causes`: a shift by 1 mm, 1 % of the
+concentration, and 0.001 everywhere."""
+
+FIRST_WEIGHT = 0.2
+"""Weight of that guess beside the first differences."""
+
+OUTLIER_DEVIATIONS = 4.0
+"""A difference counts as at most so many standard deviations: bubbles and reflections are none of
+the prediction's errors."""
+
+PUMP_DEVIATION = 0.04
+"""Standard deviation of the share by which the tracer's pump is wrong [-]."""
+
+RELATED_CELLS = 10.0
+"""Neighbouring cells whose random errors are alike."""
+
+TINY = 1e-15
+"""Volume below which there is none [m^3]."""
+
+FULL_ROUNDS = 3
+"""Rounds of spreading a difference of volume: cells at 0 and 1 take no more."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A photograph's map and its errors, (nz, nx) [-]; NaN in `concentration` where unseen.
+
+    `random` is the deviation that is new in every photograph, `systematic` the one that stays.
+    """
+
+    concentration: FloatArray
+    random: FloatArray
+    systematic: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        concentration: FloatArray,
+        deviation: FloatArray | None,
+        systematic: FloatArray | None,
+    ) -> 'Seen':
+        """Return a map (nz, nx) with its total and systematic `deviation`; None: not known."""
+        shown = np.clip(np.nan_to_num(concentration), 0.0, 1.0)
+        if systematic is None:
+            systematic = USUAL_SYSTEMATIC * shown
+        total = np.hypot(USUAL_RANDOM, systematic) if deviation is None else deviation
+        random = np.sqrt(np.maximum(np.nan_to_num(total) ** 2 - np.nan_to_num(systematic) ** 2, 0))
+        return cls(concentration, np.maximum(random, LEAST_RANDOM), np.nan_to_num(systematic))
+
+
+@dataclass(frozen=True)
+class Volume:
+    """What is known of the volume of tracer.
+
+    `scale` is the error of the photographs, in their systematic deviations; `covariance` (2, 2) is
+    that of the volume [m^3] and of the scale.
+    """
+
+    scale: float
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A state: `concentration` and `variance` of its random error, (nz, nx); its `volume`.
+
+    `observed` is the photograph's map without the error of its scale, (nz, nx); NaN where unseen.
+    """
+
+    concentration: FloatArray
+    variance: FloatArray
+    volume: Volume
+    observed: FloatArray
+
+
+@dataclass
+class StateFilter:
+    """Follows the state of the rig from photograph to photograph.
+
+    `pore_volume` (nz, nx) [m^3] is that of the cells, `spacing` (dz, dx) their size [m].
+    """
+
+    pore_volume: FloatArray
+    spacing: tuple[float, float]
+    _normal: FloatArray = field(init=False)
+    _target: FloatArray = field(init=False)
+    _error: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._error = np.array(FIRST_ERROR)
+        self._normal = np.zeros((3, 3))
+        self._target = np.zeros(3)
+
+    def begin(self, seen: Seen, expected: FloatArray | None = None) -> Estimate:
+        """Return the state of a photograph that follows from no other one.
+
+        Its unseen cells take the `expected` map (nz, nx), or 0 without one.
+        """
+        state = fill_unseen(seen.concentration, expected)
+        variance = np.where(np.isfinite(seen.concentration), seen.random**2, 1.0)
+        shown = float(np.sum(self.pore_volume * seen.systematic))
+        noise = self._noise(seen)
+        covariance = np.array([[shown**2 + noise, -shown], [-shown, 1.0]])
+        return Estimate(state, variance, Volume(0.0, covariance), seen.concentration)
+
+    def update(
+        self,
+        last: Estimate,
+        predicted: FloatArray,
+        seen: Seen,
+        injected: float,
+        pump_deviation: float = PUMP_DEVIATION,
+    ) -> Estimate:
+        """Return the state after a photograph.
+
+        Args:
+            last: the state that the prediction started from.
+            predicted: the prediction for the photograph, (nz, nx) [-].
+            seen: the photograph.
+            injected: tracer that the pumps put in meanwhile [m^3].
+            pump_deviation: standard deviation of the share by which it is wrong [-].
+        """
+        known = np.isfinite(seen.concentration)
+        volume, surplus = self._volume(last.volume, predicted, seen, injected * pump_deviation)
+        observed = seen.concentration - volume.scale * seen.systematic
+        difference = np.where(known, observed - predicted, 0.0)
+        causes = self._causes(predicted)
+        self._learn(causes, difference, last.variance + seen.random**2, known)
+        variance = np.minimum(last.variance + causes @ self._error, 1.0)
+        gain = np.where(known, variance / (variance + seen.random**2), 0.0)
+        state = np.clip(predicted + gain * difference, 0.0, 1.0)
+        left = (1.0 - gain) * variance
+        wanted = float(np.sum(self.pore_volume * predicted)) + surplus
+        return Estimate(self._with_volume(state, left, wanted), left, volume, observed)
+
+    def _causes(self, predicted: FloatArray) -> FloatArray:
+        """Return the variance of a shift by 1 m, of a factor and of an offset, (nz, nx, 3)."""
+        along_z, along_x = np.gradient(predicted, *self.spacing)
+        return np.stack([along_z**2 + along_x**2, predicted**2, np.ones(predicted.shape)], axis=-1)
+
+    def _learn(
+        self,
+        causes: FloatArray,
+        difference: FloatArray,
+        known_variance: FloatArray,
+        known: FloatArray,
+    ) -> None:
+        """Learn how wrong predictions are, by least squares of the squared differences."""
+        if not known.any():
+            return
+        expected = known_variance + causes @ self._error
+        most = OUTLIER_DEVIATIONS**2 * expected
+        excess = np.minimum(difference**2, most) - known_variance
+        weight = np.where(known, 1.0 / expected**2, 0.0)[known]
+        rows, values = causes[known], excess[known]
+        scale = np.array(FIRST_ERROR)
+        rows = rows * scale
+        normal = (rows * weight[:, None]).T @ rows
+        target = (rows * weight[:, None]).T @ values
+        if not self._normal.any():
+            self._normal = FIRST_WEIGHT * normal
+            self._target = self._normal @ np.ones(3)
+        self._normal = MEMORY * self._normal + normal
+        self._target = MEMORY * self._target + target
+        root = np.linalg.cholesky(self._normal + 1e-9 * np.trace(self._normal) * np.eye(3))
+        share, _ = nnls(root.T, np.linalg.solve(root, self._target))
+        self._error = scale * share
+
+    def _volume(
+        self, last: Volume, predicted: FloatArray, seen: Seen, doubtful: float
+    ) -> tuple[Volume, float]:
+        """Return what is known of the volume, and what the prediction lacks of it [m^3].
+
+        The deviation of the volume grows by `doubtful` [m^3]: a pump is wrong in the same way all
+        the time, so that errors add up.
+        """
+        known = np.isfinite(seen.concentration)
+        pores = np.where(known, self.pore_volume, 0.0)
+        shown = float(np.sum(pores * seen.systematic))
+        found = float(np.sum(pores * np.nan_to_num(seen.concentration)))
+        deviation = np.sqrt(last.covariance[0, 0])
+        growth = np.diag([1.0 + doubtful / max(deviation, doubtful, TINY), 1.0])
+        covariance = growth @ last.covariance @ growth
+        if deviation < doubtful:
+            covariance[0, 0] = (deviation + doubtful) ** 2
+        looks_at = np.array([1.0, shown])
+        spread = covariance @ looks_at
+        gain = spread / (looks_at @ spread + self._noise(seen))
+        difference = found - float(np.sum(pores * predicted)) - shown * last.scale
+        moved = gain * difference
+        volume = Volume(last.scale + float(moved[1]), covariance - np.outer(gain, spread))
+        return volume, float(moved[0])
+
+    def _noise(self, seen: Seen) -> float:
+        """Return the variance of the shown volume by random errors [m^6]."""
+        known = np.isfinite(seen.concentration)
+        return RELATED_CELLS * float(np.sum((self.pore_volume * seen.random)[known] ** 2)) + 1e-18
+
+    def _with_volume(self, state: FloatArray, variance: FloatArray, wanted: float) -> FloatArray:
+        """Return `state` with the `wanted` volume [m^3]; uncertain cells change most."""
+        for _ in range(FULL_ROUNDS):
+            lacking = wanted - float(np.sum(self.pore_volume * state))
+            free = state < 1.0 if lacking > 0.0 else state > 0.0
+            weight = np.where(free, variance, 0.0) * self.pore_volume
+            total = float(np.sum(weight * self.pore_volume))
+            if total <= 0.0:
+                break
+            state = np.clip(state + lacking / total * weight, 0.0, 1.0)
+        return state

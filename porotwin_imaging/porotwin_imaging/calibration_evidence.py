@@ -1,0 +1,162 @@
+"""The evidence behind a calibration: the findings in its photographs, before any judgement."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Anchor = Literal['dilutions', 'core', 'mass', 'strongest signal']
+"""Where the level of tracer stock comes from: photographs of known dilutions, the core of the
+injected plume, the mass of the pump log, or the strongest signal."""
+FactorSource = Literal['core', 'interface', 'prior']
+"""Where the factor of a sand comes from: its core, the signal across its interfaces, or the
+appearance of its grains."""
+
+_ANCHORS: dict[Anchor, str] = {
+    'dilutions': 'photographs of known dilutions',
+    'core': 'the core of the plume',
+    'mass': 'the mass of the pump log, because no plume has an even core',
+    'strongest signal': 'the strongest signal: there is neither an even core nor a pump log',
+}
+"""How each anchor is named to a person."""
+
+
+@dataclass(frozen=True)
+class SandEvidence:
+    """How the factor of one sand was found.
+
+    Attributes:
+        factor: factor on the signal of this sand [-].
+        deviation: relative standard deviation of `factor` [-].
+        source: where the factor comes from.
+        core_cells: cells with the core of a plume in this sand, over all photographs.
+        pairs: pairs of cells across its interfaces.
+        at_bound: True if the photographs ask for a factor outside the bounds.
+    """
+
+    factor: float
+    deviation: float
+    source: FactorSource
+    core_cells: int
+    pairs: int
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class PhotographEvidence:
+    """The evidence of one photograph.
+
+    Attributes:
+        time: exposure time [s].
+        injected: volume of stock that the pumps injected before it [m^3]; NaN without a pump log.
+        imaged: volume of stock in its map [m^3].
+        core_level: concentration in the core of its plume [-]; NaN without a core.
+        core_cells: cells of the core.
+        disagreement: why it disagrees with the others, empty if it does not.
+    """
+
+    time: float
+    injected: float
+    imaged: float
+    core_level: float
+    core_cells: int
+    disagreement: str = ''
+
+
+@dataclass(frozen=True)
+class CalibrationEvidence:
+    """The evidence of photographs, pump log and dilutions about a calibration.
+
+    Attributes:
+        anchor: where the level of tracer stock comes from.
+        photographs: one entry per photograph that was used, in the order of time.
+        sands: one entry per sand.
+        family: name of the response family.
+        bend: deviation of the response from a straight line at half stock [-], concentration.
+        bend_deviation: standard deviation of `bend` [-].
+        colour_bend: by contrast, how far the ratio of the channels changes from pale to stock,
+            relative; the contrast that describes the dye keeps the ratio.
+        core_flatness: relative difference of the signal between the inner and the outer half of
+            the core; 0 for a core that is stock. NaN without a core.
+        mass_factor: imaged over injected volume, fitted with an offset; 1 if log and anchor agree.
+            NaN without a pump log.
+        mass_factor_deviation: standard deviation of `mass_factor`.
+        mass_offset: imaged volume at zero injection, relative to the largest injected volume.
+        mass_misfit: root mean square distance of the photographs from that line, relative to the
+            largest injected volume.
+        dilution_misfit: largest difference between known and imaged dilutions [-]; NaN without.
+    """
+
+    anchor: Anchor
+    photographs: tuple[PhotographEvidence, ...]
+    sands: tuple[SandEvidence, ...]
+    family: str
+    bend: float
+    bend_deviation: float
+    colour_bend: dict[str, float]
+    core_flatness: float
+    mass_factor: float
+    mass_factor_deviation: float
+    mass_offset: float
+    mass_misfit: float
+    dilution_misfit: float
+
+    @property
+    def disagreeing(self) -> tuple[PhotographEvidence, ...]:
+        """The photographs that disagree with the others."""
+        return tuple(one for one in self.photographs if one.disagreement)
+
+
+def evidence_lines(evidence: CalibrationEvidence) -> list[str]:
+    """Return a summary for the operator, one line per kind of evidence."""
+    lines = [_sand_line(evidence), _stock_line(evidence), _response_line(evidence)]
+    if np.isfinite(evidence.mass_factor):
+        lines.append(_mass_line(evidence))
+    lines += [f'photograph at {one.time:g} s: {one.disagreement}' for one in evidence.disagreeing]
+    return lines
+
+
+def _sand_line(evidence: CalibrationEvidence) -> str:
+    if len(evidence.sands) == 1:
+        return 'sands: one'
+    words = ', '.join(
+        f'{one.factor:.2f} +- {one.factor * one.deviation:.2f} ({one.source})'
+        for one in evidence.sands
+    )
+    guessed = sum(one.source == 'prior' for one in evidence.sands)
+    warning = (
+        f'; {guessed} not reached by the plume: their factors are guesses from the other sands'
+        if guessed
+        else ''
+    )
+    return f'sands: {len(evidence.sands)}, factors {words}{warning}'
+
+
+def _stock_line(evidence: CalibrationEvidence) -> str:
+    line = f'tracer stock: from {_ANCHORS[evidence.anchor]}'
+    cored = [one for one in evidence.photographs if one.core_cells]
+    if evidence.anchor == 'core':
+        line += (
+            f'; {len(cored)} of {len(evidence.photographs)} photographs have one, '
+            f'its signal rises by {100 * evidence.core_flatness:.1f} % inwards'
+        )
+    if evidence.anchor == 'dilutions':
+        line += f'; they are met to {evidence.dilution_misfit:.3f}'
+    return line
+
+
+def _response_line(evidence: CalibrationEvidence) -> str:
+    return (
+        f'response: {evidence.family}, {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
+        'the straight line at half stock'
+    )
+
+
+def _mass_line(evidence: CalibrationEvidence) -> str:
+    agreeing = len(evidence.photographs) - len(evidence.disagreeing)
+    return (
+        f'mass: {agreeing} of {len(evidence.photographs)} photographs agree to '
+        f'{100 * evidence.mass_misfit:.1f} %; the maps hold {evidence.mass_factor:.3f} +- '
+        f'{evidence.mass_factor_deviation:.3f} times the injected mass, '
+        f'{100 * evidence.mass_offset:+.1f} % of it before the injection'
+    )

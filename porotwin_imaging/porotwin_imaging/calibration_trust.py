@@ -1,0 +1,265 @@
+"""The judgement of a calibration: whether it can be trusted, and if not, why.
+
+Three things say how much tracer there is: the pump log, the core of the plume, which is stock, and
+the pore volume that the plume fills. A calibration that lets them disagree gives wrong maps with
+every photograph. It is refused, with the likely reasons and with the photographs that would help.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from porotwin_core.errors import InputError
+from porotwin_imaging.calibration_evidence import (
+    CalibrationEvidence,
+    PhotographEvidence,
+    SandEvidence,
+)
+from porotwin_imaging.plume_evidence import PlumeEvidence
+from porotwin_imaging.sand_edges import EdgeEvidence
+from porotwin_imaging.settings import DEFAULTS, TrustSettings
+
+_ML = 1e6
+"""Millilitres of a cubic metre."""
+_NAMED_PHOTOGRAPHS = 3
+"""Photographs named in a line; more would hide the reason."""
+
+
+class CalibrationRefused(InputError):  # noqa: N818  a state of the work
+    """The photographs do not make a calibration that can be trusted; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Objection:
+    """A reason not to trust a calibration.
+
+    Attributes:
+        finding: the disagreement, with its figures.
+        reasons: the likely reasons.
+        remedy: the photograph or the check that would mend it.
+    """
+
+    finding: str
+    reasons: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f'{self.finding}; likely: {self.reasons}; {self.remedy}'
+
+
+@dataclass(frozen=True)
+class Trust:
+    """The judgement of a calibration.
+
+    Attributes:
+        objections: reasons to refuse it, the most telling first; empty if it can be trusted.
+        remarks: lines that a user of its maps should know.
+    """
+
+    objections: tuple[Objection, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def refusal(self) -> str:
+        """The objections in one line; empty if the calibration can be trusted."""
+        if not self.objections:
+            return ''
+        first, *others = self.objections
+        also = f' (also: {"; ".join(one.finding for one in others)})' if others else ''
+        return f'calibration refused: {first}{also}'
+
+
+def judged(
+    evidence: CalibrationEvidence,
+    plume: PlumeEvidence,
+    edges: Sequence[EdgeEvidence] = (),
+    settings: TrustSettings = DEFAULTS.trust,
+) -> Trust:
+    """Return the judgement of a calibration.
+
+    Args:
+        evidence: the findings of the fit.
+        plume: place and volume of the plume.
+        edges: edges of the sand against the description of the camera.
+        settings: limits.
+    """
+    return Trust(
+        (
+            *_amount(evidence, plume, settings),
+            *_baseline(evidence, plume, settings),
+            *_followers(evidence, settings),
+            *_sands(evidence.sands, settings),
+            *_level(evidence, plume, settings),
+            *_geometry(edges, settings),
+        ),
+        tuple(_remarks(evidence, plume, settings)),
+    )
+
+
+def _amount(
+    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
+) -> Iterator[Objection]:
+    """Yield an objection if plume and pump log do not hold the same amount of tracer."""
+    measured = evidence.anchor in ('core', 'dilutions')
+    factor = evidence.mass_factor if measured else plume.filled
+    allowed = settings.most_mass_factor if measured else settings.most_filled_factor
+    if not factor > 0 or abs(math.log(factor)) <= math.log(allowed):
+        return
+    more = factor < 1
+    ratio = 1 / factor if more else factor
+    volumes = f'{_ML * plume.pore_volume:.0f} ml of pores, {_ML * plume.fluid:.0f} ml injected'
+    wells = _elsewhere(plume)
+    yield Objection(
+        f'the pump log injected {ratio:.2f} times {"more" if more else "less"} tracer than the '
+        f'plume holds ({volumes})',
+        'rates, unit or times in rates.csv, stamps of the photographs, '
+        f'{"a leaking well" if more else "another well that injects"}, porosity or depth in '
+        f'rig.yaml{wells}',
+        'weigh the stock before and after, correct rates.csv or rig.yaml, and calibrate again',
+    )
+
+
+def _elsewhere(plume: PlumeEvidence) -> str:
+    """Return words about a plume at another well than the pump log says, empty otherwise."""
+    if (
+        not plume.told_wells
+        or not plume.seen_wells
+        or set(plume.told_wells) & set(plume.seen_wells)
+    ):
+        return ''
+    return (
+        f'; the plume is at well {" and ".join(plume.seen_wells)}, the pump log says '
+        f'{" and ".join(plume.told_wells)}'
+    )
+
+
+def _baseline(
+    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
+) -> Iterator[Objection]:
+    """Yield an objection if there was tracer before the injection, or less than none."""
+    if plume.hollow < settings.least_hollow:
+        yield Objection(
+            f'the plume is pale at its own well ({100 * plume.hollow:.0f} % of its level)',
+            'the baseline shows tracer already, or water followed the tracer',
+            'take the baseline before any tracer and photograph the injection from its start',
+        )
+    elif abs(evidence.mass_offset) > settings.most_offset:
+        early = evidence.mass_offset > 0
+        yield Objection(
+            f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
+            f'{"seen before" if early else "missing from"} the start of the pump log',
+            'the clock of the camera against that of the pumps, tracer in the baseline, or light '
+            'that drifts',
+            'set the clocks, take the baseline just before the injection, and calibrate again',
+        )
+
+
+def _followers(evidence: CalibrationEvidence, settings: TrustSettings) -> Iterator[Objection]:
+    """Yield objections if too few photographs agree, or agree too loosely."""
+    total, apart = len(evidence.photographs), evidence.disagreeing
+    if total and (total - len(apart)) / total < settings.least_followers:
+        yield Objection(
+            f'{total - len(apart)} of {total} photographs agree ({_named(apart)})',
+            'hands, shadows or reflections, a moved camera, or times in imaging.csv',
+            'photograph the injection again with steady light and camera',
+        )
+    elif evidence.mass_misfit > settings.most_mass_misfit:
+        yield Objection(
+            f'the tracer in the photographs scatters by {100 * evidence.mass_misfit:.0f} % about '
+            'the pump log',
+            'unsteady pumps, times in imaging.csv, or light that changes',
+            'photograph an injection at one constant rate with steady light',
+        )
+
+
+def _named(photographs: Sequence[PhotographEvidence]) -> str:
+    """Return the first photographs with their reasons."""
+    named = [f'{one.time:g} s: {one.disagreement}' for one in photographs[:_NAMED_PHOTOGRAPHS]]
+    more = len(photographs) - len(named)
+    return '; '.join(named) + (f'; and {more} more' if more > 0 else '')
+
+
+def _sands(sands: Sequence[SandEvidence], settings: TrustSettings) -> Iterator[Objection]:
+    """Yield an objection if a sand needs a factor that no sand has."""
+    wrong = [
+        f'sand {number} x {one.factor:.2f}'
+        for number, one in enumerate(sands)
+        if one.source != 'prior' and (one.at_bound or not _plausible(one.factor, settings))
+    ]
+    if wrong:
+        yield Objection(
+            f'the same tracer would look {settings.most_factor:g} times stronger in one sand than '
+            f'in another ({", ".join(wrong)})',
+            'sands.png takes lamps or tubes for sand, or the corners of the camera are wrong',
+            'correct sands.png or camera.corners_px, or photograph a plume that fills these sands',
+        )
+
+
+def _plausible(factor: float, settings: TrustSettings) -> bool:
+    """Return whether a sand may have this factor."""
+    return 1 / settings.most_factor <= factor <= settings.most_factor
+
+
+def _level(
+    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
+) -> Iterator[Objection]:
+    """Yield objections if the level of stock is not known."""
+    if plume.strongest < settings.least_strongest:
+        yield Objection(
+            f'the injected fluid is {plume.strongest:g} of stock',
+            'a dilution, which leaves the response above it unknown',
+            'photograph an injection of stock',
+        )
+    if evidence.core_flatness > settings.most_core_slope:
+        yield Objection(
+            f'the core of the plume is not even: {100 * evidence.core_flatness:.0f} % from its '
+            'inner to its outer half',
+            'an injection too short to fill the pores, a reflection, or a dye that fades',
+            'inject stock until the plume is some 10 cm wide, and photograph it with even light',
+        )
+    if evidence.dilution_misfit > settings.most_dilution_misfit:
+        yield Objection(
+            f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value',
+            'a dilution that was not mixed, or that is named wrongly',
+            'photograph the dilutions again, each filling a part of the sand',
+        )
+
+
+def _geometry(edges: Sequence[EdgeEvidence], settings: TrustSettings) -> Iterator[Objection]:
+    """Yield an objection if the sand does not end at the described edges."""
+    bent = [one for one in edges if one.bow > settings.most_bow]
+    if bent:
+        words = ', '.join(f'{one.side} edge {100 * one.bow:.1f} %' for one in bent)
+        yield Objection(
+            f'the edge of the sand is bent against rig.yaml ({words} of the size of the rig)',
+            'camera.curvature is missing or wrong, or camera.corners_px',
+            'set them until the edges of 1_geometry.png agree, and calibrate again',
+        )
+
+
+def _remarks(
+    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
+) -> Iterator[str]:
+    """Yield the lines of a calibration that can be trusted."""
+    apart = evidence.mass_factor - 1
+    sure = settings.sure_deviations * evidence.mass_factor_deviation
+    if evidence.anchor != 'mass' and abs(apart) > max(settings.told_mass_error, sure):
+        yield (
+            f'the maps hold {100 * abs(apart):.0f} % {"more" if apart > 0 else "less"} tracer than '
+            'the pump log: check rates.csv, porosity and depth; sorbed tracer is not seen'
+        )
+    if abs(evidence.mass_offset) > settings.told_offset:
+        yield (
+            f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
+            f'{"seen before" if evidence.mass_offset > 0 else "missing from"} the start of the '
+            'pump log: check the clock of the camera and the light of the baseline'
+        )
+    if evidence.anchor == 'mass':
+        yield 'no photograph shows a core of stock: the scale follows the pump log alone'
+    if wells := _elsewhere(plume):
+        yield wells.removeprefix('; ') + ': check the well in rates.csv'
+    if evidence.bend_deviation > settings.told_bend_deviation:
+        yield (
+            f'concentrations between water and stock are uncertain by {evidence.bend_deviation:.2f}'
+            ': photograph a dilution of one half'
+        )

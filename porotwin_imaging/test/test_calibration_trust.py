@@ -1,0 +1,175 @@
+"""Whether a calibration is trusted: each disagreement is named, and good ones pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from porotwin_imaging.calibration_evidence import (
+    CalibrationEvidence,
+    PhotographEvidence,
+    SandEvidence,
+)
+from porotwin_imaging.calibration_trust import Trust, judged
+from porotwin_imaging.plume_evidence import PlumeEvidence
+from porotwin_imaging.sand_edges import EdgeEvidence
+
+NAN = float('nan')
+SAND = SandEvidence(1.0, 0.02, 'core', 400, 60, at_bound=False)
+PHOTOGRAPHS = tuple(
+    PhotographEvidence(300.0 * n, 1.5e-4 * n, 1.5e-4 * n, 1.0, 200) for n in range(1, 8)
+)
+GOOD = CalibrationEvidence(
+    anchor='core',
+    photographs=PHOTOGRAPHS,
+    sands=(SAND, replace(SAND, factor=1.4)),
+    family='absorbance',
+    bend=0.03,
+    bend_deviation=0.01,
+    colour_bend={},
+    core_flatness=0.01,
+    mass_factor=1.0,
+    mass_factor_deviation=0.01,
+    mass_offset=0.0,
+    mass_misfit=0.005,
+    dilution_misfit=NAN,
+)
+PLUME = PlumeEvidence(1.05e-3, 1.05e-3, 1.0, ('upper',), ('upper',), 1.0)
+
+
+def refusal(evidence: CalibrationEvidence = GOOD, plume: PlumeEvidence = PLUME, edges=()) -> str:
+    trust = judged(evidence, plume, edges)
+    assert '\n' not in trust.refusal
+    return trust.refusal
+
+
+def test_a_calibration_whose_evidence_agrees_is_trusted_without_a_remark() -> None:
+    assert judged(GOOD, PLUME) == Trust()
+    assert judged(GOOD, PLUME).refusal == ''
+
+
+@pytest.mark.parametrize(
+    ('factor', 'words'),
+    [(1 / 3, '3.00 times more tracer than the plume'), (3.0, '3.00 times less tracer')],
+)
+def test_a_pump_log_that_is_wrong_by_three_is_refused_with_reasons_and_a_remedy(
+    factor, words
+) -> None:
+    line = refusal(replace(GOOD, mass_factor=factor))
+    assert words in line
+    assert 'rates.csv' in line
+    assert 'weigh the stock' in line
+
+
+@pytest.mark.parametrize('factor', [0.77, 1.3])
+def test_a_log_wrong_by_a_third_is_refused_by_the_core(factor) -> None:
+    assert 'times' in refusal(replace(GOOD, mass_factor=factor))
+
+
+@pytest.mark.parametrize('factor', [0.89, 0.93, 1.1])
+def test_sorption_or_a_porosity_off_by_ten_percent_is_told_and_not_refused(factor) -> None:
+    trust = judged(replace(GOOD, mass_factor=factor), PLUME)
+    assert not trust.objections
+    assert 'tracer than the pump log' in trust.remarks[0]
+
+
+def test_a_small_uncertain_difference_is_not_told() -> None:
+    uncertain = replace(GOOD, mass_factor=1.05, mass_factor_deviation=0.05)
+    assert judged(uncertain, PLUME) == Trust()
+
+
+def test_without_a_core_the_filled_pores_judge_the_pump_log() -> None:
+    by_mass = replace(GOOD, anchor='mass', mass_factor=1.0)
+    assert 'more tracer' in refusal(by_mass, replace(PLUME, pore_volume=3.5e-4))
+    assert 'less tracer' in refusal(by_mass, replace(PLUME, pore_volume=3.1e-3))
+    trust = judged(by_mass, PLUME)
+    assert not trust.objections
+    assert 'no photograph shows a core' in trust.remarks[0]
+
+
+def test_without_a_pump_log_there_is_nothing_to_compare() -> None:
+    alone = replace(GOOD, anchor='strongest signal', mass_factor=NAN, mass_offset=NAN)
+    plume = replace(PLUME, fluid=NAN, strongest=NAN, told_wells=())
+    assert judged(replace(alone, mass_misfit=NAN), plume) == Trust()
+
+
+def test_a_baseline_with_tracer_is_named() -> None:
+    line = refusal(replace(GOOD, mass_offset=-0.2), replace(PLUME, hollow=0.1))
+    assert 'pale at its own well' in line
+    assert 'baseline before any tracer' in line
+
+
+@pytest.mark.parametrize(('offset', 'words'), [(0.2, 'seen before'), (-0.2, 'missing from')])
+def test_tracer_before_the_injection_is_explained(offset, words) -> None:
+    assert words in refusal(replace(GOOD, mass_offset=offset))
+    told = judged(replace(GOOD, mass_offset=offset / 2), PLUME)
+    assert not told.objections
+    assert words in told.remarks[0]
+
+
+def disagreeing(count: int) -> CalibrationEvidence:
+    some = [replace(one, disagreement='a shadow') for one in PHOTOGRAPHS[:count]]
+    return replace(GOOD, photographs=(*some, *PHOTOGRAPHS[count:]))
+
+
+def test_most_photographs_must_agree_and_the_others_are_named() -> None:
+    assert refusal(disagreeing(2)) == ''
+    assert '3 of 7 photographs agree (300 s: a shadow; ' in refusal(disagreeing(4))
+
+
+def test_a_sand_with_an_impossible_factor_is_refused_unless_no_tracer_was_there() -> None:
+    wild = replace(SAND, factor=37.7)
+    assert 'sand 1 x 37.70' in refusal(replace(GOOD, sands=(SAND, wild)))
+    at_bound = replace(SAND, factor=1.6, at_bound=True)
+    assert 'sand 1 x 1.60' in refusal(replace(GOOD, sands=(SAND, at_bound)))
+    guessed = replace(SAND, source='prior', deviation=0.2)
+    assert refusal(replace(GOOD, sands=(SAND, guessed))) == ''
+
+
+def test_a_dilution_is_no_calibration_up_to_stock() -> None:
+    assert 'fluid is 0.3 of stock' in refusal(plume=replace(PLUME, strongest=0.3))
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'mass_misfit': 0.15}, 'scatters by 15 %'),
+        ({'core_flatness': 0.3}, 'core of the plume is not even'),
+        ({'dilution_misfit': 0.3}, 'a dilution is read 0.30'),
+    ],
+)
+def test_other_disagreements_are_refused(change, words) -> None:
+    assert words in refusal(replace(GOOD, **change))
+
+
+def test_a_bent_edge_of_the_sand_is_refused() -> None:
+    edges = (EdgeEvidence('lower', 0.03), EdgeEvidence('left', 0.001))
+    line = refusal(edges=edges)
+    assert 'lower edge 3.0 %' in line
+    assert 'left' not in line
+    assert 'camera.curvature' in line
+
+
+def test_a_plume_at_another_well_is_told() -> None:
+    elsewhere = replace(PLUME, seen_wells=('lower',))
+    (remark,) = judged(GOOD, elsewhere).remarks
+    assert 'the plume is at well lower, the pump log says upper' in remark
+    assert 'the plume is at well lower' in refusal(replace(GOOD, mass_factor=0.3), elsewhere)
+
+
+def test_the_most_telling_objection_comes_first_and_the_others_are_named() -> None:
+    line = refusal(replace(GOOD, mass_factor=3.0, mass_misfit=0.2))
+    assert line.index('times less') < line.index('also: the tracer in the photographs scatters')
+
+
+def test_random_good_evidence_is_never_refused() -> None:
+    generator = np.random.default_rng(3)
+    for _ in range(200):
+        evidence = replace(
+            GOOD,
+            mass_factor=generator.uniform(0.88, 1.12),
+            mass_offset=generator.uniform(-0.04, 0.04),
+            mass_misfit=generator.uniform(0, 0.03),
+            core_flatness=generator.uniform(0, 0.06),
+        )
+        assert refusal(evidence, replace(PLUME, hollow=generator.uniform(0.85, 1.1))) == ''

@@ -1,0 +1,77 @@
+"""What the siblings expect: tracer in the zone with a band, and where the plume will be."""
+
+from dataclasses import dataclass
+
+import contourpy
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.wells import WellRates
+from porotwin_page.json_values import ML, Json, finite, rates_ml_h
+
+PLUME_LEVEL = 0.05
+"""Concentration [-] at the outline of a plume, as in the quantities of the solver."""
+
+OUTLINE_DIGITS = 3
+"""Digits of places in metres: a millimetre is finer than a pixel."""
+
+Outline = list[tuple[float, float]]
+"""Corners (x, z) [m] of a part of the outline of a plume."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """A forecast of the siblings under one plan of rates.
+
+    Attributes:
+        time: of the state that it starts from [s].
+        rates: rates of the wells at its start [m^3/s].
+        times: times after that state [s], (nt,).
+        zone_tracer: tracer where it must not be [m^3], (3, nt): 5 %, median, 95 %.
+        zone_reached: probability that it is reached by then [-], (nt,).
+        outline_time: time after the state [s] of `outlines`.
+        outlines: of the mean plume then.
+        now: outlines of the plume of the newest photograph.
+    """
+
+    time: float
+    rates: WellRates
+    times: FloatArray
+    zone_tracer: FloatArray
+    zone_reached: FloatArray
+    outline_time: float = 0.0
+    outlines: tuple[Outline, ...] = ()
+    now: tuple[Outline, ...] = ()
+
+
+def plume_outlines(concentration: FloatArray, grid: Grid) -> tuple[Outline, ...]:
+    """Return the outlines of the plume in a map (nz, nx); unseen cells (NaN) count as empty.
+
+    The map is surrounded by water, so that every outline is closed.
+    """
+    values = np.pad(np.nan_to_num(np.asarray(concentration, dtype=float)), 1)
+    x = np.concatenate([[0.0], grid.x, [grid.width]])
+    z = np.concatenate([[0.0], grid.z, [grid.height]])
+    lines = contourpy.contour_generator(x, z, values).lines(PLUME_LEVEL)
+    return tuple(
+        [(round(float(a), OUTLINE_DIGITS), round(float(b), OUTLINE_DIGITS)) for a, b in line]
+        for line in lines
+        if isinstance(line, np.ndarray)
+    )
+
+
+def expectation_view(expectation: Expectation) -> Json:
+    """Return an expectation for a browser: minutes, ml, percent, metres."""
+    low, median, high = (
+        [finite(ML * float(value)) for value in row] for row in expectation.zone_tracer
+    )
+    return {
+        'time_s': finite(expectation.time, 15),
+        'rates_ml_h': rates_ml_h(expectation.rates),
+        'minutes': [finite(float(time) / 60.0) for time in expectation.times],
+        'zone_ml': {'low': low, 'median': median, 'high': high},
+        'reached_percent': [finite(100.0 * float(share)) for share in expectation.zone_reached],
+        'outline_minutes': finite(expectation.outline_time / 60.0),
+        'outlines': [list(outline) for outline in expectation.outlines],
+        'now': [list(outline) for outline in expectation.now],
+    }

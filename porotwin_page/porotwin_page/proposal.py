@@ -1,0 +1,53 @@
+"""Proposed rates of the control wells, as a browser sends them to ask what they would do."""
+
+from typing import Any
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Control
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_page.graph_snapshot import GraphSnapshot
+
+ROUND_OFF_ML_H = 0.05
+"""Half a step of a pump's display [ml/h]: a sum of sliders may exceed a limit by so much."""
+
+
+def parse_proposal(data: Any, snapshot: GraphSnapshot) -> dict[str, WellRate]:
+    """Return the proposed rates of control wells [m^3/s] in `data`.
+
+    Args:
+        data: decoded JSON {"rates_ml_h": {well: rate}} with some or all control wells.
+        snapshot: holds the rig with its limits.
+
+    Raises:
+        InputError: one line that names the fault; the rates break a limit of rig.yaml.
+    """
+    control = snapshot.rig.control if snapshot.rig is not None else None
+    if control is None:
+        raise InputError('what if: this rig has no control wells')
+    if not isinstance(data, dict) or set(data) != {'rates_ml_h'}:
+        raise InputError('what if: send a JSON object with rates_ml_h')
+    given = data['rates_ml_h']
+    if not isinstance(given, dict) or not given:
+        raise InputError('rates_ml_h: send an object with the rate of one control well or more')
+    rates = {well: _rate(well, value, control) for well, value in given.items()}
+    _check_sum(rates, control)
+    return rates
+
+
+def _rate(well: str, value: object, control: Control) -> WellRate:
+    if well not in control.wells:
+        raise InputError(f"well '{well[:40]}' is no control well; {', '.join(control.wells)}")
+    most = control.max_rate_ml_h
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= most:
+        raise InputError(f"well '{well}': give a rate from 0 to {most:g} ml/h")
+    return WellRate(from_ml_h(float(value)))
+
+
+def _check_sum(rates: WellRates, control: Control) -> None:
+    together = sum(rate.rate for rate in rates.values()) / from_ml_h(1.0)
+    if together > control.max_total_rate_ml_h + ROUND_OFF_ML_H:
+        raise InputError(
+            f'control wells inject {together:.1f} ml/h together; rig.yaml allows '
+            f'{control.max_total_rate_ml_h:g} ml/h'
+        )

@@ -1,0 +1,110 @@
+"""The rates of all wells over time, as setpoints, pumps and operator tell them."""
+
+from collections import deque
+from collections.abc import Sequence
+
+from porotwin_core.rates_in_force import (
+    KnownRates,
+    RatePeriod,
+    latest_known,
+    rates_in_force,
+    same_rates,
+)
+from porotwin_core.wells import RateStep, WellRate, WellRates, check_plan, net_rate
+
+KEPT = 4096
+"""Rates that are kept: a flow meter at 10 Hz, photographs every 100 s, some of them late."""
+
+SAME_STAMP_S = 1e-6
+"""Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
+
+
+class RateLog:
+    """Remembers rates until the states they lead to have been used."""
+
+    def __init__(self, assumed: WellRates) -> None:
+        """Begin with `assumed` rates [m^3/s], which hold until any others are known."""
+        self._commanded: deque[tuple[float, WellRates]] = deque([(float('-inf'), assumed)], KEPT)
+        self._known: deque[KnownRates] = deque(maxlen=KEPT)
+        self._before: WellRates = assumed
+
+    def add_commanded(self, stamp: float, rates: WellRates) -> None:
+        """Add a setpoint, which holds from the `stamp` [s] of its photograph."""
+        self._commanded.append((stamp, rates))
+
+    def add_known(self, known: KnownRates) -> None:
+        """Add rates that were measured or confirmed."""
+        self._known.append(known)
+
+    def is_commanded(self, stamp: float) -> bool:
+        """Return whether the setpoint of the photograph at `stamp` [s] is here."""
+        return any(abs(item[0] - stamp) < SAME_STAMP_S for item in self._commanded)
+
+    def commanded_at(self, time: float) -> WellRates:
+        """Return the setpoint of the newest photograph until `time` [s]."""
+        past = [item for item in self._commanded if item[0] <= time]
+        return max(past, key=lambda item: item[0])[1] if past else self._commanded[0][1]
+
+    def take(self, start: float, end: float) -> tuple[RatePeriod, ...]:
+        """Return the rates in force from `start` to `end` [s], and forget what ended before."""
+        stamps = sorted({stamp for stamp, _ in self._commanded if start < stamp < end})
+        periods: list[RatePeriod] = []
+        for low, high in zip([start, *stamps], [*stamps, end], strict=True):
+            periods += rates_in_force(
+                self._known, low, high, commanded=self.commanded_at(low), before=self._before
+            )
+            self._before = periods[-1].rates
+        self._forget(end)
+        return tuple(periods)
+
+    def _forget(self, time: float) -> None:
+        commanded = self.commanded_at(time)
+        newer = [item for item in self._commanded if item[0] > time]
+        self._commanded = deque([(time, commanded), *newer], KEPT)
+        held = [item for item in self._known if item.is_open or item.end > time]
+        self._known = deque(held, KEPT)
+
+    def present(self, time: float) -> WellRates:
+        """Return the rates that hold at `time` [s] and, as far as is known, from then on.
+
+        Rates that the operator confirmed count, until a newer setpoint replaces them.
+        """
+        stamp = max((stamp for stamp, _ in self._commanded if stamp <= time), default=time)
+        confirmed = [item for item in self._known if item.is_open and item.start > stamp]
+        return latest_known(confirmed, float('inf')) or self.commanded_at(time)
+
+
+def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tuple[RatePeriod, ...]:
+    """Return a plan from `start` [s] over `horizon` [s] as periods.
+
+    Raises:
+        InputError: as `check_plan`.
+    """
+    check_plan(plan)
+    begins = [step.start for step in plan]
+    ends = [*begins[1:], horizon]
+    return tuple(
+        RatePeriod(start + begin, start + min(end, horizon), step.rates)
+        for begin, end, step in zip(begins, ends, plan, strict=True)
+        if begin < horizon
+    )
+
+
+def proposed_plan(
+    steps: Sequence[RateStep], present: WellRates, producer: str | None
+) -> tuple[RateStep, ...]:
+    """Return the plan of a proposal: wells that are not named keep their `present` rates.
+
+    A `producer` that no step names takes out what the other wells inject. Before the first step
+    the present rates hold.
+    """
+    named = {name for step in steps for name in step.rates}
+    plan = [] if steps and steps[0].start == 0.0 else [RateStep(0.0, present)]
+    held: dict[str, WellRate] = dict(present)
+    for step in steps:
+        held = {**held, **step.rates}
+        if producer is not None and producer not in named and not same_rates(held, present):
+            others = {name: rate for name, rate in held.items() if name != producer}
+            held[producer] = WellRate(-net_rate(others))
+        plan.append(RateStep(step.start, dict(held)))
+    return tuple(plan)

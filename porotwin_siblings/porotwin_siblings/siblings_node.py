@@ -1,0 +1,368 @@
+"""The siblings as a node: they listen to the twin, and publish forecasts with bands.
+
+Callbacks only convert and store. A worker takes the newest photograph, learns from it, and tells
+the forecast. A proposed schedule is answered beside it. Nothing here is ever pumped.
+"""
+
+import os
+import threading
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+
+from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.safe_rates import safe_rates
+from porotwin_core.single_instance import only_one
+from porotwin_core.wells import RateStep
+from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
+from porotwin_msgs.srv import WhatIf
+from porotwin_siblings.diagnosed_effects import read_diagnosis
+from porotwin_siblings.rate_log import RateLog, proposed_plan
+from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+
+NICENESS = 10
+"""Nice value of the threads that learn: they use only time that the twin leaves."""
+
+DEFAULT_CELL_M = 0.015
+"""Cell size of the siblings [m]: three cells of the maps; see docs/siblings.md."""
+
+OPEN_END_S = 7200.0
+"""Horizon of an experiment without an end [s]."""
+
+DAY_S = 86400.0
+"""Longest horizon [s]."""
+
+TIMES = 24
+"""Times of a forecast: enough for a smooth curve."""
+
+MAPS = 2
+"""Maps of a forecast: half way, and at its end."""
+
+SETPOINT_WAIT_S = 3.0
+"""Wait for the setpoint that follows a photograph [s]; the hub takes a second or two."""
+
+THREADS = 3
+"""One thread listens, one answers a question, one is spare for the parameters."""
+
+MOST_WORKERS = 64
+"""Threads; more than any laboratory machine has cores."""
+
+
+class _Arrived(NamedTuple):
+    """A photograph, and the number of its state."""
+
+    sequence: int
+    photograph: Photograph
+
+
+class SiblingsNode(Node):
+    """Learns from every photograph; publishes `siblings/forecast`, answers `siblings/what_if`."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read the parameters and start the worker.
+
+        Raises:
+            InputError: a parameter or the rig is wrong.
+        """
+        super().__init__('siblings', **kwargs)
+        self._rig = declare_rig(self)
+        self._map_grid = declare_grid(self, self._rig)
+        self._producer = self._rig.control.producer if self._rig.control else None
+        workers = declare(
+            self, 'workers', 2, 'threads that learn', at_least=1, at_most=MOST_WORKERS
+        )
+        self._horizon = declare(
+            self,
+            'horizon_s',
+            OPEN_END_S,
+            'how far forecasts look ahead [s]',
+            at_least=60.0,
+            at_most=DAY_S,
+        )
+        diagnosis = declare(
+            self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
+        )
+        self._quick = ThreadPoolExecutor(workers)
+        self.siblings = Siblings(
+            self._rig,
+            self._declare_grid(),
+            map_grid=self._map_grid,
+            executor=_learning_executor(self._declare_scheduler(), workers),
+            count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
+            diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
+        )
+        self._rates = RateLog(safe_rates(self._rig))
+        self._changed = threading.Condition()
+        self._arrived: _Arrived | None = None
+        self._interrupted = False
+        self._forecast: Outlook | None = None
+        self._diagnostics = Diagnostics(self)
+        self._make_topics()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def _declare_grid(self) -> Grid:
+        """Return the grid of the siblings, which is never finer than the maps.
+
+        Raises:
+            InputError: the parameter is no length.
+        """
+        cell = declare(
+            self,
+            'cell_m',
+            DEFAULT_CELL_M,
+            'cell size of the siblings [m]; smaller takes the cube of time',
+            at_least=1e-4,
+            at_most=1.0,
+        )
+        wanted, maps = self._rig.default_grid(cell), self._map_grid
+        return self._rig.grid(min(wanted.nx, maps.nx), min(wanted.nz, maps.nz))
+
+    def _declare_scheduler(self) -> str:
+        return str(
+            declare(
+                self,
+                'scheduler',
+                '',
+                'address of a Dask scheduler that runs the siblings; empty: threads here',
+            )
+        )
+
+    def _make_topics(self) -> None:
+        self._publisher = self.create_publisher(Forecast, 'siblings/forecast', qos.CONFIG)
+        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
+        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        # a question must not wait for messages, nor messages for its answer
+        own = MutuallyExclusiveCallbackGroup()
+        self.create_service(WhatIf, 'siblings/what_if', self._what_if, callback_group=own)
+
+    # --- messages in --------------------------------------------------------------------------
+
+    def _on_measured(self, message: WellRates) -> None:
+        start = conversions.time_from_msg(message.start)
+        end = conversions.time_from_msg(message.header.stamp)
+        try:
+            rates = conversions.rates_from_msg(message.wells)
+            self._check_wells(rates)
+        except InputError as error:
+            self.get_logger().error(f'measured rates ignored: {error}')
+            return
+        with self._changed:
+            self._rates.add_known(KnownRates(start, end, rates))
+            self._changed.notify_all()
+
+    def _on_setpoint(self, message: Setpoint) -> None:
+        try:
+            rates = conversions.rates_from_msg(message.wells)
+            self._check_wells(rates)
+        except InputError as error:
+            self.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
+            return
+        with self._changed:
+            self._rates.add_commanded(conversions.time_from_msg(message.header.stamp), rates)
+            self._changed.notify_all()
+
+    def _on_clean_state(self, message: CleanState) -> None:
+        with self._changed:
+            self._interrupted = True
+
+    def _on_state(self, message: NewState) -> None:
+        try:
+            photograph = self._photograph(message)
+        except InputError as error:
+            self.get_logger().error(f'state {message.sequence} ignored: {error}')
+            return
+        with self._changed:
+            self._arrived = _Arrived(message.sequence, photograph)
+            self._changed.notify_all()
+
+    def _check_wells(self, rates: Any) -> None:
+        """Return if all wells are in the rig.
+
+        Raises:
+            InputError: one is not.
+        """
+        for name in rates:
+            if name not in self._rig.wells:
+                known = ', '.join(self._rig.wells)
+                raise InputError(f"well '{name}' is not in rig.yaml; known: {known}")
+
+    def _photograph(self, message: NewState) -> Photograph:
+        """Return a state on the grid of the siblings.
+
+        Raises:
+            InputError: its map or its deviations are wrong.
+        """
+        values, grid = conversions.tracer_from_msg(message.tracer)
+        deviation = conversions.deviation_from_msg(message.deviation, grid)
+        systematic = conversions.deviation_from_msg(message.systematic, grid)
+        if grid != self._map_grid:
+            raise InputError(f'its map is {grid}, the siblings work on {self._map_grid}')
+        stamp = conversions.time_from_msg(message.header.stamp)
+        photograph = Photograph.plain(stamp, values)
+        if deviation is None or systematic is None:
+            return photograph
+        variance = np.maximum(deviation**2 - systematic**2, 0.0)
+        return photograph._replace(
+            random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
+        )
+
+    # --- work ---------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        while self.context.ok():
+            with self._changed:
+                self._changed.wait_for(lambda: self._arrived is not None)
+                arrived, self._arrived = self._arrived, None
+                assert arrived is not None
+            try:
+                with self._diagnostics.busy(f'state {arrived.sequence}'):
+                    self._learn(arrived.photograph)
+                    self._tell()
+            except Exception as error:  # the siblings outlive any one photograph
+                self.get_logger().error(f'state {arrived.sequence} failed: {error!r}')
+                self._diagnostics.report(DiagnosticStatus.ERROR, f'siblings failed: {error!r}')
+                continue
+            self._diagnostics.report(DiagnosticStatus.OK, f'state {arrived.sequence} done')
+
+    def _learn(self, photograph: Photograph) -> None:
+        siblings = self.siblings
+        with self._changed:
+            if siblings.started and photograph.time <= siblings.time:
+                siblings.begin_anew()
+            elif self._interrupted:
+                siblings.interrupt()
+            self._interrupted = False
+            periods = self._rates.take(siblings.time, photograph.time) if siblings.started else ()
+        siblings.observe(photograph, periods)
+
+    def _tell(self) -> None:
+        """Publish the forecast under the rates of the setpoint that follows from the photograph."""
+        time = self.siblings.time
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._arrived is not None or self._rates.is_commanded(time),
+                timeout=SETPOINT_WAIT_S if self.count_publishers('wells/setpoint') else 0.0,
+            )
+            present = self._rates.present(time)
+        self._forecast = self._outlook([RateStep(0.0, present)], self._horizon, None)
+        self._publisher.publish(self._message(self._forecast))
+
+    def _outlook(
+        self, plan: Sequence[RateStep], horizon: float, executor: Executor | None
+    ) -> Outlook:
+        """Return what is expected under `plan` over `horizon` [s].
+
+        Raises:
+            InputError: the plan is wrong.
+        """
+        times = np.linspace(0.0, horizon, TIMES + 1)[1:]
+        maps = np.linspace(0.0, horizon, MAPS + 1)[1:]
+        return self.siblings.outlook(plan, horizon, times, maps, executor=executor)
+
+    # --- messages out -------------------------------------------------------------------------
+
+    def _what_if(self, request: WhatIf.Request, response: WhatIf.Response) -> WhatIf.Response:
+        try:
+            self._answer(request, response)
+            response.outcome = conversions.ok()
+        except Exception as error:
+            response.outcome = conversions.refusal(error)
+            self.get_logger().error(f'siblings/what_if: {response.outcome.message}')
+        return response
+
+    def _answer(self, request: WhatIf.Request, response: WhatIf.Response) -> None:
+        """Fill the forecasts of a proposal and of the present rates.
+
+        Raises:
+            InputError: the proposal is wrong, or no photograph has come yet.
+        """
+        if not self.siblings.started:
+            raise InputError('no photograph has come yet; ask again after the first one')
+        horizon = request.horizon or self._horizon
+        if not 0.0 < horizon <= DAY_S:
+            raise InputError(f'horizon {horizon:g} s: must lie between 0 and {DAY_S:g} s')
+        steps = conversions.plan_from_msg(request.proposed)
+        for step in steps:
+            self._check_wells(step.rates)
+        with self._changed:
+            rates = self._rates.present(self.siblings.time)
+        plan = proposed_plan(steps, rates, self._producer)
+        present = self._forecast
+        if present is None or present.horizon != horizon or present.plan[0].rates != rates:
+            present = self._outlook([RateStep(0.0, rates)], horizon, self._quick)
+        response.present = self._message(present)
+        response.proposed = self._message(self._outlook(plan, horizon, self._quick))
+
+    def _message(self, outlook: Outlook) -> Forecast:
+        grid, start = self.siblings.grid, outlook.start
+        low, median, high = range(3)
+
+        def maps(values: FloatArray) -> list[Any]:
+            return [
+                conversions.tracer_to_msg(one, grid, start + float(time))
+                for one, time in zip(values, outlook.map_times, strict=True)
+            ]
+
+        return Forecast(
+            header=conversions.header_at(start),
+            schedule=conversions.plan_to_msg(outlook.plan),
+            times=outlook.times.tolist(),
+            zone_tracer=outlook.zone_tracer[median].tolist(),
+            zone_tracer_low=outlook.zone_tracer[low].tolist(),
+            zone_tracer_high=outlook.zone_tracer[high].tolist(),
+            zone_area=outlook.zone_area[median].tolist(),
+            zone_area_low=outlook.zone_area[low].tolist(),
+            zone_area_high=outlook.zone_area[high].tolist(),
+            zone_reached=outlook.zone_reached.tolist(),
+            map_times=outlook.map_times.tolist(),
+            mean=maps(outlook.mean),
+            deviation=maps(outlook.deviation),
+        )
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    """Return `values` with the largest known one where they are not known."""
+    known = values[np.isfinite(values)]
+    return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
+
+
+def _learning_executor(scheduler: str, workers: int) -> Executor:
+    """Return what runs the siblings: the cluster of a `scheduler`, or patient threads.
+
+    Raises:
+        InputError: there is no scheduler at that address.
+    """
+    if not scheduler:
+        return ThreadPoolExecutor(workers, initializer=_be_patient)
+    from distributed import Client
+
+    try:
+        return Client(scheduler).get_executor()
+    except OSError as error:
+        raise InputError(f"scheduler '{scheduler}': {error}; start dask-scheduler") from None
+
+
+def _be_patient() -> None:
+    """Lower the priority of this thread; Linux keeps one for each."""
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+
+
+def main() -> None:
+    """Run the node, unless other siblings are there."""
+    run(only_one(SiblingsNode, 'siblings'), threads=THREADS)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,142 @@
+"""What a sibling believes of the rig beyond rig.yaml: its traits, and the unknowns behind them."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.units import GRAVITY
+from porotwin_siblings.diagnosed_effects import DiagnosedEffect
+
+RATE_DEVIATION = 0.06
+"""Standard deviation of the log of a rate factor, before any photograph: pumps of a laboratory
+deliver a few percent off; one in a hundred is off by 15 %."""
+
+POROSITY_DEVIATION = 0.04
+"""Standard deviation of the log of the factor on the porosity [-]."""
+
+DISPERSIVITY_M = 4e-4
+DISPERSIVITY_DEVIATION = 1.2
+"""Median longitudinal dispersivity [m], about a grain, and the deviation of its logarithm [-]."""
+
+TRANSVERSE_SHARE = 0.1
+"""Transverse dispersivity over the longitudinal one (Bear, Dynamics of Fluids in Porous Media)."""
+
+SINKING_M_H = 0.03
+"""Standard deviation of how far the tracer sinks or rises by its density in an hour [m]."""
+
+DRIFT_M_H = 0.006
+"""Standard deviation of how far water drifts beside the wells in an hour, each way [m]."""
+
+WAVES = tuple(wave for wave in itertools.product(range(4), range(3)) if 0 < wave[0] + wave[1] <= 3)
+"""Half waves along x and z of the cosines that change the permeability: scales of 1/4 of the rig
+and above; what is smaller bends the plume little."""
+
+WAVE_DEVIATION = 0.25
+"""Standard deviation of the log permeability in one wave of the longest kind [-]."""
+
+HOUR_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What one sibling believes of the rig.
+
+    rate_factors: delivered rate over commanded rate by well [-].
+    longitudinal_dispersivity: [m], on top of the one of rig.yaml.
+    density_difference: of tracer stock and water [kg/m^3], on top of the one of rig.yaml.
+    porosity_factor: [-].
+    background_flux: Darcy flux (x, z) beside the wells [m/s].
+    waves: log permeability in each of `WAVES` [-].
+    photograph_error: systematic error of the photographs, in standard deviations [-].
+    effects: diagnosed effects, drawn within their intervals.
+    """
+
+    rate_factors: Mapping[str, float]
+    longitudinal_dispersivity: float = 0.0
+    density_difference: float = 0.0
+    porosity_factor: float = 1.0
+    background_flux: tuple[float, float] = (0.0, 0.0)
+    waves: tuple[float, ...] = ()
+    photograph_error: float = 0.0
+    effects: tuple[EffectDescription, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that the siblings disagree on: normal before any photograph.
+
+    `mean` and `deviation` are in the unit of the unknown; factors are unknown by their logarithm.
+    """
+
+    name: str
+    mean: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All unknowns of a rig in their order, and the way from numbers to traits."""
+
+    wells: tuple[str, ...]
+    listed: tuple[Unknown, ...]
+    diagnosed: tuple[DiagnosedEffect, ...] = ()
+
+    @classmethod
+    def of(cls, rig: Rig, diagnosed: Sequence[DiagnosedEffect] = ()) -> 'Unknowns':
+        """Return the unknowns of `rig` and of effects that a diagnosis found."""
+        porosity = float(np.mean(rig.nominal_map('porosity')))
+        permeability = float(np.exp(np.mean(np.log(rig.nominal_map('permeability_m2')))))
+        # speed [m/s] at which 1 kg/m3 sinks
+        sinking = permeability * GRAVITY / (rig.viscosity_pa_s * porosity)
+        drift = DRIFT_M_H / HOUR_S * porosity
+        listed = [
+            *(Unknown(f'rate {well}', 0.0, RATE_DEVIATION) for well in rig.wells),
+            Unknown('dispersivity', float(np.log(DISPERSIVITY_M)), DISPERSIVITY_DEVIATION),
+            Unknown('density', 0.0, SINKING_M_H / HOUR_S / sinking),
+            Unknown('porosity', 0.0, POROSITY_DEVIATION),
+            Unknown('drift x', 0.0, drift),
+            Unknown('drift z', 0.0, drift),
+            Unknown('photograph', 0.0, 1.0),
+            *(Unknown(f'wave {i} {j}', 0.0, WAVE_DEVIATION / max(i, j)) for i, j in WAVES),
+            *(
+                Unknown(f'{effect.name} {name}', value, deviation)
+                for effect in diagnosed
+                for name, value, deviation in effect.numbers
+            ),
+        ]
+        return cls(tuple(rig.wells), tuple(listed), tuple(diagnosed))
+
+    @property
+    def mean(self) -> FloatArray:
+        """The mean of every unknown before any photograph, (unknowns,)."""
+        return np.array([unknown.mean for unknown in self.listed])
+
+    @property
+    def deviation(self) -> FloatArray:
+        """The standard deviation of every unknown before any photograph, (unknowns,)."""
+        return np.array([unknown.deviation for unknown in self.listed])
+
+    def index(self, name: str) -> int:
+        """Return the place of the unknown `name`."""
+        return [unknown.name for unknown in self.listed].index(name)
+
+    def traits(self, values: FloatArray) -> Traits:
+        """Return the traits for `values` of all unknowns, (unknowns,)."""
+        count, rest = len(self.wells), iter(values[len(self.wells) :])
+        factors = np.exp(values[:count])
+        dispersivity, density, porosity, drift_x, drift_z, photograph = itertools.islice(rest, 6)
+        waves = tuple(float(value) for value in itertools.islice(rest, len(WAVES)))
+        return Traits(
+            rate_factors=dict(zip(self.wells, map(float, factors), strict=True)),
+            longitudinal_dispersivity=float(np.exp(dispersivity)),
+            density_difference=float(density),
+            porosity_factor=float(np.exp(porosity)),
+            background_flux=(float(drift_x), float(drift_z)),
+            waves=waves,
+            photograph_error=float(photograph),
+            effects=tuple(effect.described(rest) for effect in self.diagnosed),
+        )

@@ -1,0 +1,18 @@
+from setuptools import find_packages, setup
+
+PACKAGE = 'porotwin_siblings'
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    package_data={PACKAGE: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + PACKAGE]),
+        ('share/' + PACKAGE, ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=False,
+    license='Apache-2.0',
+    entry_points={'console_scripts': ['siblings_node = porotwin_siblings.siblings_node:main']},
+)

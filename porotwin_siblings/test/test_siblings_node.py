@@ -1,0 +1,125 @@
+"""The node of the siblings, called over DDS in the same process."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import RateStep, WellRate
+
+rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porotwin')
+
+from rclpy.executors import MultiThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_core.node import until_shutdown  # noqa: E402
+from porotwin_msgs.msg import Forecast, NewState, Outcome, Setpoint  # noqa: E402
+from porotwin_msgs.srv import WhatIf  # noqa: E402
+from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
+
+pytestmark = pytest.mark.graph
+
+RIG = Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml'
+PATIENCE_S = 60.0
+
+
+class Beside:
+    """The node, and another one that speaks with it."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        given = {'rig': str(RIG), 'grid': '40x24', 'cell_m': 0.04, 'horizon_s': 1200.0}
+        overrides = [Parameter(name, value=value) for name, value in given.items()]
+        self.node = SiblingsNode(context=self.context, parameter_overrides=overrides)
+        self.other = rclpy.create_node('other', context=self.context)
+        self.forecasts: list[Forecast] = []
+        self.other.create_subscription(
+            Forecast, 'siblings/forecast', self.forecasts.append, qos.FIELD
+        )
+        self.states = self.other.create_publisher(NewState, 'asset/new_state', qos.FIELD)
+        self.setpoints = self.other.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        self.client = self.other.create_client(WhatIf, 'siblings/what_if')
+        executor = MultiThreadedExecutor(4, context=self.context)
+        executor.add_node(self.node)
+        executor.add_node(self.other)
+
+        def spin() -> None:
+            with until_shutdown(self.context):
+                executor.spin()
+
+        self.thread = threading.Thread(target=spin, daemon=True)
+        self.thread.start()
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < end, 'waited too long'
+            time.sleep(0.01)
+
+    def photograph(self, stamp: float, concentration: Any) -> None:
+        grid = load_rig(RIG).grid(40, 24)
+        tracer = conversions.tracer_to_msg(concentration, grid, stamp)
+        self.states.publish(NewState(header=tracer.header, tracer=tracer))
+
+    def command(self, stamp: float, **rates_ml_h: float) -> None:
+        rates = {name: WellRate(from_ml_h(rate)) for name, rate in rates_ml_h.items()}
+        message = Setpoint(header=conversions.header_at(stamp))
+        message.wells = conversions.rates_to_msg(rates)
+        self.setpoints.publish(message)
+
+    def ask(self, plan: list[RateStep], horizon: float) -> WhatIf.Response:
+        request = WhatIf.Request(proposed=conversions.plan_to_msg(plan), horizon=horizon)
+        future = self.client.call_async(request)
+        self.wait(future.done)
+        return future.result()
+
+    def close(self) -> None:
+        rclpy.shutdown(context=self.context)
+        self.thread.join(timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def beside(domain: int) -> Iterator[Beside]:
+    both = Beside(domain)
+    yield both
+    both.close()
+
+
+def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside) -> None:
+    assert beside.client.wait_for_service(timeout_sec=PATIENCE_S)
+    early = beside.ask([], 600.0)
+    assert early.outcome.code == Outcome.INVALID_INPUT
+    assert 'no photograph' in early.outcome.message
+
+    beside.wait(lambda: beside.states.get_subscription_count() > 0)
+    beside.wait(lambda: beside.setpoints.get_subscription_count() > 0)
+    plume = np.zeros((24, 40))
+    plume[8:18, 5:20] = 1.0
+    beside.command(0.0, control1=100.0, producer=-100.0)
+    beside.photograph(0.0, plume)
+    beside.wait(lambda: len(beside.forecasts) == 1)
+    forecast = beside.forecasts[0]
+    assert len(forecast.times) == len(forecast.zone_area) == len(forecast.zone_reached)
+    low, middle, high = forecast.zone_area_low, forecast.zone_area, forecast.zone_area_high
+    assert all(a <= b <= c for a, b, c in zip(low, middle, high, strict=True))
+    assert [step.start for step in forecast.schedule] == [0.0]
+    assert len(forecast.mean) == len(forecast.deviation) == len(forecast.map_times)
+
+    flush = {'control1': WellRate(from_ml_h(500.0)), 'producer': WellRate(-from_ml_h(500.0))}
+    answer = beside.ask([RateStep(0.0, flush)], 1200.0)
+    assert answer.outcome.code == Outcome.OK, answer.outcome.message
+    np.testing.assert_allclose(answer.present.zone_tracer, forecast.zone_tracer)
+    assert answer.proposed.zone_tracer[-1] != answer.present.zone_tracer[-1]
+    wrong = beside.ask([RateStep(0.0, {'absent': WellRate(1e-9)})], 600.0)
+    assert "well 'absent' is not in rig.yaml" in wrong.outcome.message
+
+    beside.photograph(300.0, plume)
+    beside.wait(lambda: len(beside.forecasts) == 2)

@@ -1,0 +1,92 @@
+"""The physics-based model on its own grid, and on one coarser grid for plans."""
+
+import math
+from collections.abc import Sequence
+
+from porotwin_core.cost_term import CostTerm
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
+from porotwin_core.wells import RateStep
+from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.model import Model
+from porotwin_solver.supervision import UNSUPERVISED, Supervision
+
+
+class GridModels:
+    """The model of a rig on the grid of the maps, and the latest one on another grid.
+
+    A plan asks for dozens of long simulations, and a grid of half the columns and rows takes an
+    eighth of the time. A coarser grid smears the plume more, so that it has a preset of its own.
+
+    Attributes:
+        own: the model on the grid of the maps.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        grid: Grid,
+        *,
+        preset: str,
+        coarse_preset: str,
+        supervision: Supervision = UNSUPERVISED,
+    ) -> None:
+        """Prepare the model on `grid`.
+
+        Raises:
+            InputError: as `Model`.
+        """
+        self.own = Model(rig, grid, preset=preset, supervision=supervision)
+        self.own.prepare()
+        self._coarse_preset = coarse_preset
+        self._other: Model | None = None
+
+    def on(self, grid: Grid) -> Model:
+        """Return the model on `grid`; a new one takes as long as a factorisation.
+
+        Raises:
+            InputError: the grid has more cells than that of the maps.
+        """
+        own = self.own
+        if grid.shape == own.grid.shape:
+            return own
+        if grid.nx * grid.nz > own.grid.nx * own.grid.nz:
+            raise InputError(
+                f'grid {grid}: has more cells than the grid {own.grid} of the solver; '
+                'send a coarser state'
+            )
+        if self._other is None or self._other.grid.shape != grid.shape:
+            self._other = Model(
+                own.rig,
+                own.rig.grid(grid.nx, grid.nz),
+                preset=self._coarse_preset,
+                supervision=own.engine.supervision,
+            )
+            self._other.prepare()
+        return self._other
+
+    def plan_cost(
+        self,
+        initial: FloatArray,
+        plan: Sequence[RateStep],
+        *,
+        horizon: float,
+        terms: Sequence[CostTerm],
+        with_gradient: bool,
+        patience: float = math.inf,
+    ) -> tuple[float, FloatArray | None]:
+        """Return the cost of `plan` from `initial` (nz, nx) and, if asked, its gradient.
+
+        The arguments are those of `schedule_cost`; `patience` is not used, because nothing waits.
+
+        Raises:
+            InputError: as `schedule_cost` and `on`.
+        """
+        del patience
+        nz, nx = initial.shape
+        model = self.on(self.own.rig.grid(nx, nz))
+        found = schedule_cost(
+            model, initial, plan, horizon=horizon, terms=terms, with_gradient=with_gradient
+        )
+        return found.cost, found.gradient

@@ -1,0 +1,20 @@
+"""Tests of the model on its own grid and on a coarser one."""
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_solver.grid_models import GridModels
+
+
+def test_a_coarser_grid_has_its_own_preset_and_is_kept(rig) -> None:
+    models = GridModels(rig, rig.grid(31, 19), preset='upwind', coarse_preset='fast')
+    assert models.on(rig.grid(31, 19)) is models.own
+    coarse = models.on(rig.grid(15, 9))
+    assert (coarse.preset, coarse.grid.shape) == ('fast', (9, 15))
+    assert models.on(rig.grid(15, 9)) is coarse
+
+
+def test_a_finer_grid_is_refused(rig) -> None:
+    models = GridModels(rig, rig.grid(15, 9), preset='upwind', coarse_preset='fast')
+    with pytest.raises(InputError, match='grid 31x19: has more cells'):
+        models.on(rig.grid(31, 19))

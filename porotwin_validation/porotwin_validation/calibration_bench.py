@@ -1,0 +1,62 @@
+"""The calibration of a camera on photographs with known truth: its maps, and what it refuses.
+
+Cases are composed on a real baseline and scored one after the other. Each is safe if its maps are
+accurate or its calibration is refused. A calibration that was made well must not be refused.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
+from porotwin_validation.photo_flaws import WITHHELD_KIND
+from porotwin_validation.photo_scores import PhotoCaseScore, score_case
+
+
+def run(
+    baseline: Path | None = None,
+    cases: int = len(WITHHELD_KIND),
+    seed: int = 1,
+    flaw: str | None = None,
+) -> list[dict[str, object]]:
+    """Return one row per case, and the share of safe cases in a last row.
+
+    Args:
+        baseline: experiment folder with a real baseline photograph and sands.
+        cases: number of cases.
+        seed: seed of the cases.
+        flaw: the same flaw in all cases; None for those of `photo_flaws.WITHHELD_KIND`.
+
+    Raises:
+        InputError: there is no baseline, or the flaw is not known.
+    """
+    if baseline is None:
+        raise InputError(
+            'bench calibration: needs --baseline FOLDER, an experiment folder with a photograph '
+            'of the rig without tracer'
+        )
+    scores = list(_scores(baseline, cases, seed, flaw))
+    return [*(score.row for score in scores), _summary(scores)]
+
+
+def _scores(folder: Path, cases: int, seed: int, flaw: str | None) -> Iterator[PhotoCaseScore]:
+    rig, pixels = baseline_of(folder)
+    for number in range(cases):
+        with tempfile.TemporaryDirectory(prefix='porotwin_bench_') as output:
+            case = draw_case(rig, number, seed, flaw)
+            yield score_case(write_case(case, pixels, Path(output)))
+
+
+def _summary(scores: list[PhotoCaseScore]) -> dict[str, object]:
+    """Return the last row: how many cases are safe, and how many good ones were refused."""
+    good = [score for score in scores if score.expected == 'use']
+    refused = sum(score.maps is None for score in good)
+    row: dict[str, object] = dict.fromkeys(scores[0].row, '')
+    safe = sum(score.safe for score in scores)
+    return {
+        **row,
+        'case': 'all',
+        'answer': f'{refused} of {len(good)} good ones refused',
+        'safe': f'{safe} of {len(scores)}',
+    }
