@@ -1,9 +1,9 @@
-"""The Wasserstein distance between two maps: how far tracer must be moved to turn one into another.
+"""The Wasserstein distance between two maps: how far tracer must move to turn one into another.
 
-W1 of two distributions of mass 1 is the least mean distance over which mass is carried. A plume that
-moves by 0.1 m has the distance 0.1 m, whatever its shape, while cell-wise errors do not tell a small
-shift from a large one as soon as the plumes no longer overlap. With rho = second - first, Beckmann's
-problem on the grid of the maps is
+W1 of two distributions of mass 1 is the least mean distance over which mass is carried. A plume
+that moves by 0.1 m has the distance 0.1 m, whatever its shape. Cell-wise errors do not tell a small
+shift from a large one as soon as the plumes no longer overlap. With rho = second - first,
+Beckmann's problem on the grid of the maps is
 
     W1 = min sum |q|  with  div q = -rho    (q: mass times length, flowing between the cells)
        = max sum phi rho  with  |grad phi| <= 1.
@@ -76,7 +76,7 @@ def map_distance(
 
 
 def _coarser(change: Array, grid: Grid) -> tuple[Array, tuple[float, float]]:
-    """Return the change of mass on at most about `MOST_CELLS` cells, and their size (dz, dx) [m]."""
+    """Return the change of mass on about `MOST_CELLS` cells at most, and their size (dz, dx)."""
     across = max(1, int(np.ceil(np.sqrt(change.size / MOST_CELLS))))
     nz, nx = (int(np.ceil(count / across)) for count in change.shape)
     sums = cv2.resize(change, (nx, nz), interpolation=cv2.INTER_AREA) * (change.size / (nz * nx))
