@@ -1,0 +1,145 @@
+"""./porotwin measure: a table of the plume in every map of a recording."""
+
+import csv
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, print_table, say
+from porotwin_core.errors import InputError
+
+if TYPE_CHECKING:
+    from porotwin_core.rig import Rig
+    from porotwin_recording.concentration import ConcentrationMaps
+
+SHOWN = ('time_s', 'tracer_ml', 'x_m', 'z_m', 'area_m2', 'contour_m', 'fingers', 'distance_m')
+"""Columns that are printed; the file and --json hold all."""
+SAME_TIME_S = 1.0
+"""Maps of two recordings within this belong together [s]."""
+
+
+def command(
+    maps: Annotated[Path, typer.Argument(help='Maps (.nc), experiment folder or MCAP bag.')],
+    rig: Annotated[
+        Path | None,
+        typer.Option(help='rig.yaml. Default: of the recording, or beside the file of maps.'),
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help='Table to write, CSV.')] = None,
+    level: Annotated[float, typer.Option(help='Concentration of the outline.')] = 0.1,
+    side: Annotated[
+        str, typer.Option(help='Side on which fingers are counted: down, up, left or right.')
+    ] = 'down',
+    against: Annotated[
+        Path | None,
+        typer.Option(help='Other maps, to which distances are measured. Default: the map before.'),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure the plume in every map: tracer, centre, spread, area, outline, fingers, distance.
+
+    The distance is the Wasserstein distance of the normalised maps, in metres, to the map before or
+    to the map of --against at the same time. Standard deviations follow where the maps have them.
+
+    Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
+    """
+    description, found = _maps(maps, rig)
+    other = None if against is None else _maps(against, rig or _rig_beside(maps))[1]
+    if other is not None and other.grid != found.grid:
+        raise InputError(
+            f'{against}: its grid is {other.grid}, that of {maps} is {found.grid}; '
+            'image both with the same --grid'
+        )
+    rows = _rows(description, found, other, level, side)
+    if output is not None:
+        _write(output, rows)
+        say(f'table: {output}')
+    if as_json:
+        print_json({'maps': maps, 'grid': str(found.grid), 'level': level, 'rows': rows})
+        return
+    shown = [[_short(row[name]) for name in SHOWN] for row in rows]
+    print_table(f'{maps}, outline at {level:g}', SHOWN, shown)
+
+
+def _maps(path: Path, rig: Path | None) -> tuple['Rig', 'ConcentrationMaps']:
+    """Return the rig and the maps of a file of maps or of a recording."""
+    from porotwin_core.rig import load_rig
+    from porotwin_recording.concentration import open_maps
+    from porotwin_recording.recording import open_recording
+
+    if path.suffix == '.nc':
+        beside = rig or _rig_beside(path)
+        if beside is None:
+            raise InputError(f'{path}: no rig.yaml beside it; give one with --rig')
+        description = load_rig(beside)
+        return description, open_maps(path, description)
+    recording = open_recording(path)
+    if recording.maps is None:
+        raise InputError(f'{path}: holds no maps; make them with ./porotwin image')
+    return load_rig(rig) if rig else recording.rig, recording.maps
+
+
+def _rig_beside(path: Path) -> Path | None:
+    """Return the rig.yaml beside the file or in the folder `path`, None if there is none."""
+    beside = (path if path.is_dir() else path.parent) / 'rig.yaml'
+    return beside if beside.is_file() else None
+
+
+def _rows(
+    rig: 'Rig',
+    maps: 'ConcentrationMaps',
+    other: 'ConcentrationMaps | None',
+    level: float,
+    side: Any,
+) -> list[dict[str, Any]]:
+    """Return one row of measures for each map."""
+    from porotwin_imaging.plume_measures import plume_measures
+    from porotwin_imaging.wasserstein import map_distance
+
+    pores = rig.cell_pore_volume(maps.grid)
+    rows = []
+    before = None
+    for time, (values, deviation, systematic) in zip(
+        maps.times, maps.with_deviations(), strict=True
+    ):
+        measures = plume_measures(
+            values, maps.grid, pores,
+            level=level, side=side, deviation=deviation, systematic=systematic,
+        )  # fmt: skip
+        row = {'time_s': float(time), **dataclasses.asdict(measures)}
+        reference = before if other is None else _at(other, float(time))
+        if reference is None:
+            row |= {'distance_m': float('nan'), 'mass_error': float('nan')}
+        else:
+            distance = map_distance(reference, values, maps.grid, pores)
+            row |= {'distance_m': distance.distance_m, 'mass_error': distance.mass_error}
+        rows.append(row)
+        before = values
+    return rows
+
+
+def _at(maps: 'ConcentrationMaps', time: float) -> Any:
+    """Return the map at `time` [s], None if there is none within a second."""
+    index = int(abs(maps.times - time).argmin())
+    return maps[index] if abs(maps.times[index] - time) <= SAME_TIME_S else None
+
+
+def _write(output: Path, rows: list[dict[str, Any]]) -> None:
+    """Write the rows as CSV.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        with output.open('w', newline='', encoding='utf-8') as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise InputError(f'{output}: cannot be written ({error.strerror})') from None
+
+
+def _short(value: float) -> str:
+    """Return a number for the table on the screen."""
+    return '-' if value != value else f'{value:.4g}'

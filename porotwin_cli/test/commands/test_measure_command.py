@@ -1,0 +1,54 @@
+"""./porotwin measure: a moving plume in a file of maps."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_examples import porotwin
+
+from porotwin_cli.workspace import small_rig
+from porotwin_core.rig import load_rig
+from porotwin_recording.concentration import ConcentrationWriter
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Path:
+    """Maps of a round plume that moves by 0.1 m, the second with a deviation."""
+    rig = load_rig(small_rig())
+    grid = rig.grid(94, 56)
+    x, z = np.meshgrid(grid.x, grid.z)
+    path = tmp_path / 'maps.nc'
+    with ConcentrationWriter(path, grid) as writer:
+        for time, middle in ((0.0, 0.3), (30.0, 0.4)):
+            plume = 0.5 * (1 - np.tanh((np.hypot(x - middle, z - 0.3) - 0.08) / 0.01))
+            writer.append(time, plume, deviation=0.1 * plume, systematic=0.1 * plume)
+    return path
+
+
+def test_the_table_holds_the_move_and_the_mass(moving: Path, tmp_path: Path) -> None:
+    table = tmp_path / 'plume.csv'
+    result = porotwin('measure', moving, '--rig', small_rig(), '--output', table, '--json')
+    assert result.returncode == 0, result.stderr
+    first, second = json.loads(result.stdout)['rows']
+    assert first['distance_m'] is None
+    assert second['distance_m'] == pytest.approx(0.1, rel=0.01)
+    assert second['x_m'] - first['x_m'] == pytest.approx(0.1, rel=0.01)
+    assert second['mass_error'] == pytest.approx(0.0, abs=1e-3)
+    assert second['tracer_deviation_ml'] == pytest.approx(0.1 * second['tracer_ml'], rel=1e-3)
+    with table.open() as file:
+        assert [float(row['time_s']) for row in csv.DictReader(file)] == [0.0, 30.0]
+
+
+def test_maps_are_compared_with_other_maps_at_the_same_time(moving: Path) -> None:
+    result = porotwin(
+        'measure', moving, '--rig', small_rig(), '--against', moving, '--side', 'up', '--json'
+    )
+    assert [row['distance_m'] for row in json.loads(result.stdout)['rows']] == [0.0, 0.0]
+
+
+def test_maps_without_a_rig_are_refused(moving: Path) -> None:
+    result = porotwin('measure', moving)
+    assert result.returncode == 2
+    assert 'give one with --rig' in result.stderr

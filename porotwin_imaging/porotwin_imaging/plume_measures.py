@@ -1,0 +1,213 @@
+"""Measures of a map: how much tracer there is, where, how far spread, and the shape of its outline.
+
+Cells that the map does not show (NaN) count as clean. The outline is the line of one concentration,
+`level`, interpolated linearly on the triangles between the centres of the cells. Fingers are counted along the front of the plume on one side: for each column (or row)
+the front is how far the plume reaches, and a finger is a maximum of it that stands out by
+`FINGER_M`. A plume without fingers has one.
+
+Deviations are carried through at first order. The random part is taken as independent from cell to
+cell, the systematic part as common to all cells.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+
+Array = NDArray[Any]
+
+Side = Literal['down', 'up', 'left', 'right']
+SIDES: tuple[Side, ...] = ('down', 'up', 'left', 'right')
+"""Sides on which fingers are counted."""
+
+LEVEL = 0.1
+"""Concentration of the outline [-]: well above the noise of clean sand, below any plume."""
+FINGER_M = 0.01
+"""A finger reaches further than the places beside it by at least this [m], and by two cells."""
+_FINGER_CELLS = 2
+_TIE = 1e-6
+"""Difference that ranks peaks of equal height [cells]."""
+
+
+@dataclass(frozen=True)
+class PlumeMeasures:
+    """Measures of one map; lengths are NaN where there is no tracer.
+
+    Attributes:
+        tracer_ml: tracer in the pores, as stock [ml].
+        x_m, z_m: centre of mass [m].
+        spread_x_m, spread_z_m: standard deviation of the mass along x and z [m].
+        spread_xz: correlation of both [-]: positive if the plume leans to the upper right.
+        area_m2: area above the level [m^2].
+        contour_m: length of the outline [m].
+        fingers: fingers on one side.
+        seen: share of the cells that the map shows [-].
+        tracer_deviation_ml, x_deviation_m, z_deviation_m, area_deviation_m2: standard deviations
+            of these; NaN without deviations of the map.
+    """
+
+    tracer_ml: float
+    x_m: float
+    z_m: float
+    spread_x_m: float
+    spread_z_m: float
+    spread_xz: float
+    area_m2: float
+    contour_m: float
+    fingers: int
+    seen: float
+    tracer_deviation_ml: float = np.nan
+    x_deviation_m: float = np.nan
+    z_deviation_m: float = np.nan
+    area_deviation_m2: float = np.nan
+
+
+def plume_measures(
+    values: Array,
+    grid: Grid,
+    pore_volume: Array,
+    *,
+    level: float = LEVEL,
+    side: Side = 'down',
+    deviation: Array | None = None,
+    systematic: Array | None = None,
+) -> PlumeMeasures:
+    """Return the measures of a concentration map.
+
+    Args:
+        values: concentration, shape (nz, nx), NaN where it is not seen.
+        grid: the grid of the map.
+        pore_volume: volume of the pores of each cell [m^3], shape (nz, nx).
+        level: concentration of the outline [-].
+        side: the side on which fingers are counted.
+        deviation: standard deviation of each value, shape (nz, nx), or None.
+        systematic: the part of it that is common to all cells, same shape; None: no such part.
+
+    Raises:
+        InputError: the level is not between 0 and 1, or the side is unknown.
+    """
+    if not 0.0 < level < 1.0:
+        raise InputError(f'level {level:g}: the outline needs a concentration between 0 and 1')
+    if side not in SIDES:
+        raise InputError(f"side '{side}': fingers are counted {', '.join(SIDES)}")
+    shown = np.nan_to_num(np.asarray(values, dtype=float))
+    mass = shown * pore_volume * 1e6
+    centre = _centre(mass, grid)
+    spread = _spread(mass, grid, centre)
+    found: dict[str, float] = {}
+    if deviation is not None:
+        common = np.zeros_like(shown) if systematic is None else np.nan_to_num(systematic)
+        total = np.nan_to_num(deviation)
+        own = np.sqrt(np.maximum(total**2 - common**2, 0.0))
+        found = _deviations(own, common, mass.sum(), pore_volume * 1e6, grid, centre)
+        area = _area(shown + total, level, grid) - _area(shown - total, level, grid)
+        found['area_deviation_m2'] = 0.5 * area
+    return PlumeMeasures(
+        tracer_ml=float(mass.sum()),
+        x_m=centre[0],
+        z_m=centre[1],
+        spread_x_m=spread[0],
+        spread_z_m=spread[1],
+        spread_xz=spread[2],
+        area_m2=_area(shown, level, grid),
+        contour_m=contour_length(values, grid, level),
+        fingers=finger_count(values, grid, level, side),
+        seen=float(np.isfinite(values).mean()),
+        **found,
+    )
+
+
+def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:
+    """Return the length [m] of the lines of the concentration `level` in a map (nz, nx).
+
+    Lines end at cells that are not seen; the edge of the rig is no outline.
+    """
+    x, z = np.meshgrid(grid.x, grid.z)
+    points = np.stack([np.asarray(values, dtype=float), x, z])
+    lower_left, lower_right = points[:, :-1, :-1], points[:, :-1, 1:]
+    upper_left, upper_right = points[:, 1:, :-1], points[:, 1:, 1:]
+    return _line_in_triangles(lower_left, lower_right, upper_right, level) + _line_in_triangles(
+        lower_left, upper_left, upper_right, level
+    )
+
+
+def _line_in_triangles(first: Array, second: Array, third: Array, level: float) -> float:
+    """Return the length of the line of `level` in triangles; corners (value, x, z), (3, n, m)."""
+    corners = np.stack([first, second, third])
+    above = corners[:, 0] >= level
+    crossed = np.isfinite(corners[:, 0]).all(axis=0) & above.any(axis=0) & ~above.all(axis=0)
+    corners, above = corners[:, :, crossed], above[:, crossed]
+    # the line crosses both sides of the corner that is alone on its side of the level
+    alone = np.argmax(above == (above.sum(axis=0) == 1), axis=0)
+    index = np.arange(alone.size)
+    apex, *others = (corners[(alone + turn) % 3, :, index] for turn in range(3))
+    ends = []
+    for other in others:
+        share = (level - apex[:, :1]) / (other[:, :1] - apex[:, :1])
+        ends.append(apex[:, 1:] + share * (other[:, 1:] - apex[:, 1:]))
+    return float(np.hypot(*(ends[1] - ends[0]).T).sum())
+
+
+def finger_count(values: Array, grid: Grid, level: float = LEVEL, side: Side = 'down') -> int:
+    """Return the number of fingers of the plume above `level` on one side of a map (nz, nx)."""
+    above = np.nan_to_num(values) >= level
+    size, across = (grid.dz, above) if side in ('down', 'up') else (grid.dx, above.T)
+    if side in ('up', 'right'):
+        across = across[::-1]
+    # the distance from the far side of the plume to its front, in each column
+    rows = np.flatnonzero(across.any(axis=1))
+    if not rows.size:
+        return 0
+    front = np.where(across.any(axis=0), rows[-1] + 1 - np.argmax(across, axis=0), 0)
+    prominence = max(_FINGER_CELLS, FINGER_M / size)
+    # peaks of equal height would all stand out over the whole plume: the last one is the highest
+    ranked = front + _TIE * np.arange(front.size)
+    peaks, _ = find_peaks(np.pad(ranked, 1), prominence=prominence - 0.5)
+    return max(1, len(peaks))
+
+
+def _centre(mass: Array, grid: Grid) -> tuple[float, float]:
+    """Return the centre (x, z) of mass [m]; NaN without mass."""
+    total = mass.sum()
+    if not total > 0.0:
+        return np.nan, np.nan
+    return float(mass.sum(axis=0) @ grid.x / total), float(mass.sum(axis=1) @ grid.z / total)
+
+
+def _spread(mass: Array, grid: Grid, centre: tuple[float, float]) -> tuple[float, float, float]:
+    """Return the standard deviations along x and z [m], and their correlation."""
+    total = mass.sum()
+    if not total > 0.0:
+        return np.nan, np.nan, np.nan
+    x, z = grid.x - centre[0], grid.z - centre[1]
+    along_x = float(np.sqrt(mass.sum(axis=0) @ x**2 / total))
+    along_z = float(np.sqrt(mass.sum(axis=1) @ z**2 / total))
+    both = along_x * along_z
+    return along_x, along_z, float(z @ mass @ x / total / both) if both > 0.0 else np.nan
+
+
+def _area(shown: Array, level: float, grid: Grid) -> float:
+    """Return the area above `level` [m^2]."""
+    return float((shown >= level).sum() * grid.cell_area)
+
+
+def _deviations(
+    own: Array, common: Array, total: float, volume: Array, grid: Grid, centre: tuple[float, float]
+) -> dict[str, float]:
+    """Return the standard deviations of the mass [ml] and of its centre [m]."""
+
+    def of_sum(weight: Array) -> float:
+        return float(np.hypot(np.sqrt(np.sum((weight * own) ** 2)), np.sum(weight * common)))
+
+    if not total > 0.0:
+        return {'tracer_deviation_ml': of_sum(volume)}
+    return {
+        'tracer_deviation_ml': of_sum(volume),
+        'x_deviation_m': of_sum(volume * (grid.x - centre[0])[None, :] / total),
+        'z_deviation_m': of_sum(volume * (grid.z - centre[1])[:, None] / total),
+    }

@@ -1,0 +1,81 @@
+"""Measures of maps whose measures are known."""
+
+import numpy as np
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_imaging.plume_measures import contour_length, finger_count, plume_measures
+
+GRID = Grid(200, 120, 1.0, 0.6)
+PORES = np.full(GRID.shape, GRID.cell_area * 0.01 * 0.4)
+X, Z = np.meshgrid(GRID.x, GRID.z)
+
+
+def blob(x: float, z: float, radius: float = 0.1, rim: float = 0.01) -> np.ndarray:
+    return 0.5 * (1 - np.tanh((np.hypot(X - x, Z - z) - radius) / rim))
+
+
+def test_a_disc_has_its_area_outline_centre_and_spread() -> None:
+    found = plume_measures(blob(0.4, 0.3, rim=0.003), GRID, PORES, level=0.5)
+    assert found.area_m2 == pytest.approx(np.pi * 0.1**2, rel=0.01)
+    assert found.contour_m == pytest.approx(2 * np.pi * 0.1, rel=0.01)
+    assert (found.x_m, found.z_m) == pytest.approx((0.4, 0.3), abs=1e-4)
+    assert (found.spread_x_m, found.spread_z_m) == pytest.approx((0.05, 0.05), rel=0.02)
+    assert found.spread_xz == pytest.approx(0.0, abs=1e-3)
+    assert found.tracer_ml == pytest.approx(np.pi * 0.1**2 * 0.01 * 0.4 * 1e6, rel=0.01)
+    assert found.fingers == 1
+    assert np.isnan(found.tracer_deviation_ml)
+
+
+def test_an_empty_map_has_no_plume() -> None:
+    found = plume_measures(np.zeros(GRID.shape), GRID, PORES)
+    assert (found.tracer_ml, found.area_m2, found.contour_m, found.fingers) == (0, 0, 0, 0)
+    assert np.isnan([found.x_m, found.spread_x_m]).all()
+
+
+def test_a_leaning_plume_has_a_correlation() -> None:
+    leaning = np.exp(-(((X - 0.5) - (Z - 0.3)) ** 2) / 0.002 - ((X - 0.5) ** 2) / 0.02)
+    assert plume_measures(leaning, GRID, PORES).spread_xz > 0.5
+
+
+def test_the_outline_ends_where_nothing_is_seen() -> None:
+    values = blob(0.4, 0.3)
+    whole = contour_length(values, GRID)
+    values[:, : GRID.nx * 4 // 10] = np.nan
+    assert contour_length(values, GRID) == pytest.approx(whole / 2, rel=0.05)
+
+
+@pytest.mark.parametrize(('side', 'turned'), [('down', 0), ('right', 1), ('up', 2), ('left', 3)])
+@pytest.mark.parametrize('count', [1, 2, 5])
+def test_fingers_are_counted_on_their_side(side, turned, count) -> None:
+    square = Grid(120, 120, 0.6, 0.6)
+    x, z = np.meshgrid(square.x, square.z)
+    reach = 0.1 + 0.15 * np.abs(np.sin(np.pi * count * x / 0.6))
+    values = np.where((z < 0.5) & (z > 0.5 - reach), 1.0, 0.0)
+    assert finger_count(np.rot90(values, -turned), square, side=side) == count
+
+
+def test_noise_is_no_finger() -> None:
+    surface = 0.3 + 0.004 * np.random.default_rng(5).random(GRID.nx)
+    values = np.where(surface < Z, 1.0, 0.0)
+    assert finger_count(values, GRID) == 1
+
+
+def test_the_random_part_averages_out_and_the_systematic_part_does_not() -> None:
+    values = blob(0.4, 0.3)
+    part = 0.05 * values
+    random = plume_measures(values, GRID, PORES, deviation=part)
+    common = plume_measures(values, GRID, PORES, deviation=part, systematic=part)
+    assert common.tracer_deviation_ml == pytest.approx(0.05 * common.tracer_ml, rel=1e-6)
+    assert random.tracer_deviation_ml < 0.1 * common.tracer_deviation_ml
+    # a wrong scale does not move the centre
+    assert common.x_deviation_m < 1e-6 < random.x_deviation_m < 1e-3
+    assert common.area_deviation_m2 > 0.0
+
+
+def test_a_wrong_level_or_side_is_named() -> None:
+    with pytest.raises(InputError, match='level 2'):
+        plume_measures(blob(0.4, 0.3), GRID, PORES, level=2.0)
+    with pytest.raises(InputError, match='down, up, left, right'):
+        plume_measures(blob(0.4, 0.3), GRID, PORES, side='below')  # type: ignore[arg-type]
