@@ -42,6 +42,9 @@ PUMP_DEVIATION = 0.04
 RELATED_CELLS = 10.0
 """Neighbouring cells whose random errors are alike."""
 
+TINY = 1e-15
+"""Volume below which there is none [m^3]."""
+
 FULL_ROUNDS = 3
 """Rounds of spreading a difference of volume: cells at 0 and 1 take no more."""
 
@@ -77,12 +80,11 @@ class Seen:
 class Volume:
     """What is known of the volume of tracer.
 
-    `scale` is the error of the photographs, in their systematic deviations; `pump` is the share by
-    which the tracer's pump is wrong; `covariance` (3, 3) is that of the volume [m^3] and of both.
+    `scale` is the error of the photographs, in their systematic deviations; `covariance` (2, 2) is
+    that of the volume [m^3] and of the scale.
     """
 
     scale: float
-    pump: float
     covariance: FloatArray
 
 
@@ -126,12 +128,16 @@ class StateFilter:
         variance = np.where(np.isfinite(seen.concentration), seen.random**2, 1.0)
         shown = float(np.sum(self.pore_volume * seen.systematic))
         noise = self._noise(seen)
-        covariance = np.diag([shown**2 + noise, 1.0, PUMP_DEVIATION**2])
-        covariance[0, 1] = covariance[1, 0] = -shown
-        return Estimate(state, variance, Volume(0.0, 0.0, covariance), seen.concentration)
+        covariance = np.array([[shown**2 + noise, -shown], [-shown, 1.0]])
+        return Estimate(state, variance, Volume(0.0, covariance), seen.concentration)
 
     def update(
-        self, last: Estimate, predicted: FloatArray, seen: Seen, injected: float
+        self,
+        last: Estimate,
+        predicted: FloatArray,
+        seen: Seen,
+        injected: float,
+        pump_deviation: float = PUMP_DEVIATION,
     ) -> Estimate:
         """Return the state after a photograph.
 
@@ -140,12 +146,13 @@ class StateFilter:
             predicted: the prediction for the photograph, (nz, nx) [-].
             seen: the photograph.
             injected: tracer that the pumps put in meanwhile [m^3].
+            pump_deviation: standard deviation of the share by which it is wrong [-].
         """
         known = np.isfinite(seen.concentration)
-        volume, surplus = self._volume(last.volume, predicted, seen, injected)
-        observed = np.where(known, seen.concentration - volume.scale * seen.systematic, predicted)
+        volume, surplus = self._volume(last.volume, predicted, seen, injected * pump_deviation)
+        observed = seen.concentration - volume.scale * seen.systematic
+        difference = np.where(known, observed - predicted, 0.0)
         causes = self._causes(predicted)
-        difference = observed - predicted
         self._learn(causes, difference, last.variance + seen.random**2, known)
         variance = np.minimum(last.variance + causes @ self._error, 1.0)
         gain = np.where(known, variance / (variance + seen.random**2), 0.0)
@@ -167,6 +174,8 @@ class StateFilter:
         known: FloatArray,
     ) -> None:
         """Learn how wrong predictions are, by least squares of the squared differences."""
+        if not known.any():
+            return
         expected = known_variance + causes @ self._error
         most = OUTLIER_DEVIATIONS**2 * expected
         excess = np.minimum(difference**2, most) - known_variance
@@ -186,24 +195,29 @@ class StateFilter:
         self._error = scale * share
 
     def _volume(
-        self, last: Volume, predicted: FloatArray, seen: Seen, injected: float
+        self, last: Volume, predicted: FloatArray, seen: Seen, doubtful: float
     ) -> tuple[Volume, float]:
-        """Return what is known of the volume, and what the prediction lacks of it [m^3]."""
+        """Return what is known of the volume, and what the prediction lacks of it [m^3].
+
+        The deviation of the volume grows by `doubtful` [m^3]: a pump is wrong in the same way all
+        the time, so that errors add up.
+        """
         known = np.isfinite(seen.concentration)
         pores = np.where(known, self.pore_volume, 0.0)
         shown = float(np.sum(pores * seen.systematic))
         found = float(np.sum(pores * np.nan_to_num(seen.concentration)))
-        step = np.array([[1.0, 0.0, injected], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-        covariance = step @ last.covariance @ step.T
-        looks_at = np.array([1.0, shown, 0.0])
+        deviation = np.sqrt(last.covariance[0, 0])
+        growth = np.diag([1.0 + doubtful / max(deviation, doubtful, TINY), 1.0])
+        covariance = growth @ last.covariance @ growth
+        if deviation < doubtful:
+            covariance[0, 0] = (deviation + doubtful) ** 2
+        looks_at = np.array([1.0, shown])
         spread = covariance @ looks_at
         gain = spread / (looks_at @ spread + self._noise(seen))
-        lacks = injected * last.pump
-        difference = found - float(np.sum(pores * predicted)) - lacks - shown * last.scale
+        difference = found - float(np.sum(pores * predicted)) - shown * last.scale
         moved = gain * difference
-        covariance = covariance - np.outer(gain, spread)
-        volume = Volume(last.scale + float(moved[1]), last.pump + float(moved[2]), covariance)
-        return volume, lacks + float(moved[0])
+        volume = Volume(last.scale + float(moved[1]), covariance - np.outer(gain, spread))
+        return volume, float(moved[0])
 
     def _noise(self, seen: Seen) -> float:
         """Return the variance of the shown volume by random errors [m^6]."""

@@ -38,6 +38,7 @@ from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Cycle, Twin
@@ -45,6 +46,7 @@ from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
     NewState,
+    RateFactor,
     RigDescription,
     Setpoint,
     StateRefreshed,
@@ -121,6 +123,7 @@ class HubNode(Node):
         self._call = Caller(self, timeout=self._declare_timeout())
         self._changed = threading.Event()
         self._controller = self._declare_controller(rig, interval)
+        state_filter = self._declare_filter(rig)
         twin = Twin(
             physics or PhysicsModelClient(self._call, self._grid),
             data_driven or DataDrivenModelClient(self._call, self._grid),
@@ -128,7 +131,8 @@ class HubNode(Node):
             controller=self._controller,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
-            state_filter=self._declare_filter(rig),
+            state_filter=state_filter,
+            learner=self._declare_learner(rig) if state_filter is not None else None,
             began=0.0 if self._simulated else None,  # simulated time counts from the start
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
@@ -166,6 +170,16 @@ class HubNode(Node):
             return None
         grid = self._grid
         return StateFilter(rig.cell_pore_volume(grid), (grid.dz, grid.dx))
+
+    def _declare_learner(self, rig: Rig) -> RateLearner | None:
+        learns = declare(
+            self,
+            'learn_rates',
+            True,
+            'learn from photographs and meters what share of its rate each pump delivers, and '
+            'predict with it',
+        )
+        return RateLearner(tuple(rig.wells), self._grid, closed=rig.closed) if learns else None
 
     def _declare_timeout(self) -> float:
         """Return the longest wait for a model [s].
@@ -428,6 +442,10 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
         correct_duration=cycle.durations.get('correct', math.nan),
         optimise_duration=cycle.durations.get('optimise', math.nan),
         cycle_duration=cycle.durations['cycle'],
+        rate_factors=[
+            RateFactor(well=well, factor=found.factor, deviation=found.deviation)
+            for well, found in cycle.rate_factors.items()
+        ],
         remarks=[*cycle.remarks, *cycle.notes],
     )
 

@@ -22,7 +22,7 @@ from porotwin_core.rates_in_force import (
     rates_in_force,
     same_rates,
 )
-from porotwin_core.state_filter import Estimate, Seen, StateFilter
+from porotwin_core.state_filter import PUMP_DEVIATION, Estimate, Seen, StateFilter
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.forecast import (
@@ -32,6 +32,7 @@ from porotwin_hub.forecast import (
     PhysicsModel,
 )
 from porotwin_hub.optimisation import Decision
+from porotwin_hub.rate_learning import DeliveringModel, PumpFactor, RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 from porotwin_hub.tracer_balance import imbalance
 
@@ -66,6 +67,7 @@ class Cycle:
         observation: the state that the asset emitted.
         state: the state estimate, (nz, nx) [-]; without a filter the observation with its unseen
             cells filled in.
+        seen: the observation with its errors; None: they are not used.
         observed: the observation, with a filter without the error of its scale, (nz, nx) [-].
         periods: the rates in force [m^3/s] since the last observation; empty: there was none, or
             no model.
@@ -78,6 +80,7 @@ class Cycle:
         decision: the result of the optimiser, if it ran.
         elapsed: the forecast of the observation that is judged; None: none could be made.
         forecast: the forecast of the next observation; None: none could be made.
+        rate_factors: what the pumps deliver of what they are told, by well.
         durations: wall-clock times [s] of 'optimise', 'predict' and 'correct'.
         remarks: faults of the cycle, one line each.
         notes: lines for people that are no faults.
@@ -96,6 +99,8 @@ class Cycle:
     decision: Decision | None = None
     elapsed: Forecast | None = None
     forecast: Forecast | None = None
+    rate_factors: dict[str, PumpFactor] = field(default_factory=dict)
+    seen: Seen | None = None
     durations: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -123,6 +128,7 @@ class Twin:
         pore_volume: FloatArray | None = None,
         began: float | None = None,
         state_filter: StateFilter | None = None,
+        learner: RateLearner | None = None,
     ) -> None:
         """Make the loop.
 
@@ -137,12 +143,16 @@ class Twin:
             began: time of the start of the experiment [s]; None: the first observation.
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
+            learner: learns what the pumps deliver, which needs a filter; None: they deliver what
+                they are told.
         """
         self._pore_volume = pore_volume
         self._filter = state_filter
         self._estimate: Estimate | None = None
-        self._physics = physics
-        self._forecaster = Forecaster(physics, data_driven)
+        self._plain_physics = physics
+        self._learner = learner
+        self._physics = DeliveringModel(physics, learner) if learner is not None else physics
+        self._forecaster = Forecaster(self._physics, data_driven)
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
@@ -163,6 +173,8 @@ class Twin:
         self._forecast = None
         self._expected = None
         self._estimate = None
+        if self._learner is not None:
+            self._learner.interrupt()
 
     def begin_anew(self) -> None:
         """Forget everything, also the setpoint in force: time went back."""
@@ -170,6 +182,8 @@ class Twin:
         self._began = self._known_start
         self._command = None
         self._pumped = None
+        if self._learner is not None:
+            self._learner.begin_anew()
 
     @property
     def controls(self) -> bool:
@@ -228,6 +242,7 @@ class Twin:
         A model that does not answer is a remark of the cycle.
         """
         self._judge(cycle)
+        self._learn_rates(cycle)
         self._forecast_next(cycle)
         self._state = Observation(cycle.observation.time, cycle.state)
         self._forecast = cycle.forecast
@@ -247,6 +262,7 @@ class Twin:
         if gap > self._longest_gap:
             self.interrupt()
         commanded = self._commanded_rates(now)
+        known = self._as_told(known, commanded)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
             pumped = latest_known(known, now) or commanded
@@ -276,9 +292,24 @@ class Twin:
             self._estimate = self._filter.begin(seen, expected)
         else:
             injected = injected_tracer(cycle.periods)
-            self._estimate = self._filter.update(self._estimate, elapsed.corrected, seen, injected)
+            self._estimate = self._filter.update(
+                self._estimate, elapsed.corrected, seen, injected, self._pump_deviation(cycle)
+            )
+        cycle.seen = seen
         cycle.state = self._estimate.concentration
         cycle.observed = self._estimate.observed
+
+    def _pump_deviation(self, cycle: Cycle) -> float:
+        """Return the deviation of the share by which the tracer's pump is wrong [-]."""
+        if self._learner is None:
+            return PUMP_DEVIATION
+        factors = self._learner.factors
+        deviations = [
+            factors[name].deviation
+            for name, well in cycle.pumped.items()
+            if well.rate > 0.0 and well.concentration > 0.0
+        ]
+        return max(deviations, default=0.0)
 
     def _forecast_elapsed(self, cycle: Cycle, last: Observation) -> None:
         """Set the forecast that was made for the observation, if there was one.
@@ -310,6 +341,32 @@ class Twin:
         if self._command is None or self._command.expired(now):
             return self._controller.limits.safe()
         return self._command.rates
+
+    def _learn_rates(self, cycle: Cycle) -> None:
+        """Learn what the pumps deliver; a model that does not answer is a remark of the cycle."""
+        if self._learner is None or self._estimate is None or cycle.seen is None:
+            return
+        time = cycle.observation.time
+        try:
+            self._learner.learn(
+                self._plain_physics, time, self._estimate, cycle.seen, cycle.periods
+            )
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'no rates learnt: {error}')
+        cycle.rate_factors = self._learner.factors
+
+    def _as_told(self, known: Sequence[KnownRates], commanded: WellRates) -> list[KnownRates]:
+        """Return `known` rates as the pumps were told; measured ones teach what pumps deliver."""
+        if self._learner is None:
+            return list(known)
+        told = [
+            item if item.is_open else item._replace(rates=self._learner.told(item.rates))
+            for item in known
+        ]
+        for item in known:
+            if not item.is_open:
+                self._learner.meter(item.rates, commanded)
+        return told
 
     def _judge(self, cycle: Cycle) -> None:
         """Compare the observation with its forecast, or with one made now for its time."""

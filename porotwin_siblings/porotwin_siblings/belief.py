@@ -86,14 +86,14 @@ class Belief:
         """Return the belief after an observation.
 
         Args:
-            scores: of the siblings, (unknowns, siblings).
+            scores: of the siblings, (unknowns, siblings), times any inflation of their spread.
             predicted: what each sibling expected to be observed, (observations, siblings).
             observed: (observations,).
             variance: of the errors of observation and model, (observations,).
         """
         siblings = predicted.shape[1]
         expected = predicted.mean(axis=1)
-        slope = (predicted - expected[:, None]) @ scores.T / siblings
+        slope = (predicted - expected[:, None]) @ scores.T / (siblings * np.mean(scores**2))
         weighted = slope / variance[:, None]
         precision = np.eye(len(self.mean)) + slope.T @ weighted
         covariance = np.linalg.inv(precision)

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.delivered_rates import delivered
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
-from porotwin_core.wells import WellRate, WellRates, net_rate
 from porotwin_siblings.traits import TRANSVERSE_SHARE, WAVES, Traits
 from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.effects import apply_effects
@@ -77,7 +77,8 @@ def run_course(order: CourseOrder) -> Course:
         for period in order.periods:
             low, high = max(period.start, now), min(period.end, moment)
             if high > low:
-                engine.advance(state, delivered(period.rates, order.traits, order.rig), high - low)
+                rates = delivered(period.rates, order.traits.rate_factors, closed=order.rig.closed)
+                engine.advance(state, rates, high - low)
         now = max(now, moment)
         seen = engine.mean_concentration(state)
         if moment in order.times and order.zone is not None:
@@ -131,23 +132,3 @@ def log_permeability(grid: Grid, waves: Sequence[float]) -> FloatArray:
             np.cos(math.pi * along_x * grid.x / grid.width),
         )
     return total
-
-
-def delivered(rates: WellRates, traits: Traits, rig: Rig) -> dict[str, WellRate]:
-    """Return the rates that the pumps deliver for commanded `rates` [m^3/s].
-
-    In a rig whose sides are all closed, the wells that produce take out what is injected.
-    """
-    result = {
-        name: WellRate(well.rate * traits.rate_factors.get(name, 1.0), well.concentration)
-        for name, well in rates.items()
-    }
-    if rig.closed and (excess := net_rate(result)) != 0.0:
-        produced = math.fsum(well.rate for well in result.values() if well.rate < 0.0)
-        share = 1.0 - excess / produced if produced < 0.0 else 0.0
-        result = {
-            name: WellRate(well.rate * share, 0.0) if well.rate < 0.0 else well
-            for name, well in result.items()
-            if produced < 0.0 or well.rate <= 0.0
-        }
-    return result

@@ -11,6 +11,7 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.map_blocks import Blocks
 from porotwin_core.rates_in_force import RatePeriod, injected_tracer
 from porotwin_core.rig import Rig
 from porotwin_core.state_filter import Estimate, Seen, StateFilter
@@ -18,7 +19,6 @@ from porotwin_core.wells import RateStep
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.course import Course, CourseOrder, run_course
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
-from porotwin_siblings.features import Blocks
 from porotwin_siblings.rate_log import plan_periods
 from porotwin_siblings.traits import Traits, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
@@ -36,6 +36,15 @@ MEMORY_S = 7200.0
 
 MODEL_DEVIATION = 0.02
 """Error of the mean of a block that no sibling knows a cause of [-]."""
+
+FEATURE_FLOOR = 0.005
+"""Difference of the mean of a block that means nothing [-]."""
+
+INFLATION_SHARE = 0.5
+"""Weight of a new photograph in the inflation of the spread."""
+
+LEAST_INFLATION, MOST_INFLATION = 1.0, 4.0
+"""Range of the inflation: the belief itself, and as far as the effects stay linear."""
 
 RELATED_BLOCKS = 4.0
 """Blocks whose errors are alike: they count as one observation."""
@@ -148,6 +157,7 @@ class Siblings:
         self._prior = Belief.independent(self.unknowns.mean, self.unknowns.deviation)
         self._scores = standard_scores(len(self.unknowns.listed), count, seed)
         self.belief = self._prior
+        self.inflation = 1.0
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
         self._filter = self._new_filter()
@@ -185,11 +195,12 @@ class Siblings:
         """Forget everything."""
         self.interrupt()
         self.belief = self._prior
+        self.inflation = 1.0
         self._filter = self._new_filter()
 
     def members(self) -> list[Traits]:
         """Return the traits of every sibling."""
-        drawn = self.belief.members(self._scores)
+        drawn = self.belief.members(self.inflation * self._scores)
         return [self.unknowns.traits(values) for values in drawn.T]
 
     def rate_factors(self) -> dict[str, tuple[float, float]]:
@@ -358,4 +369,19 @@ class Siblings:
         # photographs of one window judge nearly the same course: together they count as one
         alike = RELATED_BLOCKS * max(1.0, length / elapsed)
         variance = alike * (noise + MODEL_DEVIATION**2)
-        self.belief = self.belief.updated(self._scores, predicted, observed, variance)
+        self.belief = self.belief.updated(
+            self.inflation * self._scores, predicted, observed, variance
+        )
+        self._inflate(predicted, observed, noise)
+
+    def _inflate(self, predicted: FloatArray, observed: FloatArray, noise: FloatArray) -> None:
+        """Spread the siblings by how far the photograph lay outside of what they expected.
+
+        A cause that no sibling knows shows as a difference larger than their spread (adaptive
+        inflation; Anderson, Tellus A 61 (2009) 72-83).
+        """
+        missed = float(np.sum((observed - predicted.mean(axis=1)) ** 2))
+        spread = float(np.sum(predicted.var(axis=1) + noise + FEATURE_FLOOR**2))
+        wanted = self.inflation * math.sqrt(missed / spread)
+        moved = self.inflation + INFLATION_SHARE * (wanted - self.inflation)
+        self.inflation = min(max(moved, LEAST_INFLATION), MOST_INFLATION)

@@ -1,4 +1,4 @@
-"""Features of maps that siblings are judged by: means over blocks of cells.
+"""Blocks of cells: their means tell where a plume is, and how much of it.
 
 A block holds many cells, so that the noise of single cells counts little, and a front that lies
 elsewhere changes the blocks that it crosses.

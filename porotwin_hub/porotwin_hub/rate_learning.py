@@ -1,0 +1,294 @@
+"""Learns on line what share of its commanded rate each pump delivers.
+
+The photograph is compared with predictions from a state some minutes ago: one with the rates in
+force, and one for each pumping well with a changed rate. The differences are the derivatives of the
+map by the rates. A linear least-squares update with a prior follows (Tarantola, Inverse Problem
+Theory, 2005, sec. 3.2). The scale of the photographs is an unknown beside the rates, because a pump
+that injects more tracer and a camera that shows more look alike.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from porotwin_core.delivered_rates import delivered
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.map_blocks import Blocks
+from porotwin_core.rates_in_force import SAME_RATE, RatePeriod, same_rates
+from porotwin_core.state_filter import Estimate, Seen
+from porotwin_core.wells import WellRate, WellRates
+from porotwin_hub.forecast import PhysicsModel
+
+WINDOW_S = 900.0
+"""Time over which a prediction is compared with the photograph [s]: long enough that a pump wrong
+by some percent moves the plume by a cell."""
+
+LEAST_WINDOW_S = 300.0
+"""Shortest such time [s]."""
+
+PERIOD_S = 300.0
+"""Time between two updates [s]; each takes a prediction for every well."""
+
+PRIOR_DEVIATION = 0.06
+"""Standard deviation of the log of a factor before any photograph: one pump in a hundred is off by
+15 %."""
+
+MEMORY_S = 7200.0
+"""Time in which what was learnt fades by 1/e [s]: pumps and tubes change over hours."""
+
+CHANGE = 0.05
+"""Change of the log of a factor for a derivative: large beside round-off, small beside 1."""
+
+MODEL_DEVIATION = 0.02
+"""Error of the mean of a block by causes other than pumps [-]."""
+
+RELATED_BLOCKS = 4.0
+"""Blocks whose errors are alike: they count as one observation."""
+
+
+METER_SHARE = 0.5
+"""Weight of a new measurement in what a pump is known to deliver by its meter."""
+
+LEAST_METERED, MOST_METERED = 0.02, 2.0
+"""Range of measured over commanded rate that is believed [-]; a pump that stands counts as the
+least, so that it can be told apart from one that was told to stand."""
+
+LEAST_COMMANDED = 20 * SAME_RATE
+"""Commanded rate from which on a measured one tells what a pump delivers [m^3/s]."""
+
+
+class PumpFactor(NamedTuple):
+    """Delivered over commanded rate [-] and its standard deviation [-]."""
+
+    factor: float
+    deviation: float
+
+
+class _Moment(NamedTuple):
+    """A state at `time` [s], the systematic deviation of its photograph (nz, nx) [-], and the rates
+    until the next one."""
+
+    time: float
+    estimate: Estimate
+    systematic: FloatArray
+    periods: tuple[RatePeriod, ...]
+
+
+class RateLearner:
+    """Follows the rate factors of all `wells` of a rig."""
+
+    def __init__(self, wells: Sequence[str], grid: Grid, *, closed: bool) -> None:
+        """Know nothing yet.
+
+        Args:
+            wells: names of the wells.
+            grid: of the maps.
+            closed: whether all sides of the rig are closed.
+        """
+        self._wells, self._closed = tuple(wells), closed
+        self._blocks = Blocks.of(grid)
+        self._past: deque[_Moment] = deque()
+        self.begin_anew()
+
+    def interrupt(self) -> None:
+        """Forget the states: the next one does not follow from them."""
+        self._past.clear()
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self.interrupt()
+        self._learnt = -math.inf
+        self._commanded: dict[str, float] = {}
+        self._metered = dict.fromkeys(self._wells, 1.0)
+        self._mean = np.zeros(len(self._wells))
+        self._covariance = np.eye(len(self._wells)) * PRIOR_DEVIATION**2
+
+    @property
+    def factors(self) -> dict[str, PumpFactor]:
+        """What every pump delivers of its commanded rate, by its meter and by the photographs."""
+        deviations = np.sqrt(np.diag(self._covariance))
+        return {
+            well: PumpFactor(factor, factor * float(deviation))
+            for (well, factor), deviation in zip(
+                self._with(self._mean).items(), deviations, strict=True
+            )
+        }
+
+    def _with(self, log_factors: FloatArray) -> dict[str, float]:
+        """Return the factors by meter, times the exponentials of `log_factors`, by well."""
+        return {
+            well: self._metered[well] * math.exp(log_factor)
+            for well, log_factor in zip(self._wells, log_factors, strict=True)
+        }
+
+    def delivered(self, rates: WellRates) -> WellRates:
+        """Return the rates [m^3/s] that the pumps deliver when they are told `rates`."""
+        return delivered(rates, self._with(self._mean), closed=self._closed)
+
+    def told(self, measured: WellRates) -> WellRates:
+        """Return the rates [m^3/s] that pumps are told when their meters show `measured` ones."""
+        return {
+            name: WellRate(well.rate / self._metered.get(name, 1.0), well.concentration)
+            for name, well in measured.items()
+        }
+
+    def meter(self, measured: WellRates, commanded: WellRates) -> None:
+        """Compare `measured` rates with the ones `commanded` meanwhile [m^3/s].
+
+        A well whose command has just changed tells nothing: a person may set its pump late.
+        """
+        for well in self._wells:
+            wanted = commanded.get(well, WellRate()).rate
+            before, self._commanded[well] = self._commanded.get(well), wanted
+            if well not in measured or abs(wanted) < LEAST_COMMANDED or wanted != before:
+                continue
+            share = min(max(measured[well].rate / wanted, LEAST_METERED), MOST_METERED)
+            self._metered[well] += METER_SHARE * (share - self._metered[well])
+
+    def learn(
+        self,
+        physics: PhysicsModel,
+        time: float,
+        estimate: Estimate,
+        seen: Seen,
+        periods: tuple[RatePeriod, ...],
+    ) -> None:
+        """Take a new state, and learn from it if enough time has passed.
+
+        Args:
+            physics: the model, which takes delivered rates.
+            time: of the photograph [s].
+            estimate: the state at that time.
+            seen: the photograph.
+            periods: rates that the pumps were told since the last state; empty: none is known.
+
+        Raises:
+            ModelUnavailable: the model does not answer; nothing was learnt.
+        """
+        if not periods:
+            self.interrupt()
+        if self._past:
+            self._past[-1] = self._past[-1]._replace(periods=periods)
+        due = bool(self._past) and time - max(self._learnt, self._past[0].time) >= PERIOD_S
+        if due and time - self._past[0].time >= LEAST_WINDOW_S:
+            self._update(physics, time, estimate, seen)
+            self._learnt = time
+        self._past.append(_Moment(time, estimate, seen.systematic, ()))
+        while time - self._past[0].time > WINDOW_S:
+            self._past.popleft()
+
+    def _update(self, physics: PhysicsModel, time: float, estimate: Estimate, seen: Seen) -> None:
+        begin = self._past[0]
+        periods = joined([period for moment in self._past for period in moment.periods])
+        known = np.isfinite(estimate.observed)
+
+        def blocks(values: FloatArray) -> FloatArray:
+            return self._blocks.means(values, known)
+
+        def expected(state: FloatArray, log_factors: FloatArray) -> FloatArray:
+            factors = self._with(log_factors)
+            for start, end, rates in periods:
+                pumped = delivered(rates, factors, closed=self._closed)
+                state = physics.predict(state, pumped, end - start)
+            return blocks(state)
+
+        start = begin.estimate.concentration
+        usual = expected(start, self._mean)
+        active = [
+            place
+            for place, well in enumerate(self._wells)
+            if any(abs(rates[well].rate) > SAME_RATE for _, _, rates in periods if well in rates)
+        ]
+        slopes = []
+        for place in active:
+            changed = self._mean.copy()
+            changed[place] += CHANGE
+            slopes.append((expected(start, changed) - usual) / CHANGE)
+        dimmed = expected(np.clip(start - begin.systematic, 0.0, 1.0), self._mean)
+        slopes.append(blocks(seen.systematic) - (usual - dimmed))
+        length = time - begin.time
+        elapsed = min(time - self._learnt, length)
+        variance = (
+            RELATED_BLOCKS * (length / elapsed) * (blocks(seen.random**2) + MODEL_DEVIATION**2)
+        )
+        self._fade(elapsed)
+        scale = float(estimate.volume.covariance[1, 1])
+        self._solve(active, np.array(slopes), blocks(estimate.observed) - usual, variance, scale)
+
+    def _fade(self, elapsed: float) -> None:
+        """Let what was learnt fade to the prior over `elapsed` [s]."""
+        keep = math.exp(-elapsed / MEMORY_S)
+        prior = np.eye(len(self._wells)) * PRIOR_DEVIATION**2
+        self._mean = keep * self._mean
+        self._covariance = prior + keep**2 * (self._covariance - prior)
+
+    def _solve(
+        self,
+        active: list[int],
+        slopes: FloatArray,
+        difference: FloatArray,
+        variance: FloatArray,
+        scale_variance: float,
+    ) -> None:
+        """Update mean and covariance.
+
+        Args:
+            active: places of the wells that pumped.
+            slopes: derivatives of the blocks by their log factors, and by the scale of the
+                photographs, (active + 1, blocks).
+            difference: observed minus expected blocks, (blocks,).
+            variance: of the errors of `difference`, (blocks,).
+            scale_variance: of the scale of the photographs.
+        """
+        count = len(self._wells)
+        prior = np.zeros((count + 1, count + 1))
+        prior[:count, :count] = self._covariance
+        prior[count, count] = scale_variance
+        jacobian = np.zeros((len(difference), count + 1))
+        jacobian[:, [*active, count]] = slopes.T
+        weighted = jacobian / variance[:, None]
+        gain = np.linalg.solve(np.eye(count + 1) + prior @ (jacobian.T @ weighted), prior)
+        self._mean = self._mean + (gain @ (weighted.T @ difference))[:count]
+        self._covariance = 0.5 * (gain + gain.T)[:count, :count]
+
+
+def joined(periods: Sequence[RatePeriod]) -> list[RatePeriod]:
+    """Return consecutive `periods` with those of the same rates as one."""
+    result: list[RatePeriod] = []
+    for period in periods:
+        if result and same_rates(result[-1].rates, period.rates):
+            result[-1] = result[-1]._replace(end=period.end)
+        else:
+            result.append(period)
+    return result
+
+
+class DeliveringModel:
+    """The physics-based model with rates as the pumps are told; it predicts what they deliver."""
+
+    def __init__(self, physics: PhysicsModel, learner: RateLearner) -> None:
+        """Ask `physics` with the rates that `learner` believes to be delivered."""
+        self._physics = physics
+        self._learner = learner
+
+    def predict(self, concentration: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
+        """Return the prediction (nz, nx) [-] after `time_step` [s].
+
+        Raises:
+            ModelUnavailable: the model does not answer.
+        """
+        return self._physics.predict(concentration, self._learner.delivered(rates), time_step)
+
+    def correct(
+        self, previous: FloatArray, sigma: FloatArray, rates: WellRates, time_step: float
+    ) -> FloatArray:
+        """Return the corrected prediction (nz, nx) [-] with the source `sigma` [1/s].
+
+        Raises:
+            ModelUnavailable: the model does not answer.
+        """
+        pumped = self._learner.delivered(rates)
+        return self._physics.correct(previous, sigma, pumped, time_step)
