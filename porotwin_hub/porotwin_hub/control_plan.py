@@ -53,7 +53,7 @@ class ControlPlan:
         return ControlPlan(starts, self.rates[block], self.horizon)
 
     def after(self, elapsed: float, horizon: float) -> 'ControlPlan':
-        """Return what is left of the plan after `elapsed` [s], up to `horizon` [s] from then on.
+        """Return the rest of the plan after `elapsed` [s], up to `horizon` [s] from then on.
 
         A change that is due within half a photo interval comes at once.
         """
@@ -115,7 +115,7 @@ class ControlPlan:
         )
 
     def easiest_changes(self, previous: FloatArray) -> list[int]:
-        """Return the numbers of the stages by what their order moves: the least water first."""
+        """Return the numbers of the stages, those whose order moves the least water first."""
         seen = np.vstack([[previous], self.rates])
         step = np.abs(np.diff(seen, axis=0)).max(axis=1)
         lengths = self.lengths

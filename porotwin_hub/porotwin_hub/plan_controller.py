@@ -1,7 +1,7 @@
 """The controller with foresight: a plan over the rest of the experiment, by gradients.
 
 Every decision plans again over the whole remaining time, in blocks of growing length. It begins
-with what is left of the last plan and with simple plans, improves the best one by the gradient, and
+with the rest of the last plan and with simple plans, improves the best one by the gradient, and
 takes back orders that are not worth their cost. The plan runs on a coarse grid: dozens of long
 simulations take a second there, and the smeared plume makes the cost smooth. On the grid of the
 maps its limiters leave kinks in which a gradient search stops.
@@ -352,7 +352,7 @@ class _Task:
         return cost, self._shares * by_control + self._water_cost * lengths[:, None]
 
     def _delivered(self, control_rates: FloatArray) -> dict[str, WellRate]:
-        """Return what the pumps deliver of `control_rates` (wells,), balanced by the producer."""
+        """Return the delivered rates for `control_rates` (wells,), balanced by the producer."""
         limits = self._limits
         commanded = {
             **dict.fromkeys(limits.all_wells, WellRate()),

@@ -299,6 +299,10 @@ class Twin:
         cycle.state = self._estimate.concentration
         cycle.observed = self._estimate.observed
 
+    def _factors(self) -> dict[str, PumpFactor]:
+        """Return what the pumps deliver of what they are told, by well, as far as it is learnt."""
+        return self._learner.factors if self._learner is not None else {}
+
     def _pump_deviation(self, cycle: Cycle) -> float:
         """Return the deviation of the share by which the tracer's pump is wrong [-]."""
         if self._learner is None:
@@ -394,6 +398,7 @@ class Twin:
                 cycle.state,
                 self._commanded_rates(now),
                 now=now - (self._began or 0.0),
+                delivery={name: found.factor for name, found in self._factors().items()},
             )
             cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
