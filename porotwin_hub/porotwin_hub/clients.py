@@ -4,22 +4,27 @@ A call blocks its thread until the answer is there, so it belongs in a worker th
 executor spins in another. A blocking call in a callback would deadlock.
 """
 
+import math
 import threading
 import time
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from porotwin_core import conversions
 from porotwin_core.correction import Correction
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
 from porotwin_core.senders import servers
-from porotwin_core.wells import WellRates
+from porotwin_core.wells import RateStep, WellRates
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_msgs.msg import Outcome, Setpoint, TracerField
-from porotwin_msgs.srv import Control, Correct, CorrectiveSource, Predict
+from porotwin_msgs.srv import Control, Correct, CorrectiveSource, CostGradient, Predict
 
 LONGEST_SEARCH_S = 2.0
 """Longest wait for a service to appear [s]: discovery takes less, and a setpoint is due."""
@@ -29,6 +34,9 @@ RESTART_PERIOD_S = 0.5
 
 CANCEL = 'solver/cancel'
 """The service that ends the predictions of the solver."""
+
+LEAST_PATIENCE_S = 0.5
+"""Shortest wait for the cost of a plan [s]: a simulation on the grid of plans takes less."""
 
 CANCEL_WAIT_S = 1.0
 """Longest wait for the answer of a cancel service [s]: a time step of the solver is shorter."""
@@ -43,16 +51,24 @@ class Caller:
         self.timeout = timeout
         self._clients: dict[str, Any] = {}
 
-    def __call__(self, service_type: Any, name: str, request: Any, *, cancel: str = '') -> Any:
+    def __call__(
+        self,
+        service_type: Any,
+        name: str,
+        request: Any,
+        *,
+        cancel: str = '',
+        patience: float = math.inf,
+    ) -> Any:
         """Return the response to `request` from the service called `name`.
 
-        A call that has failed by its time limit is ended by the service called `cancel`, so that
-        the model is free for the next one.
+        The call has failed after its time limit, or after `patience` [s] if that is shorter. It is
+        then ended by the service called `cancel`, so that the model is free for the next one.
 
         Raises:
             ModelUnavailable: the service is absent, silent, or refuses the request.
         """
-        timeout = self.timeout
+        timeout = min(self.timeout, patience)
         client = self._client(service_type, name)
         if not client.wait_for_service(timeout_sec=min(timeout, LONGEST_SEARCH_S)):
             raise ModelUnavailable(f"service '{name}' is absent; start the node that offers it")
@@ -132,6 +148,55 @@ class PhysicsModelClient:
         )
         response = self._call(Correct, 'solver/correct', request, cancel=CANCEL)
         return _map_of('solver/correct', response.corrected)
+
+
+class PlanModelClient:
+    """The costs of plans behind `solver/cost_gradient`; a `plan_controller.PlanModel`."""
+
+    def __init__(self, call: Caller, rig: Rig) -> None:
+        """Ask for the plans of `rig`."""
+        self._call = call
+        self._rig = rig
+
+    def plan_cost(
+        self,
+        initial: FloatArray,
+        plan: Sequence[RateStep],
+        *,
+        horizon: float,
+        terms: Sequence[CostTerm],
+        with_gradient: bool,
+        patience: float,
+    ) -> tuple[float, FloatArray | None]:
+        """Return the cost of `plan` and, if asked for, its gradient (steps, wells).
+
+        Raises:
+            ModelUnavailable: the solver is absent, silent, or refuses the request.
+        """
+        nz, nx = initial.shape
+        request = CostGradient.Request(
+            initial=conversions.tracer_to_msg(initial, self._rig.grid(nx, nz), 0.0),
+            schedule=conversions.plan_to_msg(plan),
+            horizon=float(horizon),
+            terms=[conversions.cost_term_to_msg(term) for term in terms],
+            with_gradient=with_gradient,
+        )
+        response = self._call(
+            CostGradient,
+            'solver/cost_gradient',
+            request,
+            cancel=CANCEL,
+            patience=max(patience, LEAST_PATIENCE_S),
+        )
+        if not with_gradient:
+            return float(response.cost), None
+        shape = (len(plan), len(self._rig.wells))
+        if len(response.gradient) != math.prod(shape):
+            raise ModelUnavailable(
+                f"service 'solver/cost_gradient' answers wrongly: {len(response.gradient)} "
+                f'derivatives, not {shape[0]} x {shape[1]}'
+            )
+        return float(response.cost), np.array(response.gradient).reshape(shape)
 
 
 class DataDrivenModelClient:

@@ -1,20 +1,65 @@
-"""The controller: chooses the rates of the control wells by predictions (paper, section 4)."""
+"""The controllers: they choose the rates of the control wells by predictions (paper, section 4).
+
+`Controller` is the paper's: constant rates over a horizon, found by COBYLA. `PlanController` in
+`plan_controller` plans the whole rest of the experiment by gradients.
+"""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import WellRates
 from porotwin_hub import cobyla
-from porotwin_hub.forecast import PhysicsModel
+from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.optimisation import Decision, Search, optimise
 from porotwin_hub.setpoint_limits import Limits
 
 
+class Planner(Protocol):
+    """Chooses setpoints; the twin asks it once for every photograph."""
+
+    @property
+    def limits(self) -> Limits:
+        """The rates that may be commanded."""
+        ...
+
+    @property
+    def objective(self) -> Objective:
+        """What is minimised."""
+        ...
+
+    def decide(
+        self,
+        physics: PhysicsModel,
+        state: FloatArray,
+        previous: WellRates,
+        *,
+        now: float = 0.0,
+        delivery: Mapping[str, float] | None = None,
+    ) -> Decision:
+        """Return the rates to command from a `state` (nz, nx) on.
+
+        Args:
+            physics: the physics-based model, for one interval.
+            state: the state estimate (nz, nx) [-].
+            previous: the rates of the setpoint in force.
+            now: the time of the state since the start of the experiment [s].
+            delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+
+        Raises:
+            ModelUnavailable: the models do not answer.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class Controller:
-    """Minimises an objective of the predicted state over the rates within the limits.
+    """The paper's controller: constant rates over a horizon.
+
+    It minimises an objective of the predicted state over the rates within the limits.
 
     Attributes:
         limits: the rates that may be commanded.
@@ -32,15 +77,27 @@ class Controller:
     patience: float = math.inf
     search: Search = cobyla.search
 
-    def decide(self, physics: PhysicsModel, state: FloatArray, previous: WellRates) -> Decision:
+    def decide(
+        self,
+        physics: PhysicsModel,
+        state: FloatArray,
+        previous: WellRates,
+        *,
+        now: float = 0.0,
+        delivery: Mapping[str, float] | None = None,
+    ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
+
+        `now` does not matter, nor does the `delivery` of the pumps: the paper knows neither.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
+        del now, delivery
 
         def cost(rates: WellRates) -> float:
-            return self.objective(physics.predict(state, rates, self.horizon))
+            water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
+            return self.objective(physics.predict(state, rates, self.horizon)) + water
 
         return optimise(
             self.limits,
@@ -50,3 +107,43 @@ class Controller:
             patience=self.patience,
             search=self.search,
         )
+
+
+@dataclass(frozen=True)
+class WithSubstitute:
+    """A planner, and another one that decides where the model of the first does not answer."""
+
+    planner: Planner
+    substitute: Planner
+
+    @property
+    def limits(self) -> Limits:
+        """The rates that may be commanded."""
+        return self.planner.limits
+
+    @property
+    def objective(self) -> Objective:
+        """What is minimised."""
+        return self.planner.objective
+
+    def decide(
+        self,
+        physics: PhysicsModel,
+        state: FloatArray,
+        previous: WellRates,
+        *,
+        now: float = 0.0,
+        delivery: Mapping[str, float] | None = None,
+    ) -> Decision:
+        """Return the rates to command, with a remark where the substitute chose them.
+
+        The arguments are those of `Planner`.
+
+        Raises:
+            ModelUnavailable: neither model answers.
+        """
+        try:
+            return self.planner.decide(physics, state, previous, now=now, delivery=delivery)
+        except ModelUnavailable as error:
+            found = self.substitute.decide(physics, state, previous, now=now, delivery=delivery)
+            return replace(found, remark=f'constant rates instead of a plan: {error}')

@@ -23,14 +23,21 @@ from porotwin_core.rig import Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
-from porotwin_hub.clients import Caller, DataDrivenModelClient, PhysicsModelClient, send_control
-from porotwin_hub.controller import Controller
+from porotwin_hub.clients import (
+    Caller,
+    DataDrivenModelClient,
+    PhysicsModelClient,
+    PlanModelClient,
+    send_control,
+)
+from porotwin_hub.controller import Controller, Planner, WithSubstitute
 from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
 from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.plan_controller import plan_controller
 from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
@@ -62,9 +69,10 @@ OPTIMISER_SHARE = 0.5
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """The parameters of the controller; `horizon` [s], `evaluations` per decision."""
+    """The parameters of the controller: `optimiser`, `horizon` [s], `evaluations` of COBYLA."""
 
     enabled: bool
+    optimiser: str
     horizon: float
     evaluations: int
 
@@ -123,6 +131,7 @@ class HubNode(Node):
             controller=self._controller,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
+            began=0.0 if self._simulated else None,  # simulated time counts from the start
             state_filter=state_filter,
             learner=self._declare_learner(rig) if state_filter is not None else None,
         )
@@ -196,7 +205,7 @@ class HubNode(Node):
             )
         )
 
-    def _declare_controller(self, rig: Rig, interval: float) -> Controller | None:
+    def _declare_controller(self, rig: Rig, interval: float) -> Planner | None:
         """Return the controller of the parameters; None: choose no setpoints."""
 
         def replace_controller(**changes: Any) -> None:
@@ -214,7 +223,7 @@ class HubNode(Node):
             self,
             'horizon_s',
             1800.0,
-            'how far the optimiser looks ahead [s]',
+            'how far the optimiser looks ahead, where rig.yaml names no end of the experiment [s]',
             at_least=1.0,
             at_most=DAY_S,
             on_change=lambda value: replace_controller(horizon=value),
@@ -223,28 +232,45 @@ class HubNode(Node):
             self,
             'evaluations',
             60,
-            'predictions per optimisation',
+            'predictions per search of COBYLA',
             at_least=1,
             at_most=10_000,
             on_change=lambda value: replace_controller(evaluations=value),
         )
-        self._settings = ControlSettings(enabled, horizon, evaluations)
+        optimiser = declare(
+            self,
+            'optimiser',
+            'gradient',
+            'how setpoints are chosen: gradient plans to the end of the experiment, cobyla (the '
+            "paper's) searches constant rates over the horizon",
+            choices=('gradient', 'cobyla'),
+            on_change=lambda value: replace_controller(optimiser=value),
+        )
+        self._settings = ControlSettings(enabled, optimiser, horizon, evaluations)
         if self._known_limits is None:
             return None
-        self._make_controller = partial(
-            Controller,
-            self._known_limits,
-            make_objective(rig, self._grid),
-            patience=math.inf if self._simulated else OPTIMISER_SHARE * interval,
+        patience = math.inf if self._simulated else OPTIMISER_SHARE * interval
+        self._make_constant = partial(
+            Controller, self._known_limits, make_objective(rig, self._grid), patience=patience
+        )
+        self._make_plan = partial(
+            plan_controller,
+            rig,
+            self._grid,
+            PlanModelClient(self._call, rig),
+            interval=interval,
+            patience=patience,
         )
         return self._controller_in_use()
 
-    def _controller_in_use(self) -> Controller | None:
-        if self._known_limits is None or not self._settings.enabled:
+    def _controller_in_use(self) -> Planner | None:
+        settings = self._settings
+        if self._known_limits is None or not settings.enabled:
             return None
-        return self._make_controller(
-            horizon=self._settings.horizon, evaluations=self._settings.evaluations
-        )
+        constant = self._make_constant(horizon=settings.horizon, evaluations=settings.evaluations)
+        if settings.optimiser == 'cobyla':
+            return constant
+        return WithSubstitute(self._make_plan(horizon=settings.horizon), constant)
 
     def _log_prediction_only(self, rig: Rig) -> None:
         known = rig.control is not None

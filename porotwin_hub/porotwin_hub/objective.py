@@ -113,7 +113,7 @@ class WeightedTracer:
         """Return the tracer in the disallowed cells of a map (nz, nx) [m^3]."""
         return float(np.nansum(concentration * self.disallowed))
 
-    def terms(self, now: float, horizon: float) -> Sequence[CostTerm]:
+    def terms(self, now: float, horizon: float) -> Sequence[CostTerm]:  # noqa: ARG002  any time
         """Return the dose, with a share of the fuzzy cost, over `horizon` [s]."""
         weights = FUZZY_SHARE * self.weights + (1.0 - FUZZY_SHARE) * self.disallowed
         return (CostTerm(0.0, horizon, linear=weights),)
@@ -161,15 +161,15 @@ class LeastWater:
     goal: str
     water_cost: float
 
-    def __call__(self, concentration: FloatArray) -> float:
+    def __call__(self, concentration: FloatArray) -> float:  # noqa: ARG002
         """Return 0: no map costs anything."""
         return 0.0
 
-    def disallowed_tracer(self, concentration: FloatArray) -> float:
+    def disallowed_tracer(self, concentration: FloatArray) -> float:  # noqa: ARG002
         """Return 0: tracer may be anywhere."""
         return 0.0
 
-    def terms(self, now: float, horizon: float) -> Sequence[CostTerm]:
+    def terms(self, now: float, horizon: float) -> Sequence[CostTerm]:  # noqa: ARG002
         """Return nothing."""
         return ()
 

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.wells import WellRate, WellRates
+from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_hub import cobyla
 from porotwin_hub.setpoint_limits import Limits
 
@@ -51,12 +51,16 @@ class Decision:
 
     `rates` [m^3/s] are the chosen ones of all wells, `cost` is theirs and `cost_unchanged` that of
     the unchanged rates, in the unit of the cost function. `evaluations` counts evaluated points.
+    `plan` holds the rates of all wells from the state on; without one, `rates` stay. `remark` tells
+    people what went wrong.
     """
 
     rates: dict[str, WellRate]
     cost: float
     cost_unchanged: float
     evaluations: int
+    plan: tuple[RateStep, ...] = ()
+    remark: str = ''
 
 
 class OutOfTimeError(Exception):
@@ -66,9 +70,15 @@ class OutOfTimeError(Exception):
 class EvaluatedSetpoints:
     """The costs of all setpoints evaluated so far; calls a costly function once per setpoint."""
 
-    def __init__(self, limits: Limits, cost: CostFn, *, patience: float) -> None:
-        """Evaluate `cost` within `limits`, for at most `patience` [s of wall-clock time]."""
+    def __init__(
+        self, limits: Limits, cost: CostFn, previous: WellRates, *, patience: float
+    ) -> None:
+        """Evaluate `cost` within `limits`, for at most `patience` [s of wall-clock time].
+
+        `previous` are the rates of the setpoint in force.
+        """
         self._limits = limits
+        self._previous = previous
         self._cost = cost
         self._deadline = time.monotonic() + patience
         self._costs: dict[tuple[float, ...], float] = {}
@@ -83,7 +93,7 @@ class EvaluatedSetpoints:
         Raises:
             OutOfTimeError: the setpoint is new and the time is over; the first is always evaluated.
         """
-        rates = self._limits.setpoint(control_rates)
+        rates = self._limits.setpoint(control_rates, self._previous)
         key = tuple(self._limits.control_rates(rates))
         if key not in self._costs:
             if self._costs and time.monotonic() > self._deadline:
@@ -94,7 +104,7 @@ class EvaluatedSetpoints:
     def best(self) -> tuple[dict[str, WellRate], float]:
         """Return the setpoint of least cost and its cost."""
         key = min(self._costs, key=lambda key: self._costs[key])
-        return self._limits.setpoint(np.array(key)), self._costs[key]
+        return self._limits.setpoint(np.array(key), self._previous), self._costs[key]
 
 
 def optimise(
@@ -121,7 +131,7 @@ def optimise(
         patience: longest wall-clock time [s]; then the best point so far is taken.
         search: the local optimiser.
     """
-    evaluated = EvaluatedSetpoints(limits, cost, patience=patience)
+    evaluated = EvaluatedSetpoints(limits, cost, previous, patience=patience)
     unchanged = limits.control_rates(previous)
     cost_unchanged = evaluated(unchanged)
     with contextlib.suppress(OutOfTimeError):

@@ -14,9 +14,11 @@ from dataclasses import dataclass, field
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.rates_in_force import (
+    PUMP_ACCURACY,
     KnownRates,
     RatePeriod,
     describe_difference,
+    different_wells,
     injected_tracer,
     latest_known,
     rates_in_force,
@@ -24,7 +26,7 @@ from porotwin_core.rates_in_force import (
 )
 from porotwin_core.state_filter import PUMP_DEVIATION, Estimate, Seen, StateFilter
 from porotwin_core.wells import WellRates
-from porotwin_hub.controller import Controller
+from porotwin_hub.controller import Planner
 from porotwin_hub.forecast import (
     Forecast,
     Forecaster,
@@ -123,9 +125,10 @@ class Twin:
         data_driven: CorrectionFn,
         *,
         photo_interval: float,
-        controller: Controller | None = None,
+        controller: Planner | None = None,
         assumed: WellRates | None = None,
         pore_volume: FloatArray | None = None,
+        began: float | None = None,
         state_filter: StateFilter | None = None,
         learner: RateLearner | None = None,
     ) -> None:
@@ -139,6 +142,7 @@ class Twin:
             assumed: rates until any are known, without a controller; None: all wells are off.
             pore_volume: volume of the pores of each cell [m^3], (nz, nx), for the balance of
                 tracer; None: no balance is made.
+            began: time of the start of the experiment [s]; None: the first observation.
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
             learner: learns what the pumps deliver, which needs a filter; None: they deliver what
@@ -154,6 +158,8 @@ class Twin:
         self._photo_interval = photo_interval
         self._longest_gap = LONGEST_GAP_INTERVALS * photo_interval
         self._controller = controller
+        self._known_start = began
+        self._began = began
         self._assumed = assumed or {}
         self.validity = validity(photo_interval)
         """How long a setpoint is valid after its photograph [s]."""
@@ -175,6 +181,7 @@ class Twin:
     def begin_anew(self) -> None:
         """Forget everything, also the setpoint in force: time went back."""
         self.interrupt()
+        self._began = self._known_start
         self._command = None
         self._pumped = None
         if self._learner is not None:
@@ -185,7 +192,7 @@ class Twin:
         """Whether setpoints are chosen."""
         return self._controller is not None
 
-    def change_controller(self, controller: Controller | None) -> None:
+    def change_controller(self, controller: Planner | None) -> None:
         """Choose setpoints by `controller` from now on; None: predict and do not control."""
         self._controller = controller
 
@@ -252,6 +259,7 @@ class Twin:
     def _begin(self, observation: Observation, known: Sequence[KnownRates]) -> Cycle:
         """Return a cycle with the rates in force, the elapsed forecast and the state estimate."""
         now = observation.time
+        self._began = now if self._began is None else self._began
         gap = now - self._state.time if self._state is not None else 0.0
         if gap > self._longest_gap:
             self.interrupt()
@@ -379,11 +387,18 @@ class Twin:
             remark = imbalance(observed, cycle.elapsed.predicted, self._pore_volume)
             cycle.remarks += [remark] if remark else []
 
-    def _choose_setpoint(self, cycle: Cycle, controller: Controller) -> None:
+    def _choose_setpoint(self, cycle: Cycle, controller: Planner) -> None:
         now = cycle.observation.time
         begin = time.perf_counter()
         try:
-            cycle.decision = controller.decide(self._physics, cycle.state, cycle.pumped)
+            cycle.decision = controller.decide(
+                self._physics,
+                cycle.state,
+                self._rates_to_change(cycle, controller),
+                now=now - (self._began or 0.0),
+                delivery=self._delivery(),
+            )
+            cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
             cycle.setpoint = self._setpoint_without_model(now, str(error), controller)
             cycle.remarks.append(f'not optimised: {error}')
@@ -397,8 +412,26 @@ class Twin:
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
+    def _rates_to_change(self, cycle: Cycle, controller: Planner) -> WellRates:
+        """Return the rates that a decision starts from: those in force.
+
+        They are the commanded ones where the pumps are within their accuracy of them. A limit on
+        changes counts from setpoint to setpoint.
+        """
+        commanded = self._commanded_rates(cycle.observation.time)
+        if math.isfinite(controller.limits.max_change):
+            return commanded
+        other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
+        return cycle.pumped if other else commanded
+
+    def _delivery(self) -> dict[str, float]:
+        """Return the share of its commanded rate that each pump delivers, where it is known."""
+        if self._learner is None:
+            return {}
+        return {well: found.factor for well, found in self._learner.factors.items()}
+
     def _setpoint_without_model(
-        self, now: float, reason: str, controller: Controller
+        self, now: float, reason: str, controller: Planner
     ) -> SetpointDecision:
         """Return the setpoint in force while it is valid, afterwards the safe rates."""
         held = self._command

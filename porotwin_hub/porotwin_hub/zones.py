@@ -1,5 +1,7 @@
 """Zones of the rig: distances to a polygon, and masks that fade out around it (paper, sec. 4)."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from porotwin_core.errors import InputError
@@ -41,6 +43,28 @@ def checked_zone(corners: Polygon, grid: Grid, key: str) -> FloatArray:
             'give its corners (x, z) in metres from the lower left corner'
         )
     return polygon
+
+
+def distance_to_zones(zones: Sequence[Polygon], grid: Grid, key: str) -> FloatArray:
+    """Return the distance [m] of every cell (nz, nx) to the nearest of several `zones`.
+
+    Raises:
+        InputError: a zone covers no cell of `grid`; the message names the `key` of rig.yaml.
+    """
+    centres = cell_centres(grid)
+    distances = [distance_to_zone(centres, checked_zone(zone, grid, key)) for zone in zones]
+    return np.asarray(np.min(distances, axis=0).reshape(grid.shape))
+
+
+def distance_beside_zones(zones: Sequence[Polygon], grid: Grid, key: str) -> FloatArray:
+    """Return the distance [m] of every cell (nz, nx) to the outside of all `zones`; 0 there.
+
+    Raises:
+        InputError: a zone covers no cell of `grid`; the message names the `key` of rig.yaml.
+    """
+    centres = cell_centres(grid)
+    distances = [distance_to_outside(centres, checked_zone(zone, grid, key)) for zone in zones]
+    return np.asarray(np.max(distances, axis=0).reshape(grid.shape))
 
 
 def fuzzy_mask(distance: FloatArray, fuzziness: float) -> FloatArray:

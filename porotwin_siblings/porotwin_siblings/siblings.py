@@ -167,6 +167,11 @@ class Siblings:
         return StateFilter(self._pores, (self.map_grid.dz, self.map_grid.dx))
 
     @property
+    def zone(self) -> ZoneMeasure:
+        """The measures of the zone on the grid of the maps."""
+        return self._zones[self.map_grid]
+
+    @property
     def started(self) -> bool:
         """Whether there is a state to start from."""
         return self._newest is not None
@@ -283,7 +288,7 @@ class Siblings:
         area = np.array([course.zone_area for course in courses])
         area = np.maximum(area + fine.zone_area - coarse.zone_area, 0.0)
         maps = np.array([course.maps for course in courses])
-        reached = np.maximum.accumulate(tracer, axis=1) > self._zones[self.map_grid].reached_tracer
+        reached = np.maximum.accumulate(tracer, axis=1) > self.zone.reached_tracer
         return Outlook(
             begin.time,
             tuple(plan),

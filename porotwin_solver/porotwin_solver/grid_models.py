@@ -1,8 +1,14 @@
 """The physics-based model on its own grid, and on one coarser grid for plans."""
 
+import math
+from collections.abc import Sequence
+
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
+from porotwin_core.wells import RateStep
+from porotwin_solver.adjoint.schedule_cost import schedule_cost
 from porotwin_solver.model import Model
 from porotwin_solver.supervision import UNSUPERVISED, Supervision
 
@@ -59,3 +65,28 @@ class GridModels:
             )
             self._other.prepare()
         return self._other
+
+    def plan_cost(
+        self,
+        initial: FloatArray,
+        plan: Sequence[RateStep],
+        *,
+        horizon: float,
+        terms: Sequence[CostTerm],
+        with_gradient: bool,
+        patience: float = math.inf,
+    ) -> tuple[float, FloatArray | None]:
+        """Return the cost of `plan` from `initial` (nz, nx) and, if asked, its gradient.
+
+        The arguments are those of `schedule_cost`; `patience` is not used, because nothing waits.
+
+        Raises:
+            InputError: as `schedule_cost` and `on`.
+        """
+        del patience
+        nz, nx = initial.shape
+        model = self.on(self.own.rig.grid(nx, nz))
+        found = schedule_cost(
+            model, initial, plan, horizon=horizon, terms=terms, with_gradient=with_gradient
+        )
+        return found.cost, found.gradient

@@ -39,7 +39,6 @@ from porotwin_msgs.srv import (
     Residual,
     Rollout,
 )
-from porotwin_solver.adjoint.schedule_cost import schedule_cost
 from porotwin_solver.grid_models import GridModels
 from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
@@ -214,18 +213,15 @@ class SolverNode(Node):
 
     def _cost_gradient(self, request: Any, response: Any) -> None:
         initial, grid = tracer_from_msg(request.initial)
-        model = self._models.on(grid)
-        found = schedule_cost(
-            model,
+        response.cost, by_rate = self._models.plan_cost(
             initial,
             plan_from_msg(request.schedule),
             horizon=request.horizon,
             terms=[cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
         )
-        response.cost = found.cost
-        if found.gradient is not None:
-            response.gradient = np.ravel(found.gradient).tolist()
+        if by_rate is not None:
+            response.gradient = np.ravel(by_rate).tolist()
 
     def _rollout(self, request: Any, response: Any) -> None:
         initial, grid = tracer_from_msg(request.initial)

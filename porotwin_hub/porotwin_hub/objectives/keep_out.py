@@ -1,9 +1,10 @@
-"""Keep the tracer out of a zone (paper, section 4): tracer in the zone and near it costs."""
+"""Keep the tracer out of zones (paper, section 4): tracer in a zone and near it costs."""
 
 from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Polygon, Rig
 from porotwin_hub.objective import (
@@ -12,26 +13,34 @@ from porotwin_hub.objective import (
     WeightedTracer,
     pore_volume,
 )
-from porotwin_hub.zones import cell_centres, checked_zone, distance_to_zone, fuzzy_mask
+from porotwin_hub.zones import distance_to_zones, fuzzy_mask
 
 
 class KeepOutParameters(ObjectiveParameters):
-    """The zone, and the distance [m] over which the mask falls from 1 to 0 outside it."""
+    """One zone or several, and the distance [m] over which the mask falls from 1 to 0 outside."""
 
-    disallowed_zone_m: Polygon
+    disallowed_zone_m: Polygon | None = None
+    zones_m: tuple[Polygon, ...] = ()
     fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
 
 
 def keep_out(rig: Rig, grid: Grid, parameters: KeepOutParameters) -> WeightedTracer:
     """Return f(c) = integral of c varphi porosity depth dx [m^3].
 
-    varphi is 1 in the zone and falls to 0 at the distance `fuzziness_m` outside it.
+    varphi is 1 in the zones and falls to 0 at the distance `fuzziness_m` outside them.
 
     Raises:
-        InputError: the zone covers no cell of the rig.
+        InputError: there is no zone, or one covers no cell of the rig.
     """
-    polygon = checked_zone(parameters.disallowed_zone_m, grid, 'disallowed_zone_m')
-    distance = distance_to_zone(cell_centres(grid), polygon).reshape(grid.shape)
+    first = parameters.disallowed_zone_m
+    zones = ((first,) if first else ()) + parameters.zones_m
+    if not zones:
+        raise InputError(
+            "objective 'keep_out': 'disallowed_zone_m' is missing: corners (x, z) of the zone [m], "
+            'or zones_m with those of several zones'
+        )
+    key = 'zones_m' if parameters.zones_m else 'disallowed_zone_m'
+    distance = distance_to_zones(zones, grid, key)
     pores = pore_volume(rig, grid)
     return WeightedTracer(
         goal='least tracer in the disallowed zone',

@@ -1,0 +1,371 @@
+"""The controller with foresight: a plan over the rest of the experiment, by gradients.
+
+Every decision plans again over the whole remaining time, in blocks of growing length. It begins
+with what is left of the last plan and with simple plans, improves the best one by the gradient, and
+takes back orders that are not worth their cost. The plan runs on a coarse grid: dozens of long
+simulations take a second there, and the smeared plume makes the cost smooth. On the grid of the
+maps its limiters leave kinks in which a gradient search stops.
+"""
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from porotwin_core.cost_term import CostTerm
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import Rig
+from porotwin_core.units import from_ml_min
+from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
+from porotwin_hub.control_plan import ControlPlan, growing_blocks
+from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
+from porotwin_hub.objective import Objective
+from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.optimisation import Decision, OutOfTimeError
+from porotwin_hub.projected_gradient import descend
+from porotwin_hub.setpoint_limits import Limits
+
+S_PER_MIN = 60.0
+"""Seconds in a minute."""
+
+DEAD_PUMP = 0.05
+"""A well that delivers less than this share of its rate has failed; it is left out."""
+
+FIRST_STEPS, LATER_STEPS = 8, 3
+"""Steps of the gradient search in the first decision, and in those that begin with a plan."""
+
+FIRST_SEQUENCES, LATER_SEQUENCES = 12, 2
+"""Plans "one well at its maximum, then another" tried in the first decision, and in later ones: an
+hour tries all of them many times."""
+
+SWITCHES = (0.25, 0.5, 0.75)
+"""Shares of the blocks after which such a plan goes over to the other well."""
+
+JOININGS = 3
+"""Orders tried to be taken back before the others stay."""
+
+
+PLAN_CELLS = 2300
+"""Cells of the grid of plans: 15 mm on the small rig. Coarser cells blur the zone, finer ones cost
+more and leave kinks: with cells of 10 mm some searches end at 100 ml min, all of these at 58."""
+
+
+class PlanModel(Protocol):
+    """The physics-based model that tells the cost of plans, on any grid not finer than its own."""
+
+    def plan_cost(
+        self,
+        initial: FloatArray,
+        plan: Sequence[RateStep],
+        *,
+        horizon: float,
+        terms: Sequence[CostTerm],
+        with_gradient: bool,
+        patience: float,
+    ) -> tuple[float, FloatArray | None]:
+        """Return the cost of `plan` from `initial` (nz, nx) and, if asked for, its gradient.
+
+        The gradient (steps, wells) is by the rates of all wells of the rig, in their order.
+        `patience` [s] bounds the wall-clock time.
+
+        Raises:
+            ModelUnavailable: the model does not answer in time.
+        """
+        ...
+
+
+@dataclass
+class LastPlan:
+    """The plan of the last decision and its time [s]; kept between decisions."""
+
+    time: float = -math.inf
+    plan: ControlPlan | None = None
+    turn: int = 0
+
+
+@dataclass(frozen=True)
+class PlanController:
+    """Plans the rates over the rest of the experiment, and returns the ones for now.
+
+    Attributes:
+        limits: the rates that may be commanded.
+        objective: its terms and its water are the cost of a plan [m^3 s].
+        model: tells costs and gradients.
+        cells: (nz, nx) of the grid of plans.
+        horizon: how far a plan looks ahead where the end of the experiment is not known [s].
+        interval: time between two setpoints [s].
+        end: of the experiment, in the time of the states [s]; None: open.
+        change_cost: of every order [m^3 s].
+        patience: longest wall-clock time of a decision [s]; then the best plan so far is taken.
+        last: the plan of the last decision.
+    """
+
+    limits: Limits
+    objective: Objective
+    model: PlanModel
+    cells: tuple[int, int]
+    horizon: float
+    interval: float = 30.0
+    end: float | None = None
+    change_cost: float = 0.0
+    patience: float = math.inf
+    last: LastPlan = field(default_factory=LastPlan, compare=False)
+
+    def decide(
+        self,
+        _: PhysicsModel,
+        state: FloatArray,
+        previous: WellRates,
+        *,
+        now: float = 0.0,
+        delivery: Mapping[str, float] | None = None,
+    ) -> Decision:
+        """Return the first rates of the best plan found, and the plan.
+
+        Args:
+            state: the state estimate (nz, nx) [-].
+            previous: the rates of the setpoint in force.
+            now: the time of the state since the start of the experiment [s].
+            delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+
+        Raises:
+            ModelUnavailable: the model tells not even the cost of the last plan.
+        """
+        horizon = self._horizon(now)
+        task = _Task(self, state, previous, now, horizon, dict(delivery or {}))
+        elapsed = now - self.last.time
+        remembered = self.last.plan if 0.0 <= elapsed < math.inf else None
+        first = remembered is None
+        begin = task.hold if remembered is None else remembered.after(elapsed, horizon)
+        chosen = task.search(begin, turn=self.last.turn, first=first)
+        self.last.time, self.last.plan = now, chosen
+        self.last.turn += LATER_SEQUENCES
+        return Decision(
+            rates=self.limits.setpoint(chosen.rates[0], previous),
+            cost=task.best_cost / horizon,
+            cost_unchanged=task.hold_cost / horizon,
+            evaluations=task.evaluations,
+            plan=task.steps(chosen),
+        )
+
+    def _horizon(self, now: float) -> float:
+        """Return the time from `now` [s] to the end of the plan [s]."""
+        if self.end is not None and self.end > now:
+            return self.end - now
+        return self.horizon
+
+
+def plan_controller(
+    rig: Rig,
+    grid: Grid,
+    model: PlanModel,
+    *,
+    horizon: float,
+    interval: float,
+    patience: float = math.inf,
+) -> PlanController:
+    """Return the controller of `rig.yaml` for maps on `grid`.
+
+    Args:
+        rig: the rig with its control section: limits, objective, cost of an order, end.
+        grid: the grid of the maps.
+        model: tells the cost of plans.
+        horizon: how far a plan looks ahead without an end of the experiment [s].
+        interval: time between photographs [s].
+        patience: longest wall-clock time of a decision [s].
+
+    Raises:
+        InputError: the rig has no control section, or its objective is wrong.
+    """
+    limits, objective = Limits.of(rig), make_objective(rig, grid)
+    assert rig.control is not None
+    coarse = rig.default_grid(math.sqrt(rig.width_m * rig.height_m / PLAN_CELLS))
+    end_min = rig.control.end_min
+    return PlanController(
+        limits,
+        objective,
+        model,
+        cells=(min(coarse.nz, grid.nz), min(coarse.nx, grid.nx)),
+        horizon=horizon,
+        interval=interval,
+        end=None if end_min is None else S_PER_MIN * end_min,
+        change_cost=from_ml_min(rig.control.change_cost_ml_min),
+        patience=patience,
+    )
+
+
+class _Task:
+    """One decision: the costs of plans, and the best plan so far."""
+
+    def __init__(
+        self,
+        controller: PlanController,
+        state: FloatArray,
+        previous: WellRates,
+        now: float,
+        horizon: float,
+        delivery: dict[str, float],
+    ) -> None:
+        self._limits, self._model = controller.limits, controller.model
+        self._water_cost = controller.objective.water_cost
+        self._change_cost, self._interval = controller.change_cost, controller.interval
+        self._horizon, self._previous, self._delivery = horizon, previous, delivery
+        self._deadline = time.monotonic() + controller.patience
+        self._state = conservative_resample(state, controller.cells)
+        terms = controller.objective.terms(now, horizon)
+        self._terms = [term.on_cells(controller.cells) for term in terms]
+        self._shares = np.array([delivery.get(name, 1.0) for name in self._limits.wells])
+        self._greatest = np.where(self._shares < DEAD_PUMP, 0.0, self._limits.max_rate)
+        self._before = self._limits.control_rates(previous)
+        self.hold = ControlPlan.constant(np.minimum(self._before, self._greatest), horizon)
+        self.hold_cost = math.nan
+        self.best_cost = math.inf
+        self.best = self.hold
+        self.evaluations = 0
+
+    def search(self, begin: ControlPlan, *, turn: int, first: bool) -> ControlPlan:
+        """Return the stages of the best plan found from `begin` and from simple plans.
+
+        Raises:
+            ModelUnavailable: not even the cost of `begin` is known.
+        """
+        blocks = growing_blocks(self._horizon, begin.starts)
+        self._try(begin)
+        with suppress(OutOfTimeError, ModelUnavailable):
+            self.hold_cost = self._try(self.hold)
+            for plan in self._simple_plans():
+                self._try(plan)
+            count = FIRST_SEQUENCES if first else LATER_SEQUENCES
+            for plan in itertools.islice(self._sequences(blocks), turn, turn + count):
+                self._try(plan)
+            improved = descend(
+                self._gradient_on(blocks),
+                self.best.on_blocks(blocks).rates,
+                lengths=np.diff(np.append(blocks, self._horizon)),
+                greatest=self._greatest,
+                total=self._limits.max_total_rate,
+                iterations=FIRST_STEPS if first else LATER_STEPS,
+            )
+            self._with_fewer_orders(ControlPlan(blocks, improved, self._horizon))
+        return self.best
+
+    def steps(self, plan: ControlPlan) -> tuple[RateStep, ...]:
+        """Return the rates of all wells in every stage of an executable plan."""
+        return tuple(
+            RateStep(float(start), self._limits.setpoint(rates))
+            for start, rates in zip(plan.starts, plan.rates, strict=True)
+        )
+
+    def _simple_plans(self) -> Iterator[ControlPlan]:
+        """Yield constant plans: no control, and each well alone at its maximum."""
+        for rates in [np.zeros(len(self._limits.wells)), *self._alone()]:
+            yield ControlPlan.constant(rates, self._horizon)
+
+    def _alone(self) -> FloatArray:
+        """Return rates with one well at its maximum, a row for each (wells, wells) [m^3/s]."""
+        return np.diag(np.minimum(self._greatest, self._limits.max_total_rate))
+
+    def _sequences(self, blocks: FloatArray) -> Iterator[ControlPlan]:
+        """Yield endlessly the plans of one well at its maximum, then another one or none."""
+        ends = [np.zeros(len(self._limits.wells)), *self._alone()]
+        pairs = [(a, b) for a, b in itertools.product(ends, ends) if (a != b).any()]
+        switches = sorted({blocks[int(share * len(blocks))] for share in SWITCHES} - {0.0})
+        plans = [
+            ControlPlan(np.array([0.0, switch]), np.array([early, late]), self._horizon)
+            for switch in switches
+            for early, late in pairs
+        ]
+        return itertools.cycle(plans) if plans else iter(())
+
+    def _with_fewer_orders(self, plan: ControlPlan) -> None:
+        """Try `plan` and the plans that take back one order after the other, the easiest first."""
+        plan = plan.executable(self._limits, self._previous, self._interval).stages()
+        cost = self._try(plan)
+        while True:
+            for number in plan.easiest_changes(self._before)[:JOININGS]:
+                joined = plan.without_change(number, self._before).stages()
+                joined = joined.executable(self._limits, self._previous, self._interval)
+                joined_cost = self._try(joined)
+                if joined_cost <= cost:
+                    plan, cost = joined, joined_cost
+                    break
+            else:
+                return
+
+    def _try(self, plan: ControlPlan) -> float:
+        """Return the cost of a plan as the pumps can be set, with its orders; keep the best.
+
+        Raises:
+            OutOfTimeError: the time is over.
+            ModelUnavailable: the model does not answer.
+        """
+        plan = plan.executable(self._limits, self._previous, self._interval).stages()
+        cost = self._cost(plan, with_gradient=False)[0]
+        cost += self._change_cost * plan.orders(self._before)
+        if cost < self.best_cost:
+            self.best, self.best_cost = plan, cost
+        return cost
+
+    def _gradient_on(self, blocks: FloatArray) -> Callable[[FloatArray], tuple[float, FloatArray]]:
+        """Return the function from rates (blocks, wells) to cost and derivatives."""
+
+        def evaluate(rates: FloatArray) -> tuple[float, FloatArray]:
+            return self._cost(ControlPlan(blocks, rates, self._horizon), with_gradient=True)
+
+        return evaluate
+
+    def _cost(self, plan: ControlPlan, *, with_gradient: bool) -> tuple[float, FloatArray]:
+        """Return the cost of tracer and water [m^3 s], and the derivatives by control rates.
+
+        Raises:
+            OutOfTimeError: the time is over.
+            ModelUnavailable: the model does not answer.
+        """
+        left = self._deadline - time.monotonic()
+        if self.evaluations and left <= 0.0:
+            raise OutOfTimeError
+        self.evaluations += 1
+        cost, by_rate = self._model.plan_cost(
+            self._state,
+            [
+                RateStep(float(start), self._delivered(rates))
+                for start, rates in zip(plan.starts, plan.rates, strict=True)
+            ],
+            horizon=self._horizon,
+            terms=self._terms,
+            with_gradient=with_gradient,
+            patience=max(left, 0.0),
+        )
+        lengths = plan.lengths
+        cost += self._water_cost * float(lengths @ plan.rates.sum(axis=1))
+        if by_rate is None:
+            return cost, np.zeros(plan.rates.shape)
+        wells = self._limits.all_wells
+        by_control = by_rate[:, [wells.index(name) for name in self._limits.wells]]
+        if self._limits.producer is not None:
+            by_control = by_control - by_rate[:, [wells.index(self._limits.producer)]]
+        return cost, self._shares * by_control + self._water_cost * lengths[:, None]
+
+    def _delivered(self, control_rates: FloatArray) -> dict[str, WellRate]:
+        """Return what the pumps deliver of `control_rates` (wells,), balanced by the producer."""
+        limits = self._limits
+        commanded = {
+            **dict.fromkeys(limits.all_wells, WellRate()),
+            **limits.fixed,
+            **{
+                name: WellRate(float(rate))
+                for name, rate in zip(limits.wells, control_rates, strict=True)
+            },
+        }
+        delivered = {
+            name: WellRate(well.rate * self._delivery.get(name, 1.0), well.concentration)
+            for name, well in commanded.items()
+        }
+        if limits.producer is not None:
+            delivered[limits.producer] = WellRate(-net_rate(delivered))
+        return delivered

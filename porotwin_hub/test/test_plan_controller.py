@@ -1,0 +1,176 @@
+"""Tests of the controller that plans, on a model whose best plan is known."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hub_examples import LIMITS, ToyModel
+
+from porotwin_core.cost_term import CostTerm
+from porotwin_core.grid import FloatArray
+from porotwin_core.units import from_ml_h, to_ml_h
+from porotwin_core.wells import RateStep, WellRates
+from porotwin_hub.controller import Controller, WithSubstitute
+from porotwin_hub.forecast import ModelUnavailable
+from porotwin_hub.objective import WeightedTracer
+from porotwin_hub.plan_controller import PlanController
+
+SHAPE = (2, 3)
+STATE = np.zeros(SHAPE)
+END = 4800.0
+SWITCH = 3000.0
+FULL = from_ml_h(500.0)
+OBJECTIVE = WeightedTracer('test', np.ones(SHAPE), np.ones(SHAPE))
+
+
+class TwoStages:
+    """A cost that falls with control1 until SWITCH and with control3 afterwards.
+
+    cost = integral of 1 - u1 / FULL before SWITCH, 1 - u3 / FULL after it; u2 only costs.
+    """
+
+    def __init__(self) -> None:
+        self.calls = 0
+        self.now = 0.0
+        self.slow = 0.0
+        self.answers = math.inf
+        self.rates: list[WellRates] = []
+
+    def plan_cost(
+        self,
+        initial: FloatArray,
+        plan: Sequence[RateStep],
+        *,
+        horizon: float,
+        terms: Sequence[CostTerm],
+        with_gradient: bool,
+        patience: float,
+    ) -> tuple[float, FloatArray | None]:
+        assert initial.shape == SHAPE
+        assert terms[0].end == horizon
+        assert patience >= 0.0
+        self.calls += 1
+        if self.calls > self.answers:
+            raise ModelUnavailable('the solver does not answer; start it')
+        time.sleep(self.slow)
+        wells = list(LIMITS.all_wells)
+        gradient = np.zeros((len(plan), len(wells)))
+        cost = 0.0
+        ends = [step.start for step in plan[1:]] + [horizon]
+        for number, (step, end) in enumerate(zip(plan, ends, strict=True)):
+            self.rates.append(step.rates)
+            early = max(0.0, min(end, SWITCH - self.now) - step.start)
+            late = end - step.start - early
+            weights = {'control1': -early, 'control3': -late, 'control2': end - step.start}
+            cost += end - step.start
+            for name, weight in weights.items():
+                cost += weight * step.rates[name].rate / FULL
+                gradient[number, wells.index(name)] = weight / FULL
+        return cost, gradient if with_gradient else None
+
+
+def controller(model: TwoStages, **changes: Any) -> PlanController:
+    given = PlanController(
+        LIMITS, OBJECTIVE, model, cells=SHAPE, horizon=1800.0, end=END, change_cost=10.0
+    )
+    return dataclasses.replace(given, **changes)
+
+
+def control_ml_h(rates: WellRates) -> list[float]:
+    return [round(to_ml_h(rates[name].rate), 1) for name in LIMITS.wells]
+
+
+def run(planner: PlanController, model: TwoStages) -> list[tuple[float, list[float]]]:
+    """Return the orders of a whole run: their times [s] and control rates [ml/h]."""
+    previous, orders = LIMITS.safe(), []
+    for now in np.arange(0.0, END, 30.0):
+        model.now = float(now)
+        decision = planner.decide(ToyModel(), STATE, previous, now=float(now))
+        assert LIMITS.violations(decision.rates, previous) == []
+        if decision.rates != previous:
+            orders.append((float(now), control_ml_h(decision.rates)))
+        previous = decision.rates
+    return orders
+
+
+def test_a_run_takes_two_orders_at_the_right_times() -> None:
+    model = TwoStages()
+    orders = run(controller(model), model)
+    assert [rates for _, rates in orders] == [[500.0, 0.0, 0.0], [0.0, 0.0, 500.0]]
+    assert [time for time, _ in orders] == [0.0, pytest.approx(SWITCH, abs=60.0)]
+
+
+def test_the_decision_carries_the_whole_plan() -> None:
+    decision = controller(TwoStages()).decide(ToyModel(), STATE, LIMITS.safe())
+    assert decision.plan[0].start == 0.0
+    assert decision.plan[0].rates == decision.rates
+    assert control_ml_h(decision.plan[-1].rates) == [0.0, 0.0, 500.0]
+    assert decision.cost < decision.cost_unchanged == pytest.approx(1.0)
+
+
+def test_an_order_that_is_not_worth_its_cost_is_not_given() -> None:
+    model = TwoStages()
+    assert run(controller(model, change_cost=1e9), model) == []
+
+
+def test_rates_ramp_where_they_may_not_jump() -> None:
+    model = TwoStages()
+    slow = dataclasses.replace(LIMITS, max_change=from_ml_h(200.0))
+    planner = controller(model, limits=slow)
+    previous = slow.safe()
+    reached = []
+    for number in range(3):
+        decision = planner.decide(ToyModel(), STATE, previous, now=30.0 * number)
+        assert slow.violations(decision.rates, previous) == []
+        previous = decision.rates
+        reached.append(control_ml_h(previous)[0])
+    assert reached == [200.0, 400.0, 500.0]
+
+
+def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> None:
+    model = TwoStages()
+    decision = controller(model).decide(
+        ToyModel(), STATE, LIMITS.safe(), delivery={'control1': 0.0, 'control3': 0.5}
+    )
+    assert all(control_ml_h(step.rates)[0] == 0.0 for step in decision.plan)
+    most = max(rates['control3'].rate for rates in model.rates)
+    assert most == pytest.approx(0.5 * FULL)
+
+
+def test_an_answer_is_there_when_the_time_is_over() -> None:
+    model = TwoStages()
+    model.slow = 0.01
+    decision = controller(model, patience=0.05).decide(ToyModel(), STATE, LIMITS.safe())
+    assert model.calls <= 8
+    assert LIMITS.violations(decision.rates) == []
+
+
+def test_the_best_plan_so_far_counts_when_the_model_falls_silent() -> None:
+    model = TwoStages()
+    model.answers = 4
+    decision = controller(model).decide(ToyModel(), STATE, LIMITS.safe())
+    assert control_ml_h(decision.rates) == [500.0, 0.0, 0.0]
+
+
+def test_constant_rates_are_searched_where_plans_have_no_model() -> None:
+    model = TwoStages()
+    model.answers = 0
+    constant = Controller(LIMITS, OBJECTIVE, horizon=600.0, evaluations=20)
+    decision = WithSubstitute(controller(model), constant).decide(ToyModel(), STATE, LIMITS.safe())
+    assert decision.remark.startswith('constant rates instead of a plan: the solver does not')
+    assert decision.plan == ()
+    physics = ToyModel()
+    physics.available = False
+    with pytest.raises(ModelUnavailable):
+        WithSubstitute(controller(model), constant).decide(physics, STATE, LIMITS.safe())
+
+
+def test_water_is_saved_where_it_costs_more_than_it_is_worth() -> None:
+    model = TwoStages()
+    dear = dataclasses.replace(OBJECTIVE, water_cost=2.0 / FULL)
+    decision = controller(model, objective=dear).decide(ToyModel(), STATE, LIMITS.safe())
+    assert control_ml_h(decision.rates) == [0.0, 0.0, 0.0]
