@@ -49,6 +49,9 @@ SIGNIFICANT = 2.0
 """A concentration counts from so many of its random deviations on: below, noise that cannot fall
 under 0 would add up to millilitres over the whole rig."""
 
+EMPTY_SHARE = 0.1
+"""Random deviation of a cell that a first photograph shows empty, relative to its noise."""
+
 FULL_ROUNDS = 3
 """Rounds of spreading a difference of volume: cells at 0 and 1 take no more."""
 
@@ -134,6 +137,7 @@ class StateFilter:
         )
         state = fill_unseen(shown_tracer, expected)
         variance = np.where(np.isfinite(seen.concentration), seen.random**2, 1.0)
+        variance = np.where(shown_tracer == 0.0, (EMPTY_SHARE * seen.random) ** 2, variance)
         shown = float(np.sum(self.pore_volume * seen.systematic))
         noise = self._noise(seen)
         covariance = np.array([[shown**2 + noise, -shown], [-shown, 1.0]])
