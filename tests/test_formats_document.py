@@ -47,7 +47,7 @@ def test_the_rates_are_valid(rig_file: Path, tmp_path: Path) -> None:
 
 
 def test_the_photographs_are_valid(tmp_path: Path) -> None:
-    table = example('time_s,path')
+    table = example('time_s,path,role\n')
     (tmp_path / 'imaging.csv').write_text(table)
     (tmp_path / 'photos').mkdir()
     for name in re.findall(r'photos/\S+?\.jpg', table):
@@ -56,8 +56,8 @@ def test_the_photographs_are_valid(tmp_path: Path) -> None:
 
 
 def test_the_calibration_is_valid(tmp_path: Path) -> None:
-    (tmp_path / 'calibration.yaml').write_text(example('schema: 1\nmade'))
-    assert load_calibration(tmp_path / 'calibration.yaml').scale_error == 0.025
+    (tmp_path / 'calibration.yaml').write_text(example('schema: 2\nmade'))
+    assert load_calibration(tmp_path / 'calibration.yaml').scale_error == 0.009
 
 
 def test_the_verdict_is_valid_json() -> None:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import Grid
 from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
+from porotwin_hub.twin import Observation
 from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.photo_to_map import concentration_map
@@ -29,8 +30,8 @@ CALIBRATION_PHOTOS = 8
 ROUND_OFF_S = 1e-6
 """Times that differ by less are the same [s]."""
 
-Eyes = Callable[[VirtualRig], FloatArray]
-"""Returns the map (nz, nx) [-] that the twin sees of a rig now; NaN where it sees nothing."""
+Eyes = Callable[[VirtualRig], Observation]
+"""Returns the map that the twin sees of a rig now."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class LoopRig:
         """Whether the experiment has ended."""
         return self.time >= self._scenario.end - ROUND_OFF_S
 
-    def seen(self, eyes: Eyes) -> FloatArray:
+    def seen(self, eyes: Eyes) -> Observation:
         """Return what the twin sees now."""
         return eyes(self._asset)
 
@@ -164,9 +165,10 @@ def make_eyes(scenario: LoopScenario, settings: LoopSettings) -> Eyes:
     photographer = Photographer(scenario.rig, camera=camera, seed=scenario.seed)
     baseline = _calibrated_baseline(scenario, settings, photographer)
 
-    def eyes(asset: VirtualRig) -> FloatArray:
-        photo = _photograph(photographer, asset, grid)
-        return np.asarray(concentration_map(photo, baseline).values, dtype=float)
+    def eyes(asset: VirtualRig) -> Observation:
+        found = concentration_map(_photograph(photographer, asset, grid), baseline)
+        maps = (found.values, found.deviation, found.systematic)
+        return Observation(asset.time, *(np.asarray(one, dtype=float) for one in maps))
 
     return eyes
 
@@ -174,8 +176,9 @@ def make_eyes(scenario: LoopScenario, settings: LoopSettings) -> Eyes:
 def _map_eyes(scenario: LoopScenario, grid: Grid) -> Eyes:
     camera = MapCamera(grid, MapNoise.drawn(scenario.seed), seed=scenario.seed)
 
-    def eyes(asset: VirtualRig) -> FloatArray:
-        return camera.map(signal_seen(asset, grid, time=asset.time), round(asset.time))
+    def eyes(asset: VirtualRig) -> Observation:
+        signal = signal_seen(asset, grid, time=asset.time)
+        return Observation(asset.time, camera.map(signal, round(asset.time)))
 
     return eyes
 

@@ -13,19 +13,27 @@ from porotwin_cli.bench_loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_core.errors import InputError
 from porotwin_core.rates_in_force import KnownRates, same_rates
+from porotwin_core.rig import Rig
+from porotwin_core.state_filter import StateFilter
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_hub.controller import Controller
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.objective_registry import make_objective
+from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation, Twin
+from porotwin_hub.twin import Twin
 from porotwin_rig.limits import refuse_broken_limits
+from porotwin_solver.grid_models import GridModels
 from porotwin_solver.model import Model
 
 CONSTANT_HORIZON_S = 1800.0
 """Horizon of the search for constant rates [s], which the hub had before."""
+
+PLAN_PRESET = 'fast'
+"""Numerical scheme of plans on their coarser grid, as the solver's node has it."""
 
 EVALUATIONS = 60
 """Most predictions of one search for constant rates."""
@@ -88,7 +96,44 @@ def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
     return _constant_rates(scenario, settings, CONSTANT_HORIZON_S)
 
 
-TWINS: dict[str, MakeTwin] = {'paper': paper_twin, 'constant': constant_twin}
+def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
+    """Return the loop of this program, as the hub makes it.
+
+    It plans over the rest of the experiment, filters the state and learns what the pumps deliver.
+
+    The end of the experiment is known, as a laboratory knows it.
+    """
+    grid = settings.grid(scenario)
+    rig = with_end(scenario)
+    models = GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
+    pores = rig.cell_pore_volume(grid)
+    return Twin(
+        models.own,
+        no_correction,
+        photo_interval=scenario.photo_interval,
+        controller=plan_controller(
+            rig, grid, models, horizon=CONSTANT_HORIZON_S, interval=scenario.photo_interval
+        ),
+        pore_volume=pores,
+        began=0.0,
+        state_filter=StateFilter(pores, (grid.dz, grid.dx)),
+        learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
+    )
+
+
+def with_end(scenario: LoopScenario) -> Rig:
+    """Return the rig of a scenario with the end of the experiment."""
+    control = scenario.rig.control
+    assert control is not None
+    told = control.model_copy(update={'end_min': scenario.end / 60.0})
+    return scenario.rig.model_copy(update={'control': told})
+
+
+TWINS: dict[str, MakeTwin] = {
+    'paper': paper_twin,
+    'constant': constant_twin,
+    'twin': planning_twin,
+}
 """The closed loops that are compared, by name."""
 
 RUNS = ('none', *TWINS, 'optimum')
@@ -128,7 +173,7 @@ def run_closed(
     known: list[KnownRates] = []
     model_runs, seconds = 0, []
     while not rig.is_over:
-        cycle = twin.decide(Observation(rig.time, rig.seen(eyes)), known)
+        cycle = twin.decide(rig.seen(eyes), known)
         assert cycle.setpoint is not None
         judge.see(cycle.setpoint, rig.time)
         seconds.append(cycle.durations['optimise'])

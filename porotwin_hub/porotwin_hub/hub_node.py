@@ -131,9 +131,9 @@ class HubNode(Node):
             controller=self._controller,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
-            began=0.0 if self._simulated else None,  # simulated time counts from the start
             state_filter=state_filter,
             learner=self._declare_learner(rig) if state_filter is not None else None,
+            began=0.0 if self._simulated else None,  # simulated time counts from the start
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(

@@ -23,6 +23,7 @@ from porotwin_imaging.baseline_subtraction import log_ratio
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.colour_correction import ColourReference, colour_reference
 from porotwin_imaging.geometry import Geometry
+from porotwin_imaging.imaging_cost import map_cost, refuse_costly
 from porotwin_imaging.light_drift import light_drift
 from porotwin_imaging.linear_light import linear_light
 from porotwin_imaging.photo_file import DecodedPhoto, decode, orientation, photo_size
@@ -116,7 +117,8 @@ def make_baseline(
         settings: settings of all steps.
 
     Raises:
-        InputError: there is no photograph, one cannot be used, or the rig has no camera.
+        InputError: there is no photograph, one cannot be used, the rig has no camera, or the maps
+            cost too much.
     """
     if not photographs:
         raise InputError('no baseline photograph: give one taken before the injection')
@@ -125,6 +127,7 @@ def make_baseline(
     assert camera is not None  # Geometry.of has checked it
     size = photo_size(photographs[0])
     _refuse_corners_outside(camera, size)
+    refuse_costly(map_cost(rig, grid, size, settings), grid)
     reduction = choose_reduction(geometry, grid, size[0], settings.sampling)
     pictures = [_decode(data, size, reduction, settings).pixels for data in photographs]
     first = pictures[0]

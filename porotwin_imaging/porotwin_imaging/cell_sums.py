@@ -1,4 +1,11 @@
-"""Means of a photograph and its baseline over the cells of a map, in one pass over the samples."""
+"""Means of a photograph and its baseline over the cells of a map, in one pass over the samples.
+
+A front of tracer may cross a cell. The mean of the light is then no measure of the mean tracer,
+because the bright part outshines the dark one: half stock and half water look like a quarter of
+stock. The mean of the logarithm is a measure. Single samples are noisy and feel every small blur,
+so the log ratio is taken over tiles of 2 x 2 or 3 x 3 samples, and averaged over the tiles of a
+cell. A cell whose samples cannot be divided like this is one tile.
+"""
 
 from typing import Any, NamedTuple
 
@@ -10,11 +17,8 @@ Array = NDArray[Any]
 
 LEAST_LIGHT = np.float32(1e-5)
 """Linear light is raised to this before it divides, and before a logarithm."""
-
-
-_SQUARE_SAMPLES = (3, 2)
-"""Samples across a square in the order of preference: enough to average grains and noise, and finer
-than a front."""
+_TILES = (3, 2)
+"""Samples across a tile in the order of preference: enough to average grains, finer than fronts."""
 
 
 class BlockSums(NamedTuple):
@@ -44,8 +48,9 @@ class CellSums(NamedTuple):
     """Sums over the samples of each cell, and over blocks of cells.
 
     Attributes:
-        log_ratio: log of the corrected light of the photograph over that of the baseline, shape
-            (nz, nx, 3 = red, green, blue), row 0 at the bottom; 0 without usable samples.
+        log_ratio: mean over the tiles of a cell of the log of the corrected light of the photograph
+            over that of the baseline, shape (nz, nx, 3 = red, green, blue), row 0 at the bottom; 0
+            without usable samples.
         share: share of the samples that are usable in both pictures, shape (nz, nx).
         blocks: light and its second moments over blocks of cells.
     """
@@ -68,12 +73,8 @@ def cell_sums(
 ) -> CellSums:
     """Return the sums of a sampled photograph and baseline; both have row 0 at the top.
 
-    A front of tracer crosses a cell. The mean of the light is then no measure of the mean tracer,
-    because the bright part outshines the dark one: half stock and half water look like a quarter of
-    stock. The mean of the logarithm is a measure. Single samples are noisy and feel every small
-    blur, so the logarithm is taken of the sums over small squares (`square_across`). Within a
-    square every grain is weighted by its own light. The colour matrix acts on the sums, which
-    equals its action on every sample because it is linear.
+    The ratio of the sums over a tile weights every grain by its own light. The colour matrix acts
+    on the sums, which equals its action on every sample because it is linear.
 
     Args:
         pixels: sampled photograph, uint8 blue-green-red, shape (rows, columns, 3).
@@ -94,7 +95,7 @@ def cell_sums(
         np.ascontiguousarray(matrix, np.float32),
         glare_level,
         samples_across,
-        square_across(samples_across),
+        _tile(samples_across),
         cells_across,
     )
     state, before, state_square, before_square, product = moments
@@ -105,19 +106,13 @@ def cell_sums(
     )
 
 
-def square_across(samples_across: int) -> int:
-    """Return the samples across a square whose light is summed before the logarithm.
-
-    The whole cell if its samples do not divide into squares of two or three.
-    """
-    for size in _SQUARE_SAMPLES:
-        if samples_across % size == 0:
-            return size
-    return samples_across
+def _tile(samples_across: int) -> int:
+    """Return the samples across a tile of a cell of `samples_across` samples."""
+    return next((size for size in _TILES if samples_across % size == 0), samples_across)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, square, cells_across):  # type: ignore[no-untyped-def]
+def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, tile, cells_across):  # type: ignore[no-untyped-def]
     nz, nx = usable.shape[0] // factor, usable.shape[1] // factor
     high, wide = -(-nz // cells_across), -(-nx // cells_across)
     log_ratio = np.empty((nz, nx, 3), np.float32)
@@ -127,7 +122,7 @@ def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, square, 
     cells = np.zeros((high, wide), np.float32)
     columns = np.arange(nx) * wide // nx
     own = np.empty((5, 3), np.float32)
-    two = np.empty((2, 3), np.float32)
+    light_sums = np.empty((2, 3), np.float32)
     logs = np.empty(3, np.float32)
     part = np.float32(1.0 / (factor * factor))
     for k in range(nz):
@@ -137,37 +132,36 @@ def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, square, 
             own[:] = 0.0
             logs[:] = 0.0
             count = 0
-            for corner in range((factor // square) ** 2):
-                top = lowest + corner // (factor // square) * square
-                left = n * factor + corner % (factor // square) * square
-                two[:] = 0.0
-                seen = 0
-                for i in range(top, top + square):
-                    for j in range(left, left + square):
-                        brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
-                        if usable[i, j] == 0 or brightest >= glare_level:
-                            continue
-                        seen += 1
-                        for c in range(3):
-                            now = light[pixels[i, j, 2 - c]]
-                            then = baseline[i, j, c]
-                            two[0, c] += now
-                            two[1, c] += then
-                            own[2, c] += now * now
-                            own[3, c] += then * then
-                            own[4, c] += now * then
-                if seen == 0:
-                    continue
-                count += seen
-                for c in range(3):
-                    own[0, c] += two[0, c]
-                    own[1, c] += two[1, c]
-                    now, then = np.float32(0.0), np.float32(0.0)
-                    for e in range(3):
-                        now += matrix[c, e] * two[0, e]
-                        then += matrix[c, e] * two[1, e]
-                    least = seen * LEAST_LIGHT
-                    logs[c] += seen * np.log(max(now, least) / max(then, least))
+            for first in range(lowest, lowest + factor, tile):
+                for left in range(n * factor, (n + 1) * factor, tile):
+                    light_sums[:] = 0.0
+                    seen = 0
+                    for i in range(first, first + tile):
+                        for j in range(left, left + tile):
+                            brightest = max(pixels[i, j, 0], pixels[i, j, 1], pixels[i, j, 2])
+                            if usable[i, j] == 0 or brightest >= glare_level:
+                                continue
+                            seen += 1
+                            for c in range(3):
+                                now = light[pixels[i, j, 2 - c]]
+                                then = baseline[i, j, c]
+                                light_sums[0, c] += now
+                                light_sums[1, c] += then
+                                own[2, c] += now * now
+                                own[3, c] += then * then
+                                own[4, c] += now * then
+                    if seen == 0:
+                        continue
+                    count += seen
+                    for c in range(3):
+                        now, then = np.float32(0.0), np.float32(0.0)
+                        for e in range(3):
+                            now += matrix[c, e] * light_sums[0, e]
+                            then += matrix[c, e] * light_sums[1, e]
+                        least = LEAST_LIGHT * seen
+                        logs[c] += seen * np.log(max(now, least) / max(then, least))
+                        own[0, c] += light_sums[0, c]
+                        own[1, c] += light_sums[1, c]
             own *= part
             column = columns[n]
             share[k, n] = count * part

@@ -47,26 +47,16 @@ def denoised(
 def data_weights(noise: Array, visible: NDArray[np.bool_]) -> Array:
     """Return the data weights (nz, nx) of the denoising: min((median noise / noise)^2, 1).
 
-    Weights of visible cells are at least 0.5.
-    A cell of median noise has the weight 1, so that the total variation weight has the same effect
-    in every photograph. Hidden cells have the weight 0.
+    Weights of visible cells are at least 0.5. A cell of median noise has the weight 1, so that the
+    total variation weight has the same effect in every photograph. Hidden cells have the weight 0.
     """
     if not visible.any():
         return np.zeros_like(noise)
     median = float(np.median(noise[visible]))
-    (weights,) = by_bands(
-        lambda noise, visible: (
-            np.where(
-                visible,
-                np.clip(
-                    (median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2,
-                    _LEAST_VISIBLE_WEIGHT,
-                    1.0,
-                ),
-                0.0,
-            ),
-        ),
-        noise,
-        visible,
-    )
+
+    def band(noise: Array, visible: Array) -> tuple[Array]:
+        weights = (median / np.maximum(noise, _SMALLEST_DIVISOR)) ** 2
+        return (np.where(visible, np.clip(weights, _LEAST_VISIBLE_WEIGHT, 1.0), 0.0),)
+
+    (weights,) = by_bands(band, noise, visible)
     return weights

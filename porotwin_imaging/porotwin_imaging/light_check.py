@@ -21,8 +21,8 @@ from porotwin_imaging.settings import DEFAULTS, LightSettings
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_SMALLEST_WINDOW, _WINDOWS_ACROSS = 3, 100
-"""Light is averaged over so many cells, or this fraction of the width: one cell is noise."""
+_WINDOW = 3
+"""Cells across the window in which light is averaged: one cell is noise."""
 _REACH = 7
 """Cells across the surroundings of brighter cells that are left out as well."""
 _GREY = np.full((1, 3), 1 / 3, np.float32)
@@ -46,8 +46,8 @@ def lit_as_baseline(
     Raises:
         InputError: too much of the sand is brighter.
     """
-    smooth = window_mean(residual, visible)
-    brighter = visible & (cv2.transform(smooth, _GREY) > settings.most_brighter)
+    smooth = cv2.transform(window_mean(residual, visible), _GREY)
+    brighter = visible & (smooth > settings.most_brighter)
     share = float(brighter.sum() / max(1, visible.sum()))
     if share > settings.most_brighter_share:
         raise InputError(
@@ -65,10 +65,10 @@ def lit_as_baseline(
 
 def window_mean(residual: Array, visible: Mask) -> Array:
     """Return the mean of `residual` (nz, nx, 3) over the visible cells of small windows."""
-    size = max(_SMALLEST_WINDOW, visible.shape[1] // _WINDOWS_ACROSS) | 1
-    weight = cv2.blur(visible.astype(np.float32), (size, size))
-    filled = np.where(visible[..., None], residual, 0.0).astype(np.float32)
-    return np.asarray(cv2.blur(filled, (size, size)) / np.maximum(weight, size**-2)[..., None])
+    weight = cv2.blur(visible.astype(np.float32), (_WINDOW, _WINDOW))
+    filled = np.where(visible[..., None], residual, np.float32(0.0)).astype(np.float32)
+    smooth = cv2.blur(filled, (_WINDOW, _WINDOW))
+    return np.asarray(smooth / np.maximum(weight, 1.0 / _WINDOW**2)[..., None])
 
 
 def refuse_unknown_light(

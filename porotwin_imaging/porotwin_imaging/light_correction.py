@@ -1,25 +1,37 @@
 """The light of a photograph: what is corrected, and which cells can be compared with the baseline.
 
-The drift of light is removed first (`light_drift.py`), then soft shadows (`local_light.py`). The
-rest must be tracer: cells that are brighter (`light_check.py`) or have another colour
-(`foreign_signal.py`) have no value.
+A change of tone is undone (`tone_change.py`), the drift of light is removed (`light_drift.py`),
+then soft shadows (`local_light.py`). The rest must be tracer: cells that are brighter
+(`light_check.py`) or have another colour (`foreign_signal.py`) have no value.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_imaging.cell_sums import BlockSums
 from porotwin_imaging.foreign_signal import without_foreign_signal
 from porotwin_imaging.light_check import exposure_remarks, lit_as_baseline, refuse_unknown_light
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.local_light import local_light
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
+from porotwin_imaging.tone_change import tone_change
 from porotwin_imaging.tracer_colour import TracerColour, colour_in
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
+
+_MOST_BLOCKS = 400
+"""Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
+_TONE_ERROR = 0.02
+"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]."""
+_LEAST_LIGHT = 1e-4
+"""Linear light of the baseline is raised to this before it divides [-]."""
+_LEAST_SHARE = 0.3
+"""Visible share of a block that counts [-]."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +40,9 @@ class CorrectedLight:
 
     Attributes:
         log_ratio: log ratios, shape (nz, nx, 3).
-        variance: variance that the correction adds, shape (nz, nx).
+        variance: variance that the correction adds, shape (nz, nx), or (1, 1) if it adds none.
         comparable: visible cells whose change tracer can make, shape (nz, nx).
-        drift: the drift of light that was removed.
+        drift: all changes of light that were removed.
         remarks: what was corrected, one line each.
         left_out: what could not be corrected, one line each.
     """
@@ -47,6 +59,7 @@ def corrected_light(
     log_ratio: Array,
     visible: Mask,
     share: Array,
+    sums: BlockSums,
     checker_gain: Array | None,
     colour: TracerColour | None,
     settings: ImagingSettings = DEFAULTS,
@@ -57,6 +70,7 @@ def corrected_light(
         log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
         visible: cells that show their sand, shape (nz, nx).
         share: usable share of each cell, shape (nz, nx).
+        sums: means of the baseline over blocks of cells.
         checker_gain: log gain at the colour chart, shape (3,), or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         settings: settings of all steps.
@@ -64,19 +78,63 @@ def corrected_light(
     Raises:
         InputError: the light cannot be compared with the baseline.
     """
+    variance: Array = np.zeros((1, 1), np.float32)
+    blocks, seen = _blocks(log_ratio, visible)
+    tone = tone_change(blocks, _light(sums, seen.shape), seen, checker_gain, settings)
+    remarks = exposure_remarks(checker_gain, settings.light)
+    if tone is not None:
+        log_ratio = tone.undone(log_ratio, _light(sums, share.shape))
+        blocks, seen = _blocks(log_ratio, visible)
+        remarks.append(tone.remark)
+        variance = (_TONE_ERROR * log_ratio.mean(axis=2)) ** 2
     drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, settings.light)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
-    residual = drift.removed_from(log_ratio)
-    remarks = exposure_remarks(checker_gain, settings.light)
-    colour = colour or colour_in(residual, visible)
-    local = local_light(residual, visible, colour, settings.local_light)
-    variance: Array = np.zeros(visible.shape, np.float32)
+    residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
+    colour = colour or colour_in(residual, seen)
+    local = local_light(residual, seen, colour, settings.local_light)
     if local is not None:
         residual = residual - local.log_gain[..., None]
-        variance = local.variance
+        drift = replace(drift, shape=drift.shape + _resized(local.log_gain, visible.shape))
+        variance = variance + _resized(local.variance, visible.shape)
         remarks += local.remarks
-    comparable, bright = lit_as_baseline(residual, visible, settings.light)
+    comparable, bright = lit_as_baseline(residual, seen, settings.light)
     comparable, foreign = without_foreign_signal(
         residual, comparable, colour, settings.foreign_signal
     )
-    return CorrectedLight(residual, variance, comparable, drift, remarks, [*bright, *foreign])
+    left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
+    return CorrectedLight(
+        log_ratio=drift.removed_from(log_ratio),
+        variance=variance,
+        comparable=visible & ~left_out,
+        drift=drift,
+        remarks=remarks,
+        left_out=[*bright, *foreign],
+    )
+
+
+def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:
+    """Return the mean log ratio of blocks of cells (rows, columns, 3), and which show sand.
+
+    The cells of a coarse map are its blocks.
+    """
+    nz, nx = visible.shape
+    if nx <= _MOST_BLOCKS:
+        return log_ratio, visible
+    size = (_MOST_BLOCKS, max(1, round(nz * _MOST_BLOCKS / nx)))
+    share = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    filled = log_ratio * visible[..., None]
+    sums = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
+    return sums / np.maximum(share, _LEAST_SHARE)[..., None], share > _LEAST_SHARE
+
+
+def _light(sums: BlockSums, shape: tuple[int, int]) -> Array:
+    """Return the linear light of the baseline at `shape`, with channels."""
+    light = sums.baseline / np.maximum(sums.share, _LEAST_SHARE)[..., None]
+    return np.maximum(_resized(light, shape), _LEAST_LIGHT)
+
+
+def _resized(plane: Array, shape: tuple[int, int]) -> Array:
+    """Return a plane at another `shape`, interpolated."""
+    if plane.shape[:2] == shape:
+        return plane
+    return np.asarray(cv2.resize(plane, shape[::-1], interpolation=cv2.INTER_LINEAR))

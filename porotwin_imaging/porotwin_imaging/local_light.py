@@ -103,8 +103,8 @@ def _near_tracer(grey: Array, tracer: Array, seen: Mask) -> Mask:
     """
     noise, around = local_noise(tracer, seen), np.ones((_TRACER_REACH,) * 2, np.uint8)
     strong = _average(tracer, seen, (_SMALL, _SMALL)) > _TRACER_SPREADS * noise / _SMALL
-    opened = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    strong = cv2.dilate(opened, around) > 0
+    spots = cv2.morphologyEx(strong.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    strong = np.asarray(cv2.dilate(spots, around)) > 0
     rest = seen & ~strong
     amount, darkening = (_average(p, rest, (_LARGE, _LARGE)) for p in (tracer, -grey))
     pale = amount > np.maximum(_TRACER_SPREADS * noise / _LARGE, _EXPLAINED * darkening)
@@ -168,8 +168,8 @@ def _hats(length: int, nodes: int) -> sparse.csr_matrix:
 
 def _penalties(count: tuple[int, int]) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
     """Return the squared bends and slopes of a field on `count` nodes (rows, columns)."""
-    bends: list[sparse.csr_matrix] = []
-    slopes: list[sparse.csr_matrix] = []
+    bends: list[Any] = []
+    slopes: list[Any] = []
     for axis in (0, 1):
         for order, collected in ((2, bends), (1, slopes)):
             steps = sparse.csr_matrix(np.diff(np.eye(count[axis]), order, axis=0))

@@ -12,7 +12,8 @@
 | check which sand is visible | `validity` |
 | correct colours and light | `colour_correction`, `light_correction` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
-| denoise | `denoising`, `total_variation` |
+| denoise | `denoising`, `total_variation`, `level_smoothing` |
+| estimate the deviation | `map_deviation`, `light_error` |
 
 Both functions here are pure: the same photograph and baseline give the same result.
 """
@@ -31,9 +32,11 @@ from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
+from porotwin_imaging.level_smoothing import smooth_along_levels
 from porotwin_imaging.light_check import refuse_grey
 from porotwin_imaging.light_correction import corrected_light
 from porotwin_imaging.light_drift import LightDrift
+from porotwin_imaging.light_error import SeenTracer, light_error
 from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
 from porotwin_imaging.row_bands import by_bands
@@ -85,7 +88,8 @@ class LogRatioMap:
     Attributes:
         log_ratio: log of light relative to the baseline without the drift of light, shape (nz, nx,
             3 = red, green, blue).
-        variance: variance of `log_ratio`, same shape.
+        variance: variance of `log_ratio` from noise, same shape.
+        light_variance: variance of the local light that was removed, shape (nz, nx).
         visible: cells that show their sand, shape (nz, nx).
         drift: the drift of light that was removed.
         alignment: movement of the camera since the baseline.
@@ -95,6 +99,7 @@ class LogRatioMap:
 
     log_ratio: Array
     variance: Array
+    light_variance: Array
     visible: NDArray[np.bool_]
     drift: LightDrift
     alignment: Alignment
@@ -114,12 +119,19 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         concentration, noise = _concentration(compared, baseline)
     with watch.stage('denoise'):
         values = denoised(concentration, noise, compared.visible, baseline.grid, baseline.settings)
+        smoothed = smooth_along_levels(
+            concentration, noise, values, baseline.grid.dx, baseline.settings.level_smoothing
+        )
+        seen = SeenTracer(
+            compared.log_ratio, compared.light_variance, baseline.sand_factors, smoothed.values
+        )
+        wrong_light = light_error(seen, baseline.calibration, baseline.settings.light_error)
         deviation = map_deviation(
-            noise, values, baseline.calibration.scale_error, baseline.settings.noise
+            smoothed, wrong_light, baseline.calibration, baseline.grid, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
-        values=values.astype(np.float32),
+        values=smoothed.values.astype(np.float32),
         deviation=deviation.total.astype(np.float32),
         systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
@@ -166,14 +178,21 @@ def compare_with_baseline(
             pixels, alignment.homography, baseline.chart, settings.colour_checker
         )
         light = corrected_light(
-            ratio, visible, sums.share, gain, baseline.calibration.signal.tracer_colour, settings
+            ratio,
+            visible,
+            sums.share,
+            sums.blocks,
+            gain,
+            baseline.calibration.signal.tracer_colour,
+            settings,
         )
     left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
         log_ratio=light.log_ratio,
-        variance=variance + baseline.fluctuation + light.variance[..., None],
+        variance=variance + baseline.fluctuation,
+        light_variance=light.variance,
         visible=light.comparable,
         drift=light.drift,
         alignment=alignment,

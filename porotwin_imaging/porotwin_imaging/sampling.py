@@ -49,6 +49,13 @@ def choose_reduction(
     return 2 if enough_at_half else 1
 
 
+def samples_across(geometry: Geometry, grid: Grid, reduction: int) -> int:
+    """Return the samples of a cell in each direction, about one per pixel after decoding."""
+    pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
+    across = max(1, round(pixels_per_cell))
+    return across if across < _FEWEST_FOR_BLOCKS else 2 * round(pixels_per_cell / 2)
+
+
 @dataclass(frozen=True)
 class Sampling:
     """Sampling points of a map.
@@ -69,18 +76,15 @@ class Sampling:
     @classmethod
     def of(cls, geometry: Geometry, grid: Grid, reduction: int) -> 'Sampling':
         """Return the sampling with about one point per pixel decoded at `reduction`."""
-        pixels_per_cell = max(geometry.columns / grid.nx, geometry.rows / grid.nz) / reduction
-        samples_across = max(1, round(pixels_per_cell))
-        if samples_across >= _FEWEST_FOR_BLOCKS:
-            samples_across = 2 * round(pixels_per_cell / 2)
-        fine = grid.refined(samples_across)
+        across = samples_across(geometry, grid, reduction)
+        fine = grid.refined(across)
 
         def band(z: Array) -> tuple[Array, ...]:
             pixels = geometry.to_pixels(*np.meshgrid(fine.x, z[:, 0]))
             return tuple(((c + 0.5) / reduction - 0.5).astype(np.float32) for c in pixels)
 
         columns, rows = by_bands(band, np.broadcast_to(fine.z[::-1, None], fine.shape))
-        return cls(grid, samples_across, columns, rows)
+        return cls(grid, across, columns, rows)
 
     @property
     def shape(self) -> tuple[int, int]:

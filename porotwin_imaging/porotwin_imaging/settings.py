@@ -36,6 +36,28 @@ class TotalVariationSettings:
 
 
 @dataclass(frozen=True)
+class LevelSmoothingSettings:
+    """Smoothing along the levels of concentration (`level_smoothing.py`)."""
+
+    reach_m: float = 0.015
+    """Standard deviation of the average along a level [m]. A plume bends on a longer way."""
+    reach_cells: tuple[float, float] = (1.5, 5.0)
+    """Least and largest reach [cells]."""
+    clean_reach: float = 2.0
+    """Total variation averages clean sand further than a level, by this factor [-]."""
+    guide_blur_m: float = 0.004
+    """Blur of the map that gives the levels [m], so that they do not follow the noise."""
+    guide_blur_cells: tuple[float, float] = (0.5, 1.5)
+    """Least and largest blur [cells]: a front of two cells must stay."""
+    least_tracer: float = 0.01
+    """Where no value within reach exceeds this there is no tracer to correct [-]."""
+    most_columns: int = 400
+    """Maps with more columns are corrected on coarser cells."""
+    least_share: float = 0.3
+    """Visible share of a coarse cell below which it does not count [-]."""
+
+
+@dataclass(frozen=True)
 class DecodingSettings:
     """Which photographs are refused when they are decoded (`photo_file.py`)."""
 
@@ -131,6 +153,23 @@ class LightSettings:
 
 
 @dataclass(frozen=True)
+class ToneSettings:
+    """Another tone curve, or haze (`tone_change.py`)."""
+
+    least_spread: float = 0.15
+    """Spread of the brightness of the sands that shows a change of tone [log]."""
+    least_slope: float = 0.006
+    """Drift of the log ratio with the log of brightness from which a change is searched [-]. It is
+    below 0.003 on real and rendered photographs."""
+    brighter: float = 0.05
+    """Cells that are brighter by more count as a sign of it [log ratio]; single cells are noisy."""
+    brighter_share: float = 0.03
+    """Share of such cells from which a change is searched [-]. In ordinary photographs it is 0."""
+    least_gain: float = 1.03
+    """Sand that follows one smooth light after the correction, relative to before [-]."""
+
+
+@dataclass(frozen=True)
 class LocalLightSettings:
     """Soft shadows and lamps (`local_light.py`)."""
 
@@ -219,6 +258,20 @@ class ValiditySettings:
 
 
 @dataclass(frozen=True)
+class ThinObjectSettings:
+    """Tubes and cables that were laid before the sand after the baseline (`thin_objects.py`)."""
+
+    core: float = 6.0
+    """Scatter in a block relative to its surroundings that shows an object [-]."""
+    edge: float = 4.0
+    """The same for the blocks between [-]."""
+    least_length: float = 10.0
+    """Length of an object [blocks]. In ordinary photographs blocks join to at most 5."""
+    least_seeds: float = 0.4
+    """Blocks above `core` per block of its length [-]."""
+
+
+@dataclass(frozen=True)
 class NoiseSettings:
     """Standard deviation of a map (`baseline_subtraction.py`, `denoising.py`)."""
 
@@ -226,13 +279,41 @@ class NoiseSettings:
     """Neighbouring samples that share one error, because JPEG and interpolation smear it."""
     fewest_samples_across: int = 5
     """Samples in each direction needed to estimate the scatter; smaller cells are pooled."""
-    averaging_reach_cells: float = 5.0
-    """Denoising averages over at most this distance in each direction [cells]."""
-    light_error: float = 1.5e-3
-    """Standard deviation of the light drift that remains after its removal [-]."""
+    place_error: float = 3e-4
+    """Standard deviation of the place of a cell relative to the width of the rig [-]: the lines of
+    a laser grid on the large FluidFlower, imaged with the published curvature, deviate by 1.0 mm on
+    2.8 m. Corners that a person reads from a photograph to half a pixel of 1600 are as good."""
+    blur_cells: float = 0.45
+    """Width of the blur of a front that is left in a map [cells]."""
     credible: tuple[float, float] = (-0.5, 1.5)
     """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
     a single cell and must not spread."""
+
+
+@dataclass(frozen=True)
+class LightErrorSettings:
+    """Error of the map from light that is not that of the baseline (`light_error.py`)."""
+
+    measured: float = 3e-4
+    """Standard deviation of the drift of light on clean sand, where it is measured [log ratio]."""
+    below_plume: float = 2.5e-3
+    """The same where clean sand is far: the drift is continued by a quadratic [log ratio]."""
+    reach: float = 0.02
+    """Distance over which clean sand tells the light, relative to the width of the map [-]."""
+    clean: float = 0.01
+    """Lower values are clean sand [-]."""
+    full: float = 0.7
+    """Higher values show the colour of tracer stock [-]."""
+    fewest_full_cells: int = 100
+    """Cells that determine this colour."""
+    smoothing_cells: float = 3.0
+    """Width of the local mean of colours [cells]; light changes slowly."""
+    front_step: float = 0.02
+    """Larger steps between cells are fronts [-]."""
+    colour_tolerance: float = 0.02
+    """Smaller changes of colour are noise or drift [log ratio]."""
+    dye_tolerance: float = 0.06
+    """The same for tracer stock: its colour differs from sand to sand [log ratio]."""
 
 
 @dataclass(frozen=True)
@@ -264,7 +345,7 @@ class SandSettings:
     bright_slope: float = 0.6
     """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
     law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
-    times what sand does."""
+    times as much as sand."""
     dark_slope: float = 0.1
     """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
     edge is no property of the sand."""
@@ -289,8 +370,8 @@ class CoreSettings:
     least_share: float = 0.3
     """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
     reached: float = 0.99
-    """Share of the highest level at which the plateau is reached [-]."""
-    flattest: float = 0.04
+    """The plateau begins at this share of the highest level [-]."""
+    flattest: float = 0.025
     """Largest rise inside a core [-]; a plume that rises further has no plateau."""
     level_error: float = 0.007
     """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
@@ -322,9 +403,11 @@ class MassBalanceSettings:
     outlier_distance: float = 0.03
     """Photographs that are farther from the common line disagree with it, relative to the largest
     injected mass [-]."""
-    bend_deviation: float = 0.05
-    """Standard deviation of the bend before any evidence [-]. Absorbance in dyed sand bends by up
-    to 0.04 on real photographs."""
+    expected_bend: float = -0.02
+    """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
+    fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
+    bend_deviation: float = 0.04
+    """Standard deviation of the bend before any evidence [-]."""
     dilution_error: float = 0.01
     """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
@@ -398,15 +481,19 @@ class ImagingSettings:
     """The settings of all steps."""
 
     total_variation: TotalVariationSettings = field(default_factory=TotalVariationSettings)
+    level_smoothing: LevelSmoothingSettings = field(default_factory=LevelSmoothingSettings)
     decoding: DecodingSettings = field(default_factory=DecodingSettings)
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
     colour_checker: ColourCheckerSettings = field(default_factory=ColourCheckerSettings)
     light: LightSettings = field(default_factory=LightSettings)
+    tone: ToneSettings = field(default_factory=ToneSettings)
     local_light: LocalLightSettings = field(default_factory=LocalLightSettings)
     foreign_signal: ForeignSignalSettings = field(default_factory=ForeignSignalSettings)
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
     validity: ValiditySettings = field(default_factory=ValiditySettings)
+    light_error: LightErrorSettings = field(default_factory=LightErrorSettings)
+    thin_objects: ThinObjectSettings = field(default_factory=ThinObjectSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
     core: CoreSettings = field(default_factory=CoreSettings)

@@ -39,7 +39,7 @@ _FEWEST_PALE = 20
 _LEAST_SLOPE = 0.1
 """Channels that absorb less than this share of the red light do not tell the ratio."""
 _CLEARLY_STRAIGHTER = 0.04
-"""The difference is taken only if its colours bend less than those of the absorbance by this."""
+"""The difference is taken only if its colours bend less by this."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ def choose_signal(
         f'signal: {chosen} ({reason}), weights {name} (red {red:.2f}, green {green:.2f}, blue '
         f'{blue:.2f}); signal-to-noise ratio {clarity:.0f}'
     )
-    signal = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
-    return SignalChoice(signal, dict(bends), line)
+    coloured = replace(signal, absorbance=mean_absorbance(ratios[tracer]))
+    return SignalChoice(coloured, dict(bends), line)
 
 
 def _straighter(bends: dict[Contrast, float]) -> Contrast:

@@ -21,8 +21,8 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
     hidden[:3] = 255
     written = Calibration(
         TracerSignal('absorbance', (0.5, 0.3, 0.2)),
-        Response((0.0, 0.4, 1.1), (0.0, 0.5, 1.0)),
-        sands, (1.0, 1.25), hidden, {'from': 'test'}, 0.03,
+        Response((0.0, 0.4, 1.1), (0.0, 0.5, 1.0), (0.0, 0.02, 0.0)),
+        sands, (1.0, 1.25), hidden, {'from': 'test'}, 0.03, (0.01, 0.2),
     )  # fmt: skip
     save_calibration(written, tmp_path / 'calibration.yaml')
     read = load_calibration(tmp_path / 'calibration.yaml')
@@ -32,6 +32,7 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
         written.factors,
     )
     assert (read.made, read.scale_error) == (written.made, written.scale_error)
+    assert read.factor_deviations == (0.01, 0.2)
     np.testing.assert_array_equal(read.sands, sands)
     np.testing.assert_array_equal(read.hidden, hidden)
     # the picture's lower part, painted 1, is the lower part of the rig
@@ -74,3 +75,36 @@ def test_the_response_is_linear_beyond_its_ends() -> None:
     )
     slopes = response.slope_at(np.array([-0.1, 0.2, 0.7, 2.0]))
     np.testing.assert_allclose(slopes, [1.6, 1.6, 0.4, 0.4])
+
+
+def test_a_file_without_deviations_is_read() -> None:
+    calibration = Calibration(scale_error=0.1)
+    signal = np.array([0.0, 0.4, 0.8])
+    found = calibration.systematic_deviation(signal, np.zeros(3))
+    np.testing.assert_allclose(found, [0.0, 0.05, 0.1])
+
+
+def test_scale_shape_and_sand_add_up_to_the_systematic_deviation() -> None:
+    response = Response((0.0, 0.5, 1.0), (0.0, 0.5, 1.0), (0.0, 0.04, 0.0))
+    calibration = Calibration(response=response, scale_error=0.03)
+    found = calibration.systematic_deviation(np.array([0.5, 1.0]), np.array([0.0, 0.4]))
+    np.testing.assert_allclose(found, np.hypot([0.015, 0.03], [0.04, 0.4]))
+
+
+def test_the_deviation_of_a_factor_follows_its_sand() -> None:
+    picture = np.zeros((30, 50), np.uint8)
+    picture[10:] = 1
+    calibration = Calibration(sands=picture, factors=(1.0, 1.2), factor_deviations=(0.01, 0.3))
+    found = calibration.factor_deviation_map(Grid(25, 15, 1.0, 0.6))
+    assert (found[0, 0], found[-1, 0]) == (0.3, 0.01)
+
+
+def test_a_file_of_schema_1_still_loads(tmp_path) -> None:
+    path = tmp_path / 'calibration.yaml'
+    path.write_text(
+        'schema: 1\nscale_error: 0.02\nsignal: {contrast: difference, weights: [1, 0, 0]}\n'
+        'response: {signal: [0, 0.8], concentration: [0, 1]}'
+    )
+    read = load_calibration(path)
+    assert read.response.deviation == ()
+    assert read.factor_deviations == ()

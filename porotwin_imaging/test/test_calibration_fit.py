@@ -1,50 +1,115 @@
 """The calibration from photographs of an injection."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import load_calibration
-from porotwin_imaging.calibration_fit import fit_calibration
+from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
 from porotwin_imaging.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
 
+RADII = (0.05, 0.08, 0.11, 0.14)
+INTERVAL_S = 60.0
 
-def test_a_calibration_balances_mass_and_is_read_back(
-    new_laboratory, make_plume, true_shape, no_tracer, relative_error, tmp_path
-) -> None:
-    laboratory = new_laboratory(finer_below=0.22, uptake=(1.0, 0.75))
+
+@dataclass(frozen=True)
+class Injection:
+    """Photographs of a known injection in a rig with two sands."""
+
+    rig: Rig
+    empty: bytes
+    states: list[tuple[float, bytes]]
+    volumes: list[float]
+
+    def schedule(self, factor: float = 1.0) -> Schedule:
+        """Return a pump log whose rates are `factor` times the true ones."""
+        return Schedule(
+            tuple(
+                ScheduleRow(
+                    n * INTERVAL_S,
+                    'injector',
+                    WellRate(factor * (after - before) / INTERVAL_S, 1.0),
+                )
+                for n, (before, after) in enumerate(
+                    zip(self.volumes, self.volumes[1:], strict=False)
+                )
+            )
+        )
+
+
+@pytest.fixture
+def laboratory_of_two_sands(new_laboratory):
+    return new_laboratory(finer_below=0.22, uptake=(1.0, 0.75))
+
+
+@pytest.fixture
+def injection(laboratory_of_two_sands, make_plume, true_shape, no_tracer) -> Injection:
+    laboratory = laboratory_of_two_sands
     rig = laboratory.rig
     pore_volume = 0.4 * 0.01 * rig.width_m * rig.height_m
-    truths = [make_plume(true_shape, 0.4, 0.24, radius) for radius in (0.05, 0.08, 0.11, 0.14)]
-    volumes = [0.0, *(pore_volume * float(truth.mean()) for truth in truths)]
-    times = [60.0 * n for n in range(5)]
-    schedule = Schedule(
-        tuple(
-            ScheduleRow(time, 'injector', WellRate((after - before) / 60.0, 1.0))
-            for time, before, after in zip(times, volumes, volumes[1:], strict=False)
-        )
-    )
+    truths = [make_plume(true_shape, 0.4, 0.24, radius) for radius in RADII]
     states = [
-        (time, laboratory.photograph(truth, gain=1 + 0.03 * n, seed=n))
-        for n, (time, truth) in enumerate(zip(times[1:], truths, strict=True))
+        (INTERVAL_S * (n + 1), laboratory.photograph(truth, gain=1 + 0.03 * n, seed=n))
+        for n, truth in enumerate(truths)
     ]
-    states.insert(2, (130.0, b'broken'))
-    empty = laboratory.photograph(no_tracer, seed=50)
-    fit = fit_calibration(rig, [empty], states, schedule=schedule, source='test')
+    volumes = [0.0, *(pore_volume * float(truth.mean()) for truth in truths)]
+    return Injection(rig, laboratory.photograph(no_tracer, seed=50), states, volumes)
+
+
+def test_a_calibration_reads_other_photographs_and_is_read_back(
+    laboratory_of_two_sands, injection, make_plume, true_shape, relative_error, tmp_path
+) -> None:
+    rig, empty = injection.rig, injection.empty
+    states = [*injection.states[:2], (130.0, b'broken'), *injection.states[2:]]
+    fit = fit_calibration(rig, [empty], states, schedule=injection.schedule(), source='test')
     assert any('130 s left out' in line for line in fit.lines)
     assert len(fit.calibration.factors) == 2
+    assert fit.evidence.anchor == 'core'
+    assert fit.evidence.mass_factor == pytest.approx(1.0, abs=0.02)
+    assert not fit.evidence.disagreeing
     assert write_fit(fit, tmp_path)[0].name == '1_geometry.png'
     assert sorted(path.name for path in tmp_path.glob('*.png'))[0] == '1_geometry.png'
     calibration = load_calibration(tmp_path / 'calibration.yaml')
+    assert calibration.made['anchor'] == 'core'
     baseline = make_baseline(rig, rig.grid(90, 50), [empty], calibration=calibration)
     truth = make_plume(true_shape, 0.45, 0.22, 0.1)
-    found = concentration_map(laboratory.photograph(truth, gain=0.95, seed=60), baseline)
+    photograph = laboratory_of_two_sands.photograph(truth, gain=0.95, seed=60)
+    found = concentration_map(photograph, baseline)
     assert found.calibrated
-    assert relative_error(found.values, truth) < 0.05
+    assert relative_error(found.values, truth) < 0.03
     assert np.nanmean(found.values) == pytest.approx(truth.mean(), rel=0.02)
+
+
+def test_a_wrong_pump_log_changes_the_mass_factor_and_not_the_maps(injection) -> None:
+    fit = fit_calibration(
+        injection.rig, [injection.empty], injection.states, schedule=injection.schedule(3.0)
+    )
+    assert fit.evidence.mass_factor == pytest.approx(1 / 3, rel=0.05)
+    assert fit.calibration.response.concentration_of(np.array([fit.stock_signal])) == pytest.approx(
+        [1.0], abs=0.01
+    )
+
+
+def test_dilutions_are_the_anchor_where_there_are_some(
+    laboratory_of_two_sands, injection, make_plume, true_shape, tmp_path
+) -> None:
+    plume = make_plume(true_shape, 0.4, 0.3, 0.14)
+    dilutions = [
+        DilutionPhoto(600.0, laboratory_of_two_sands.photograph(share * plume, seed=70), share)
+        for share in (0.5, 1.0)
+    ]
+    fit = fit_calibration(injection.rig, [injection.empty], injection.states, dilutions=dilutions)
+    assert fit.evidence.anchor == 'dilutions'
+    assert fit.evidence.dilution_misfit < 0.02
+    assert fit.evidence.bend_deviation < 0.02
+    assert np.isnan(fit.evidence.mass_factor)
+    write_fit(fit, tmp_path)  # the pictures need no pump log
 
 
 def test_photographs_without_tracer_are_refused(laboratory, no_tracer) -> None:

@@ -85,3 +85,16 @@ def test_blocks_are_means_of_cells(sampled) -> None:
         assert means.shape[:2] == (2, 3)
         np.testing.assert_allclose(means[0, 0], own[:2, :2].mean(axis=(0, 1)), rtol=1e-5)
         np.testing.assert_allclose(means[1, 2], own[2:, 4:].mean(axis=(0, 1)), rtol=1e-5)
+
+
+def test_a_front_across_a_cell_counts_by_its_logarithm() -> None:
+    """Half stock and half water are half of the absorbance, although water outshines stock."""
+    pixels = np.full((6, 6, 3), 200, np.uint8)
+    pixels[:, 3:] = 80
+    baseline = linear_light(np.full((6, 6, 3), 200, np.uint8))
+    sums = cell_sums(
+        pixels, baseline, np.ones((6, 6), np.uint8), light=LINEAR_LIGHT, matrix=np.eye(3),
+        glare_level=250, samples_across=6,
+    )  # fmt: skip
+    dark = np.log(LINEAR_LIGHT[80] / LINEAR_LIGHT[200])
+    np.testing.assert_allclose(sums.log_ratio, 0.5 * dark, rtol=1e-5)

@@ -49,6 +49,9 @@ def test_hidden_cells_take_the_nearest_sand() -> None:
     assert (found[50] == found[48]).mean() > 0.98
 
 
+EVEN_LIGHT = np.zeros(3)
+
+
 @pytest.mark.parametrize('factors', [(1.0, 1.5, 1.2), (1.0, 0.8, 1.0)])
 def test_factors_make_the_signal_continuous(factors) -> None:
     labels = layered()
@@ -56,14 +59,62 @@ def test_factors_make_the_signal_continuous(factors) -> None:
     concentration = 0.5 * (1 - np.tanh((np.hypot(x, 0.5 * z) - 0.7) / 0.1))
     signal = concentration / np.array(factors)[labels]
     signal += np.random.default_rng(5).normal(0, 0.01, signal.shape)
-    found = sands.fit_factors([signal], labels)
+    found = sands.fit_factors([signal], labels, {}, strong=1.0, lights=EVEN_LIGHT)
     relative = np.array(found.values) / found.values[0]
-    np.testing.assert_allclose(relative, np.array(factors) / factors[0], rtol=0.02)
+    np.testing.assert_allclose(relative, np.array(factors) / factors[0], rtol=0.05)
     assert found.jump_after < found.jump_before
+    assert set(found.sources) == {'interface'}
 
 
-def test_an_interface_without_signal_gives_no_factor() -> None:
+def test_a_core_outweighs_the_interfaces() -> None:
+    labels = layered()
+    signal = np.full(labels.shape, 0.5)
+    levels = {0: sands.SandLevel(1.0, 0.01, 500), 1: sands.SandLevel(0.8, 0.01, 100)}
+    found = sands.fit_factors([signal], labels, levels, strong=0.5, lights=EVEN_LIGHT)
+    assert found.values[0] == 1.0
+    assert found.values[1] == pytest.approx(1.25, rel=0.03)
+    assert found.sources == ('core', 'core', 'interface')
+
+
+def test_a_sand_without_evidence_follows_its_light_and_says_so() -> None:
     labels = layered()
     signal = np.random.default_rng(5).normal(0, 0.01, labels.shape)
     signal[10:30, 40:90] += 0.8  # tracer that touches no interface
-    assert sands.fit_factors([signal], labels).values == (1.0, 1.0, 1.0)
+    levels = {0: sands.SandLevel(0.8, 0.01, 500)}
+    lights = np.log([0.1, 0.2, 0.1])
+    found = sands.fit_factors([signal], labels, levels, strong=0.8, lights=lights)
+    assert found.values[0] == found.values[2] == 1.0
+    assert 1.3 < found.values[1] < 1.7
+    assert found.sources == ('core', 'prior', 'prior')
+    assert found.deviations[1] > 10 * found.deviations[0]
+
+
+def test_noise_across_an_interface_gives_no_factor() -> None:
+    """Faint light on both sides of an interface once made a sand 38 times stronger."""
+    labels = layered()
+    generator = np.random.default_rng(5)
+    signal = np.abs(generator.normal(0, 0.02, labels.shape))
+    signal[labels == 1] /= 40
+    signal[10:30, 40:90] = 0.8
+    levels = {0: sands.SandLevel(0.8, 0.01, 500)}
+    found = sands.fit_factors([signal], labels, levels, strong=0.8, lights=EVEN_LIGHT)
+    assert found.values == (1.0, 1.0, 1.0)
+
+
+def test_factors_stay_inside_their_bounds() -> None:
+    labels = layered()
+    levels = {0: sands.SandLevel(1.0, 0.01, 500), 1: sands.SandLevel(0.05, 0.01, 100)}
+    found = sands.fit_factors(
+        [np.ones(labels.shape)], labels, levels, strong=1.0, lights=EVEN_LIGHT
+    )
+    assert found.values[1] == pytest.approx(2.5)
+    assert found.at_bound == (False, True, False)
+
+
+def test_the_light_of_a_sand_does_not_follow_the_lamps() -> None:
+    truth = layered()
+    colours, _ = appearance(truth)
+    lights = sands.sand_lights(colours, truth, np.ones(truth.shape, bool))
+    np.testing.assert_allclose(
+        np.exp(lights - lights[0]), np.array([0.12, 0.28, 0.19]) / 0.12, rtol=0.03
+    )

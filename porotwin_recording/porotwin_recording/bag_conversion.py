@@ -239,6 +239,11 @@ def _measured(data: RecordedData) -> Iterator[_StampedMessage]:
 
 def _images(data: RecordedData) -> Iterator[_StampedMessage]:
     for photo in data.photos:
+        if photo.role == 'dilution':
+            raise InputError(
+                f"photograph '{photo.name}' is a dilution, for which a bag has no place; calibrate "
+                'from the folder, and import it without its dilutions'
+            )
         topic = topic_names.BASELINE if photo.role == 'baseline' else topic_names.IMAGE
         yield _StampedMessage(_stamp(photo.time), topic, _image(photo))
 

@@ -10,7 +10,9 @@ from porotwin_recording.csv_table import number_text, parse_number, read_table, 
 
 IMAGING_FILE = 'imaging.csv'
 HEADER = ('time_s', 'path', 'role')
-Role = Literal['baseline', 'state']
+DILUTION_HEADER = (*HEADER, 'concentration')
+"""Header of a table with known dilutions."""
+Role = Literal['baseline', 'state', 'dilution']
 
 
 @dataclass(frozen=True)
@@ -19,10 +21,12 @@ class Photo:
 
     Attributes:
         time: exposure, in seconds since the start of the experiment.
-        role: `baseline` (sand and water only) or `state` (with tracer).
+        role: `baseline` (sand and water only), `state` (with tracer) or `dilution` (tracer of a
+            known concentration, for a calibration).
         name: path relative to the experiment folder.
         read: returns the bytes of the camera's file.
         path: the file; None for a photograph in a bag.
+        concentration: that of a dilution [-], 1 = tracer stock; None for other roles.
     """
 
     time: float
@@ -30,6 +34,7 @@ class Photo:
     name: str
     read: Callable[[], bytes]
     path: Path | None = None
+    concentration: float | None = None
 
 
 def read_photos(folder: Path) -> tuple[Photo, ...]:
@@ -38,16 +43,28 @@ def read_photos(folder: Path) -> tuple[Photo, ...]:
     Raises:
         InputError: one line that names file, line, value and remedy.
     """
-    lines = read_table(folder / IMAGING_FILE, HEADER, 'the time of each photograph')
+    path = folder / IMAGING_FILE
+    lines = read_table(path, _header(path), 'the time of each photograph')
     photos = [_photo(words, where, folder) for where, words in lines]
     return tuple(sorted(photos, key=lambda photo: photo.time))
 
 
+def _header(path: Path) -> tuple[str, ...]:
+    """Return the header that the table should have: with concentrations if it names them."""
+    try:
+        with path.open(encoding='utf-8-sig', errors='replace') as file:
+            named = file.readline().rstrip().endswith(DILUTION_HEADER[-1])
+    except OSError:  # read_table tells what is wrong
+        named = False
+    return DILUTION_HEADER if named else HEADER
+
+
 def _photo(words: list[str], where: str, folder: Path) -> Photo:
-    time_s, name, role = words
+    time_s, name, role, *rest = words
     time = parse_number(time_s, f'{where}: time_s')
     if role not in get_args(Role):
         raise InputError(f"{where}: role is '{role}'; write {' or '.join(get_args(Role))}")
+    concentration = _concentration(role, rest[0] if rest else '', where)
     if not _stays_inside(name):
         raise InputError(f"{where}: path '{name}' leaves the folder; name a file inside it")
     path = folder / name
@@ -56,7 +73,19 @@ def _photo(words: list[str], where: str, folder: Path) -> Photo:
         raise InputError(
             f"{where}: photograph '{name}' is not there; add it or remove the line{slash}"
         )
-    return Photo(time, role, name, path.read_bytes, path)  # type: ignore[arg-type]
+    return Photo(time, role, name, path.read_bytes, path, concentration)  # type: ignore[arg-type]
+
+
+def _concentration(role: str, text: str, where: str) -> float | None:
+    """Return the concentration of a dilution, None for other roles."""
+    if role != 'dilution':
+        if text:
+            raise InputError(f'{where}: concentration belongs to role dilution; leave it empty')
+        return None
+    value = parse_number(text, f'{where}: concentration')
+    if not 0 < value <= 1:
+        raise InputError(f'{where}: concentration is {text}; write a share of stock, 0 to 1')
+    return value
 
 
 def _stays_inside(name: str) -> bool:
@@ -84,5 +113,10 @@ def write_photos(folder: Path, photos: Sequence[Photo]) -> None:
         path = folder / photo.name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(photo.read())
-    rows = ((number_text(photo.time), photo.name, photo.role) for photo in photos)
-    write_table(folder / IMAGING_FILE, HEADER, rows)
+    rows = [(number_text(photo.time), photo.name, photo.role) for photo in photos]
+    if all(photo.concentration is None for photo in photos):
+        write_table(folder / IMAGING_FILE, HEADER, iter(rows))
+        return
+    known = ['' if p.concentration is None else number_text(p.concentration) for p in photos]
+    with_known = ((*row, text) for row, text in zip(rows, known, strict=True))
+    write_table(folder / IMAGING_FILE, DILUTION_HEADER, with_known)

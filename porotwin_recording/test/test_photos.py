@@ -18,6 +18,9 @@ from porotwin_recording.photos import Photo, read_photos, write_photos
         ('time_s,path,role\n0,photos\\\\gone.jpg,state\n', 'with / between folders'),
         ('time_s,path,role\n0,../first.jpg,state\n', 'leaves the folder'),
         ('time_s,path,role\n,photos/first.jpg,state\n', "time_s is ''"),
+        ('time_s,path,role\n0,photos/first.jpg,dilution\n', "concentration is ''"),
+        ('time_s,path,role,concentration\n0,photos/first.jpg,dilution,7\n', 'share of stock'),
+        ('time_s,path,role,concentration\n0,photos/first.jpg,state,1\n', 'leave it empty'),
     ],
 )
 def test_wrong_imaging_tables_are_named(tmp_path: Path, content: str, complaint: str) -> None:
@@ -39,3 +42,11 @@ def test_wrong_names_are_refused(tmp_path: Path, names: tuple[str, ...], complai
     photos = [Photo(0.0, 'state', name, lambda: b'') for name in names]
     with pytest.raises(InputError, match=complaint):
         write_photos(tmp_path, photos)
+
+
+def test_a_dilution_keeps_its_concentration(tmp_path: Path) -> None:
+    known = Photo(60.0, 'dilution', 'half.jpg', lambda: b'half', concentration=0.5)
+    write_photos(tmp_path, [*two_photos(), known])
+    read = read_photos(tmp_path)
+    assert [photo.concentration for photo in read if photo.role == 'dilution'] == [0.5]
+    assert all(photo.concentration is None for photo in read if photo.role != 'dilution')

@@ -1,7 +1,7 @@
 """./porotwin calibrate: the calibration of a camera and rig from a known injection."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -16,19 +16,25 @@ def command(
     output: Annotated[
         Path | None, typer.Option(help='Folder; default: FOLDER-calibration.')
     ] = None,
+    contrast: Annotated[
+        Literal['absorbance', 'difference'] | None,
+        typer.Option(help='Signal of the tracer; default: the one that the colours prefer.'),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Calibrate a camera and rig from photographs of a known injection, with pictures of each step.
 
-    The folder holds a baseline photograph and some photographs of growing tracer (imaging.csv), and
-    the injected rates (rates.csv; without them the strongest signal is taken for tracer stock).
+    The folder holds a baseline photograph and some photographs of an injection of tracer stock
+    (imaging.csv), and the injected rates (rates.csv), against which the mass in the maps is
+    checked. The core of the plume is taken for stock. Photographs of known dilutions (role
+    dilution) determine the response.
 
     A calibration that cannot be trusted is refused: exit status 1, a line with the reasons,
     pictures that show them, and no calibration.yaml.
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_imaging.calibration_fit import fit_calibration
+    from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
     from porotwin_imaging.calibration_pictures import REFUSED, write_fit
     from porotwin_imaging.calibration_trust import CalibrationRefused
     from porotwin_recording.recording import open_recording
@@ -49,6 +55,12 @@ def command(
             baselines,
             states,
             schedule=recording.measured or recording.commanded,
+            dilutions=[
+                DilutionPhoto(photo.time, photo.read(), photo.concentration)
+                for photo in recording.photos
+                if photo.concentration is not None
+            ],
+            contrast=contrast,
             source=folder.name,
             progress=say,
         )

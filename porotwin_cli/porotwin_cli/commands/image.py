@@ -10,6 +10,7 @@ from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
+    from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
     from porotwin_recording.photos import Photo
 
@@ -17,6 +18,9 @@ UNCALIBRATED = (
     'uncalibrated: the plume is where it is shown, but the concentrations are on a default scale; '
     './porotwin calibrate measures the scale from a known injection'
 )
+
+LONG_S = 5.0
+"""Processor time for one photograph above which the command tells the cost before it begins [s]."""
 
 
 def command(
@@ -38,6 +42,7 @@ def command(
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.file_hash import sha256_of_file
+    from porotwin_imaging.photo_file import MOST_PIXELS
     from porotwin_imaging.photo_to_map import concentration_map
     from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
@@ -45,14 +50,15 @@ def command(
     picture = picture_beside(output)
     recording = open_recording(experiment)
     rig = recording.rig
-    map_grid = grid_of(grid, rig)
+    map_grid = grid_of(grid, rig, MOST_PIXELS)
     baselines = [photo for photo in recording.photos if photo.role == 'baseline']
-    states = [photo for photo in recording.photos if photo.role != 'baseline']
+    states = [photo for photo in recording.photos if photo.role == 'state']
     if not baselines or not states:
         raise InputError(
             f'{experiment}: needs a baseline and at least one state photograph; '
             'give their roles in imaging.csv'
         )
+    _tell_cost(baselines[0], rig, map_grid)
     baseline = make_baseline(
         rig,
         map_grid,
@@ -99,6 +105,16 @@ def command(
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)
+
+
+def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> None:
+    """Say what the maps cost, if a photograph takes long."""
+    from porotwin_imaging.imaging_cost import map_cost
+    from porotwin_imaging.photo_file import photo_size
+
+    cost = map_cost(rig, grid, photo_size(_read(photo)))
+    if cost.seconds > LONG_S:
+        say(f'grid {grid}: {cost}; a coarser --grid is faster')
 
 
 def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:

@@ -8,7 +8,7 @@ import typer
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 
 if TYPE_CHECKING:
-    from porotwin_cli.foresight import Foresight
+    from porotwin_cli.what_if_study import WhatIfStudy
     from porotwin_core.wells import WellRates
     from porotwin_siblings.siblings import Outlook
 
@@ -56,8 +56,8 @@ def command(
     import os
     from concurrent.futures import ThreadPoolExecutor
 
-    from porotwin_cli.foresight import foresee, rate_step, seconds_of
-    from porotwin_cli.foresight_picture import foresight_picture
+    from porotwin_cli.what_if_picture import what_if_picture
+    from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
     from porotwin_recording.recording import open_recording
 
     opened = open_recording(recording, rig=rig)
@@ -67,7 +67,7 @@ def command(
     grid = opened.rig.default_grid(cell_m)
     with ThreadPoolExecutor(workers or os.cpu_count()) as executor, progress() as bar:
         task = bar.add_task('learning from the maps', total=None)
-        found = foresee(
+        found = study_what_if(
             opened,
             start,
             steps,
@@ -81,7 +81,7 @@ def command(
         say(f'the guard would refuse this proposal: {line}')
     output.mkdir(parents=True, exist_ok=True)
     picture = output / 'what_if.png'
-    foresight_picture(picture, found)
+    what_if_picture(picture, found)
     if as_json:
         print_json(_json(found) | {'picture': picture})
         return
@@ -89,7 +89,7 @@ def command(
     print(f'picture: {picture}; nothing was pumped')
 
 
-def _show(found: 'Foresight') -> None:
+def _show(found: 'WhatIfStudy') -> None:
     """Print the rates of both plans, and what is expected at some times."""
     import numpy as np
 
@@ -121,7 +121,7 @@ def _in_words(rates: 'WellRates') -> str:
     return ', '.join(f'{name} {to_ml_h(well.rate):.4g}' for name, well in rates.items())
 
 
-def _json(found: 'Foresight') -> dict[str, Any]:
+def _json(found: 'WhatIfStudy') -> dict[str, Any]:
     """Return both forecasts in laboratory units."""
     from porotwin_cli.run_account import ML
 

@@ -31,33 +31,34 @@ LEAST_CELLS_BETWEEN = 3
 """Fewest cells between two wells, and across a zone, that resolve the plume there."""
 
 
-def chosen_grid(text: str, rig: Rig) -> Grid:
+def chosen_grid(text: str, rig: Rig, most_cells: int = MOST_CELLS) -> Grid:
     """Return the grid called `text`, such as 187x112, over `rig`.
 
-    A grid that is odd for this rig is logged as a warning.
+    A grid that is odd for this rig is logged as a warning. Maps of photographs may have more cells
+    than predictions: `most_cells`.
 
     Raises:
         InputError: the text is no grid, or the grid cannot be computed.
     """
     grid = Grid.parse(text, rig.width_m, rig.height_m)
-    for remark in remarks_about_grid(grid, rig):
+    for remark in remarks_about_grid(grid, rig, most_cells):
         if remark.refused:
             raise InputError(str(remark))
         LOG.warning('%s', remark)
     return grid
 
 
-def remarks_about_grid(grid: Grid, rig: Rig) -> tuple[Remark, ...]:
+def remarks_about_grid(grid: Grid, rig: Rig, most_cells: int = MOST_CELLS) -> tuple[Remark, ...]:
     """Return the remarks about a grid over `rig`, impossible ones first."""
-    found = [*_cells(grid, rig), *_resolution(grid, rig)]
+    found = [*_cells(grid, rig, most_cells), *_resolution(grid, rig)]
     return tuple(sorted(found, key=lambda remark: not remark.refused))
 
 
-def _cells(grid: Grid, rig: Rig) -> Iterator[Remark]:
+def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
     better = f'{rig.default_grid()} has square cells of 5 mm'
     count = grid.nx * grid.nz
-    if count > MOST_CELLS:
-        why = f'{count:,} cells are more than the {MOST_CELLS:,} that a computer can hold'
+    if count > most_cells:
+        why = f'{count:,} cells are more than the {most_cells:,} that a computer can hold'
         yield Remark('grid', str(grid), why, better, refused=True)
     aspect = max(grid.dx / grid.dz, grid.dz / grid.dx)
     if aspect > ODD_ASPECT:

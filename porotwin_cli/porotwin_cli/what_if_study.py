@@ -28,7 +28,7 @@ TIMES = 12
 """Times of a forecast: enough for a smooth curve. The siblings step from one to the next."""
 
 LEAST_HORIZON_S = 1800.0
-"""How far a foresight looks at the end of a recording [s]."""
+"""How far a study looks at the end of a recording [s]."""
 
 MOST_PHOTOGRAPHS = 200
 """Most maps that are learnt from; of a longer recording they are evenly spread."""
@@ -38,7 +38,7 @@ UNITS_S = {'s': 1.0, 'min': 60.0, 'h': 3600.0}
 
 
 @dataclass(frozen=True)
-class Foresight:
+class WhatIfStudy:
     """Two forecasts from one state.
 
     Attributes:
@@ -117,7 +117,7 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
     return RateStep(after, rates)
 
 
-def foresee(
+def study_what_if(
     recording: Recording,
     start: float,
     steps: Sequence[RateStep],
@@ -128,7 +128,7 @@ def foresee(
     siblings: int = 32,
     map_times: int = 2,
     learnt: Callable[[int, int], None] = lambda *_: None,
-) -> Foresight:
+) -> WhatIfStudy:
     """Return what is expected from the photograph nearest to `start` [s] on.
 
     Args:
@@ -171,7 +171,7 @@ def foresee(
     seconds = time.perf_counter() - clock
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
     seen = [family.zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
-    return Foresight(
+    return WhatIfStudy(
         rig=recording.rig,
         grid=grid,
         start=begin,

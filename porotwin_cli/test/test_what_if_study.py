@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from porotwin_cli.bench_loop_scenarios import demo_scenario
-from porotwin_cli.foresight import Foresight, foresee, rate_step, seconds_of
-from porotwin_cli.foresight_picture import foresight_picture
+from porotwin_cli.what_if_picture import what_if_picture
+from porotwin_cli.what_if_study import WhatIfStudy, rate_step, seconds_of, study_what_if
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import Schedule, WellRate
@@ -24,7 +24,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     rig = demo_scenario().rig
     limits = Limits.of(rig)
     most = limits.setpoint(np.array([0.0, 0.0, limits.max_rate]))
-    folder = tmp_path_factory.mktemp('foresight') / 'run'
+    folder = tmp_path_factory.mktemp('study') / 'run'
     make_experiment(
         folder,
         rig,
@@ -40,48 +40,48 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 @pytest.fixture(scope='module')
-def found(recording: Recording) -> Foresight:
+def found(recording: Recording) -> WhatIfStudy:
     """Return what is expected from minute 25 on, with another well at its maximum."""
     step = rate_step('control1=500,control3=0', recording.rig, 1500.0)
     with ThreadPoolExecutor(2) as pool:
-        return foresee(
+        return study_what_if(
             recording, 1500.0, [step], grid=recording.rig.grid(31, 19), executor=pool, siblings=24
         )
 
 
-def test_the_present_plan_is_that_of_the_recording(found: Foresight) -> None:
+def test_the_present_plan_is_that_of_the_recording(found: WhatIfStudy) -> None:
     assert [step.start for step in found.present.plan] == [0.0, 300.0]
     assert to_ml_h(found.present.plan[1].rates['control3'].rate) == pytest.approx(500.0)
 
 
-def test_the_producer_balances_the_proposal(found: Foresight) -> None:
+def test_the_producer_balances_the_proposal(found: WhatIfStudy) -> None:
     (step,) = found.proposed.plan
     assert to_ml_h(step.rates['producer'].rate) == pytest.approx(-1000.0)
     assert step.rates['injector'] == WellRate(from_ml_h(500.0), 1.0)
     assert found.objections == ()
 
 
-def test_bands_hold_the_median_and_grow(found: Foresight) -> None:
+def test_bands_hold_the_median_and_grow(found: WhatIfStudy) -> None:
     low, median, high = found.proposed.zone_tracer
     assert np.all(low <= median)
     assert np.all(median <= high)
     assert high[-1] - low[-1] > high[0] - low[0]
 
 
-def test_later_photographs_are_shown_and_not_learnt_from(found: Foresight) -> None:
+def test_later_photographs_are_shown_and_not_learnt_from(found: WhatIfStudy) -> None:
     np.testing.assert_allclose(found.seen_times, [1500.0, 1800.0, 2100.0, 2400.0])
     assert found.seen_tracer.shape == (4,)
 
 
-def test_the_picture_is_drawn(found: Foresight, tmp_path: Path) -> None:
-    foresight_picture(tmp_path / 'picture.png', found)
+def test_the_picture_is_drawn(found: WhatIfStudy, tmp_path: Path) -> None:
+    what_if_picture(tmp_path / 'picture.png', found)
     assert (tmp_path / 'picture.png').stat().st_size > 20_000
 
 
 def test_a_broken_limit_is_an_objection(recording: Recording) -> None:
     step = rate_step('control1=900', recording.rig, 1500.0)
     with ThreadPoolExecutor(2) as pool:
-        found = foresee(
+        found = study_what_if(
             recording,
             300.0,
             [step],
@@ -95,7 +95,7 @@ def test_a_broken_limit_is_an_objection(recording: Recording) -> None:
 
 def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(InputError, match='last map is from 40 min'):
-        foresee(recording, 9000.0, [], grid=recording.rig.grid(31, 19), executor=pool)
+        study_what_if(recording, 9000.0, [], grid=recording.rig.grid(31, 19), executor=pool)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The picture of a foresight: tracer in the zone with bands, and the plumes at the end."""
+"""The picture of a study: tracer in the zone with bands, and the plumes at the end."""
 
 from pathlib import Path
 
@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from porotwin_cli.foresight import Foresight
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.run_account import ML
+from porotwin_cli.what_if_study import WhatIfStudy
 from porotwin_siblings.siblings import Outlook
 from porotwin_solver.quantities import PLUME_THRESHOLD
 
@@ -20,20 +20,20 @@ PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
 """Colours of the two plans; told apart also by those who see no red or green."""
 
 
-def foresight_picture(path: Path, foresight: Foresight) -> None:
+def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     """Draw both forecasts beside each other."""
     figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
     zone, reached, *maps = figure.subplot_mosaic([['z', 'r'], ['a', 'b']]).values()
-    plans = (('present', foresight.present, PRESENT), ('proposed', foresight.proposed, PROPOSED))
+    plans = (('present', study.present, PRESENT), ('proposed', study.proposed, PROPOSED))
     for name, outlook, colour in plans:
-        minutes = (foresight.start + np.array([0.0, *outlook.times])) / 60.0
-        now = np.full((3, 1), foresight.seen_tracer[0])
+        minutes = (study.start + np.array([0.0, *outlook.times])) / 60.0
+        now = np.full((3, 1), study.seen_tracer[0])
         low, median, high = np.hstack([now, outlook.zone_tracer]) * ML
         zone.fill_between(minutes, low, high, color=colour, alpha=0.2, lw=0)
         zone.plot(minutes, median, color=colour, label=f'{name}, with the 90 % band')
         reached.plot(minutes[1:], 100.0 * outlook.zone_reached, color=colour, label=name)
-    if len(foresight.seen_times) > 1:
-        seen = foresight.seen_times / 60.0, foresight.seen_tracer * ML
+    if len(study.seen_times) > 1:
+        seen = study.seen_times / 60.0, study.seen_tracer * ML
         zone.plot(*seen, 'k.', ms=3, label='photographed later')
     zone.set_ylabel('tracer in the zone [ml]')
     reached.set_ylabel('probability that the zone is reached [%]')
@@ -43,21 +43,21 @@ def foresight_picture(path: Path, foresight: Foresight) -> None:
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
     for axis, (name, outlook, colour) in zip(maps, plans, strict=True):
-        _draw_plume(axis, foresight, name, outlook, colour)
+        _draw_plume(axis, study, name, outlook, colour)
     figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
 
-def _draw_plume(axis: Axes, foresight: Foresight, name: str, outlook: Outlook, colour: str) -> None:
+def _draw_plume(axis: Axes, study: WhatIfStudy, name: str, outlook: Outlook, colour: str) -> None:
     """Draw the mean map at the end with its outline, the doubt about it, and today's outline."""
-    draw_map(axis, foresight.rig, outlook.mean[-1])
-    x, z = np.meshgrid(foresight.grid.x, foresight.grid.z)
+    draw_map(axis, study.rig, outlook.mean[-1])
+    x, z = np.meshgrid(study.grid.x, study.grid.z)
     mean, spread = outlook.mean[-1], outlook.deviation[-1]
     for values, style in ((mean, '-'), (mean - spread, ':'), (mean + spread, ':')):
         axis.contour(x, z, values, levels=[PLUME_THRESHOLD], colors=colour, linestyles=style)
     axis.contour(
-        x, z, foresight.state, levels=[PLUME_THRESHOLD], colors='black', linestyles='--',
+        x, z, study.state, levels=[PLUME_THRESHOLD], colors='black', linestyles='--',
         linewidths=0.8,
     )  # fmt: skip
-    end = (foresight.start + outlook.map_times[-1]) / 60.0
-    axis.set_title(f'{name}, {end:.4g} min; dashed: at {foresight.start / 60.0:.4g} min')
+    end = (study.start + outlook.map_times[-1]) / 60.0
+    axis.set_title(f'{name}, {end:.4g} min; dashed: at {study.start / 60.0:.4g} min')

@@ -1,0 +1,159 @@
+"""Another tone curve, or haze: changes of light that depend on the brightness of the sand.
+
+A drift of light multiplies bright and dark sand alike. Two changes do not:
+
+    tone curve   state = gain light^(1 + p)      another picture style or gamma of the camera
+    haze         state = gain light + offset     fog on the glass, stray light, a dirty lens
+
+With r the log ratio of the state to the baseline light b, the change is undone by
+
+    tone curve   r' = (r - p ln(b / b0)) / (1 + p)
+    haze         r' = ln(exp(r) - offset / b)
+
+which leave a constant gain for the drift of light. Sands of different brightness without tracer
+determine p or the offset: the best value lets most of the sand follow one smooth light. The search
+starts only if dark and bright sand drift apart.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_imaging.light_drift import light_drift
+from porotwin_imaging.settings import DEFAULTS, ImagingSettings
+
+Array = NDArray[Any]
+Mask = NDArray[np.bool_]
+
+_POWERS = (-0.24, -0.16, -0.08, 0.08, 0.16, 0.24)
+"""Changes of the power that are tried first."""
+_OFFSETS = (-0.16, -0.08, -0.04, 0.04, 0.08, 0.16, 0.3, 0.5, 0.8)
+"""Offsets that are tried first, relative to the light of the darker sand."""
+_HALVINGS = 4
+"""The step of the search, a quarter of the best amount at first, is halved so often."""
+_LEAST_RATIO = 1e-3
+"""Ratios to the baseline are raised to this before the logarithm."""
+_DARK_PERCENTILE = 25.0
+"""Percentile of the light that stands for darker sand."""
+_SMALLEST_DIVISOR = 1e-9
+_SEARCH_CELLS = 3000
+"""Cells used in the search."""
+
+
+@dataclass(frozen=True)
+class ToneChange:
+    """A change of tone.
+
+    Attributes:
+        kind: 'curve' or 'haze', see the module.
+        amount: p, or the offset [linear light].
+        reference: light that keeps its log ratio, b0 [linear light].
+    """
+
+    kind: Literal['curve', 'haze']
+    amount: float
+    reference: float
+
+    def undone(self, log_ratio: Array, before: Array) -> Array:
+        """Return the log ratios (nz, nx, 3) without the change.
+
+        `before` is the linear light of the baseline, same shape.
+        """
+        if self.kind == 'curve':
+            bent = log_ratio - self.amount * np.log(before / self.reference)
+            return np.asarray(bent / (1.0 + self.amount), np.float32)
+        ratio = np.exp(log_ratio) - self.amount / before
+        return np.asarray(np.log(np.maximum(ratio, _LEAST_RATIO)), np.float32)
+
+    @property
+    def remark(self) -> str:
+        """A line for the reader."""
+        if self.kind == 'curve':
+            return f'tone curve of the camera has changed (gamma {1 + self.amount:.2f}): corrected'
+        share = 100 * self.amount / self.reference
+        word = 'more' if share > 0 else 'less'
+        return f'haze or stray light: {abs(share):.0f} % {word} light on dark sand: corrected'
+
+
+def tone_change(
+    log_ratio: Array,
+    before: Array,
+    visible: Mask,
+    checker_gain: Array | None,
+    settings: ImagingSettings = DEFAULTS,
+) -> ToneChange | None:
+    """Return the change of tone of a photograph; None if it is ordinary.
+
+    Args:
+        log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
+        before: linear light of the baseline, same shape.
+        visible: cells that show their sand, shape (nz, nx).
+        checker_gain: log gain at the colour chart, shape (3,), or None.
+        settings: settings of all steps.
+    """
+    stride = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
+    thin = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
+    search = _Search(log_ratio[thin], before[thin], visible[thin], checker_gain, settings)
+    if not search.is_unusual():
+        return None
+    best = max((search.best('curve', _POWERS), search.best('haze', _OFFSETS)), key=search.score)
+    gain = search.score(best) / max(search.score(None), 1.0)
+    return best if gain > settings.tone.least_gain else None
+
+
+@dataclass(frozen=True)
+class _Search:
+    """The search on a part of the cells; the arguments of `tone_change`."""
+
+    log_ratio: Array
+    before: Array
+    visible: Mask
+    checker_gain: Array | None
+    settings: ImagingSettings
+
+    def is_unusual(self) -> bool:
+        """Return whether dark and bright sand drift apart, or sand has become brighter."""
+        tone, light = self.settings.tone, np.log(self.before.mean(axis=2))
+        if not self.visible.any() or light[self.visible].std() < tone.least_spread:
+            return False
+        weight, residual = self._background(None)
+        grey = residual.mean(axis=2)
+        if (grey[self.visible] > tone.brighter).mean() > tone.brighter_share:
+            return True
+        chosen = weight > 0
+        if chosen.sum() < self.settings.sands.fewest_cells:
+            return False
+        apart = light[chosen] - light[chosen].mean()
+        weighted = weight[chosen] * apart
+        slope = weighted @ grey[chosen] / max(float(weighted @ apart), _SMALLEST_DIVISOR)
+        seen = apart.std() > tone.least_spread
+        return bool(seen and abs(slope) > tone.least_slope)
+
+    def best(self, kind: Literal['curve', 'haze'], amounts: tuple[float, ...]) -> ToneChange:
+        """Return the best change of a kind: the best of `amounts`, then refined."""
+        grey = self.before.mean(axis=2)[self.visible]
+        reference = float(np.percentile(grey, 50.0 if kind == 'curve' else _DARK_PERCENTILE))
+        unit = 1.0 if kind == 'curve' else reference
+        tried = [ToneChange(kind, amount * unit, reference) for amount in amounts]
+        found = max(tried, key=self.score)
+        step = abs(found.amount) / 4
+        for _ in range(_HALVINGS):
+            near = [ToneChange(kind, found.amount + sign * step, reference) for sign in (-1, 1)]
+            found = max([found, *near], key=self.score)
+            step /= 2
+        return found
+
+    def score(self, change: ToneChange | None) -> float:
+        """Return the amount of sand that follows one smooth light."""
+        return float(self._background(change)[0].sum())
+
+    def _background(self, change: ToneChange | None) -> tuple[Array, Array]:
+        """Return robust weights (nz, nx) of sand without tracer, and residuals (nz, nx, 3)."""
+        light = self.settings.light
+        ratio = self.log_ratio if change is None else change.undone(self.log_ratio, self.before)
+        drift = light_drift(ratio, self.visible.astype(np.float32), self.checker_gain, light)
+        residual = ratio - drift.log_gain
+        distance = (residual**2).mean(axis=2) / light.tolerance**2
+        return self.visible * np.clip(1.0 - distance, 0.0, None) ** 2, residual

@@ -1,0 +1,24 @@
+"""Families of responses."""
+
+import numpy as np
+import pytest
+
+from porotwin_imaging.response_family import FAMILIES, concentration_of
+
+SIGNAL = np.linspace(-0.1, 1.2, 131)
+
+
+@pytest.mark.parametrize('family', list(FAMILIES))
+@pytest.mark.parametrize('bend', [-0.25, -0.04, 0.0, 0.1, 0.25])
+def test_a_curve_rises_from_water_to_stock_with_its_bend(family, bend) -> None:
+    found = concentration_of(family, SIGNAL, bend)
+    assert (np.diff(found) > 0).all()
+    ends = concentration_of(family, np.array([0.0, 0.5, 1.0]), bend)
+    np.testing.assert_allclose(ends, [0.0, 0.5 + bend, 1.0], atol=1e-6)
+
+
+def test_the_exponential_family_inverts_a_saturating_dye() -> None:
+    concentration = np.linspace(0, 1, 11)
+    signal = np.expm1(-0.3 * concentration) / np.expm1(-0.3)
+    bend = -np.log1p(0.5 * np.expm1(-0.3)) / 0.3 - 0.5
+    np.testing.assert_allclose(concentration_of('exponential', signal, bend), concentration)
