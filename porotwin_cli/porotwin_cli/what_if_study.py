@@ -155,7 +155,8 @@ def study_what_if(
     newest = int(np.abs(times - start).argmin())
     begin = float(times[newest])
     ahead = horizon or max(LEAST_HORIZON_S, float(times[-1]) - begin)
-    family = Siblings(recording.rig, grid, executor=executor, count=siblings)
+    map_grid = recording.rig.grid(*reversed(recording.concentration.shape[1:]))
+    family = Siblings(recording.rig, grid, map_grid=map_grid, executor=executor, count=siblings)
     _learn(family, recording, newest, learnt)
     commanded = _schedule(recording)
     present = [
@@ -169,12 +170,12 @@ def study_what_if(
     outlooks = [family.outlook(plan, ahead, after, maps_after) for plan in (present, proposed)]
     seconds = time.perf_counter() - clock
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
-    seen = [family.zone.tracer(np.nan_to_num(_on(grid, recording.concentration[n]))) for n in later]
+    seen = [family.zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
     return WhatIfStudy(
         rig=recording.rig,
         grid=grid,
         start=begin,
-        state=family.state,
+        state=_on(grid, family.state),
         present=outlooks[0],
         proposed=outlooks[1],
         seen_times=np.array([times[n] for n in later]),
@@ -216,7 +217,7 @@ def _learn(
     delivered = recording.delivered
     for count, number in enumerate(chosen, start=1):
         now = float(recording.times[number])
-        periods = (
+        periods: list[RatePeriod] = (
             []
             if before is None
             else [
@@ -224,7 +225,7 @@ def _learn(
                 for low, high, rates in delivered.intervals(before, now)
             ]
         )
-        family.observe(_photograph(maps, number, family.grid), periods)
+        family.observe(_photograph(maps, number, family.map_grid), periods)
         before = now
         learnt(count, len(chosen))
 

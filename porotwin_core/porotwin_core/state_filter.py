@@ -45,6 +45,13 @@ RELATED_CELLS = 10.0
 TINY = 1e-15
 """Volume below which there is none [m^3]."""
 
+SIGNIFICANT = 2.0
+"""A concentration counts from so many of its random deviations on: below, noise that cannot fall
+under 0 would add up to millilitres over the whole rig."""
+
+EMPTY_SHARE = 0.1
+"""Random deviation of a cell that a first photograph shows empty, relative to its noise."""
+
 FULL_ROUNDS = 3
 """Rounds of spreading a difference of volume: cells at 0 and 1 take no more."""
 
@@ -122,10 +129,15 @@ class StateFilter:
     def begin(self, seen: Seen, expected: FloatArray | None = None) -> Estimate:
         """Return the state of a photograph that follows from no other one.
 
-        Its unseen cells take the `expected` map (nz, nx), or 0 without one.
+        Its unseen cells take the `expected` map (nz, nx), or 0 without one. Cells that do not
+        differ from 0 by more than their noise hold no tracer.
         """
-        state = fill_unseen(seen.concentration, expected)
+        shown_tracer = np.where(
+            seen.concentration < SIGNIFICANT * seen.random, 0.0, seen.concentration
+        )
+        state = fill_unseen(shown_tracer, expected)
         variance = np.where(np.isfinite(seen.concentration), seen.random**2, 1.0)
+        variance = np.where(shown_tracer == 0.0, (EMPTY_SHARE * seen.random) ** 2, variance)
         shown = float(np.sum(self.pore_volume * seen.systematic))
         noise = self._noise(seen)
         covariance = np.array([[shown**2 + noise, -shown], [-shown, 1.0]])
@@ -203,7 +215,9 @@ class StateFilter:
         the time, so that errors add up.
         """
         known = np.isfinite(seen.concentration)
-        pores = np.where(known, self.pore_volume, 0.0)
+        least = SIGNIFICANT * seen.random
+        counts = known & ((predicted > least) | (np.nan_to_num(seen.concentration) > least))
+        pores = np.where(counts, self.pore_volume, 0.0)
         shown = float(np.sum(pores * seen.systematic))
         found = float(np.sum(pores * np.nan_to_num(seen.concentration)))
         deviation = np.sqrt(last.covariance[0, 0])

@@ -151,12 +151,17 @@ class PhysicsModelClient:
 
 
 class PlanModelClient:
-    """The costs of plans behind `solver/cost_gradient`; a `plan_controller.PlanModel`."""
+    """The costs of plans behind `solver/cost_gradient`; a `plan_controller.PlanModel`.
 
-    def __init__(self, call: Caller, rig: Rig) -> None:
-        """Ask for the plans of `rig`."""
+    With another `model`, `siblings`, they are the mean over its siblings.
+    """
+
+    def __init__(self, call: Caller, rig: Rig, model: str = 'solver') -> None:
+        """Ask `model` for the plans of `rig`."""
         self._call = call
         self._rig = rig
+        self._service = f'{model}/cost_gradient'
+        self._cancel = CANCEL if model == 'solver' else ''
 
     def plan_cost(
         self,
@@ -183,9 +188,9 @@ class PlanModelClient:
         )
         response = self._call(
             CostGradient,
-            'solver/cost_gradient',
+            self._service,
             request,
-            cancel=CANCEL,
+            cancel=self._cancel,
             patience=max(patience, LEAST_PATIENCE_S),
         )
         if not with_gradient:
@@ -193,7 +198,7 @@ class PlanModelClient:
         shape = (len(plan), len(self._rig.wells))
         if len(response.gradient) != math.prod(shape):
             raise ModelUnavailable(
-                f"service 'solver/cost_gradient' answers wrongly: {len(response.gradient)} "
+                f"service '{self._service}' answers wrongly: {len(response.gradient)} "
                 f'derivatives, not {shape[0]} x {shape[1]}'
             )
         return float(response.cost), np.array(response.gradient).reshape(shape)

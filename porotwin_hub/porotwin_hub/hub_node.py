@@ -246,6 +246,14 @@ class HubNode(Node):
             choices=('gradient', 'cobyla'),
             on_change=lambda value: replace_controller(optimiser=value),
         )
+        judge = declare(
+            self,
+            'plans_judged_by',
+            'solver',
+            'who tells the cost of a plan: the solver, or the mean of some siblings, which counts '
+            'what is in doubt and takes longer',
+            choices=('solver', 'siblings'),
+        )
         self._settings = ControlSettings(enabled, optimiser, horizon, evaluations)
         if self._known_limits is None:
             return None
@@ -257,7 +265,7 @@ class HubNode(Node):
             plan_controller,
             rig,
             self._grid,
-            PlanModelClient(self._call, rig),
+            PlanModelClient(self._call, rig, judge),
             interval=interval,
             patience=patience,
         )

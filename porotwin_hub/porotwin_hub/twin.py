@@ -14,9 +14,11 @@ from dataclasses import dataclass, field
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
 from porotwin_core.rates_in_force import (
+    PUMP_ACCURACY,
     KnownRates,
     RatePeriod,
     describe_difference,
+    different_wells,
     injected_tracer,
     latest_known,
     rates_in_force,
@@ -396,9 +398,9 @@ class Twin:
             cycle.decision = controller.decide(
                 self._physics,
                 cycle.state,
-                self._commanded_rates(now),
+                self._rates_to_change(cycle, controller),
                 now=now - (self._began or 0.0),
-                delivery={name: found.factor for name, found in self._factors().items()},
+                delivery=self._delivery(),
             )
             cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
         except ModelUnavailable as error:
@@ -413,6 +415,24 @@ class Twin:
             cycle.setpoint = SetpointDecision(rates, now + self.validity, reason)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
+
+    def _rates_to_change(self, cycle: Cycle, controller: Planner) -> WellRates:
+        """Return the rates that a decision starts from: those in force.
+
+        They are the commanded ones where the pumps are within their accuracy of them. A limit on
+        changes counts from setpoint to setpoint.
+        """
+        commanded = self._commanded_rates(cycle.observation.time)
+        if math.isfinite(controller.limits.max_change):
+            return commanded
+        other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
+        return cycle.pumped if other else commanded
+
+    def _delivery(self) -> dict[str, float]:
+        """Return the share of its commanded rate that each pump delivers, where it is known."""
+        if self._learner is None:
+            return {}
+        return {well: found.factor for well, found in self._learner.factors.items()}
 
     def _setpoint_without_model(
         self, now: float, reason: str, controller: Planner

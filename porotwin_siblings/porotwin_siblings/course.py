@@ -107,19 +107,22 @@ def sibling_physics(rig: Rig, grid: Grid, traits: Traits) -> Physics:
     physics, _ = apply_effects(
         nominal_physics(rig, grid), ObservationOperator(), (*rig.effects, *traits.effects)
     )
+    return with_traits(traits, physics)
+
+
+def with_traits(traits: Traits, physics: Physics) -> Physics:
+    """Return the coefficients of `physics` as a sibling believes them, without its effects."""
     along = traits.longitudinal_dispersivity
-    flux = tuple(
-        have + more
-        for have, more in zip(physics.background_flux, traits.background_flux, strict=True)
-    )
+    (have_x, have_z), (more_x, more_z) = physics.background_flux, traits.background_flux
+    waves = log_permeability(physics.grid, traits.waves)
     return replace(
         physics,
         longitudinal_dispersivity=physics.longitudinal_dispersivity + along,
         transverse_dispersivity=physics.transverse_dispersivity + TRANSVERSE_SHARE * along,
         density_difference=physics.density_difference + traits.density_difference,
         porosity=np.minimum(physics.porosity * traits.porosity_factor, 1.0),
-        background_flux=(flux[0], flux[1]),
-        permeability=physics.permeability * np.exp(log_permeability(grid, traits.waves)),
+        background_flux=(have_x + more_x, have_z + more_z),
+        permeability=physics.permeability * np.exp(waves),
     )
 
 

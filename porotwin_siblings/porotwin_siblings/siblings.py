@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.map_blocks import Blocks
@@ -19,6 +20,7 @@ from porotwin_core.wells import RateStep
 from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.course import Course, CourseOrder, run_course
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
+from porotwin_siblings.expected_cost import CostOrder
 from porotwin_siblings.rate_log import plan_periods
 from porotwin_siblings.traits import Traits, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
@@ -82,7 +84,8 @@ class Outlook:
     `times` [s] are after `start`. `zone_tracer` [m^3], `zone_area` [m^2] are (3, times): the ends
     of the 90 % band about the median, in the order of `BAND`. `zone_reached` (times,) is the share
     of siblings whose tracer has reached the zone by then. `mean` and `deviation` are the maps
-    (map times, nz, nx) [-] at `map_times` [s] after `start`.
+    (map times, nz, nx) [-] at `map_times` [s] after `start`. `ranked` are the numbers of the
+    siblings in the order of their tracer in the zone, summed over all times.
     """
 
     start: float
@@ -95,6 +98,7 @@ class Outlook:
     map_times: FloatArray
     mean: FloatArray
     deviation: FloatArray
+    ranked: tuple[int, ...]
 
 
 class _Moment(NamedTuple):
@@ -128,8 +132,8 @@ class Siblings:
         rig: Rig,
         grid: Grid,
         *,
-        map_grid: Grid,
         executor: Executor,
+        map_grid: Grid | None = None,
         count: int = 32,
         diagnosed: Sequence[DiagnosedEffect] = (),
         seed: int = 1,
@@ -139,8 +143,8 @@ class Siblings:
         Args:
             rig: the rig as described.
             grid: of the siblings.
-            map_grid: of the photographs' maps, which is no coarser.
             executor: runs their courses: threads, processes, or a Dask client's executor.
+            map_grid: of the photographs' maps, which is no coarser; None: the same.
             count: number of siblings.
             diagnosed: effects that a diagnosis found.
             seed: of their differences.
@@ -148,6 +152,7 @@ class Siblings:
         Raises:
             InputError: too few siblings, or an effect that the rig cannot have.
         """
+        map_grid = map_grid or grid
         self.rig, self.grid, self.map_grid = rig, grid, map_grid
         self.unknowns = Unknowns.of(rig, diagnosed)
         self._zones = {one: ZoneMeasure.of(rig, one) for one in (grid, map_grid)}
@@ -165,6 +170,11 @@ class Siblings:
 
     def _new_filter(self) -> StateFilter:
         return StateFilter(self._pores, (self.map_grid.dz, self.map_grid.dx))
+
+    @property
+    def zone(self) -> ZoneMeasure:
+        """The measures of the zone on the grid of the maps."""
+        return self._zones[self.map_grid]
 
     @property
     def started(self) -> bool:
@@ -283,7 +293,7 @@ class Siblings:
         area = np.array([course.zone_area for course in courses])
         area = np.maximum(area + fine.zone_area - coarse.zone_area, 0.0)
         maps = np.array([course.maps for course in courses])
-        reached = np.maximum.accumulate(tracer, axis=1) > self._zones[self.map_grid].reached_tracer
+        reached = np.maximum.accumulate(tracer, axis=1) > self.zone.reached_tracer
         return Outlook(
             begin.time,
             tuple(plan),
@@ -295,7 +305,45 @@ class Siblings:
             maps_after,
             maps.mean(axis=0),
             maps.std(axis=0),
+            tuple(int(number) for number in np.argsort(tracer.sum(axis=1), kind='stable')),
         )
+
+    def cost_orders(
+        self,
+        numbers: Sequence[int],
+        initial: FloatArray,
+        plan: Sequence[RateStep],
+        *,
+        horizon: float,
+        terms: Sequence[CostTerm],
+        with_gradient: bool,
+    ) -> list[CostOrder]:
+        """Return the orders for the siblings with `numbers` to judge a plan.
+
+        The rates of the plan are those that the pumps are believed to deliver; each sibling
+        believes in others around them. The other arguments are as in `schedule_cost`, with maps
+        (nz, nx) on any grid of the rig.
+
+        Raises:
+            InputError: no photograph has come yet.
+        """
+        standing = self._standing()
+        usual = standing.mean.rate_factors
+        nz, nx = initial.shape
+        return [
+            CostOrder(
+                self.rig,
+                self.rig.grid(nx, nz),
+                one,
+                {well: factor / usual[well] for well, factor in one.rate_factors.items()},
+                initial,
+                tuple(plan),
+                horizon,
+                tuple(terms),
+                with_gradient,
+            )
+            for one in (standing.traits[number] for number in numbers)
+        ]
 
     def _run(self, orders: Iterable[CourseOrder], executor: Executor | None = None) -> list[Course]:
         return list((executor or self._executor).map(run_course, list(orders)))

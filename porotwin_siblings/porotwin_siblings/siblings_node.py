@@ -25,10 +25,12 @@ from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
-from porotwin_msgs.srv import WhatIf
+from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
+from porotwin_siblings.expected_cost import expected_cost
 from porotwin_siblings.rate_log import RateLog, proposed_plan
 from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
 NICENESS = 10
 """Nice value of the threads that learn: they use only time that the twin leaves."""
@@ -38,6 +40,9 @@ DEFAULT_CELL_M = 0.015
 
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
+
+MINUTE_S = 60.0
+"""Length of a minute [s]."""
 
 DAY_S = 86400.0
 """Longest horizon [s]."""
@@ -51,8 +56,8 @@ MAPS = 2
 SETPOINT_WAIT_S = 3.0
 """Wait for the setpoint that follows a photograph [s]; the hub takes a second or two."""
 
-THREADS = 3
-"""One thread listens, one answers a question, one is spare for the parameters."""
+THREADS = 4
+"""One thread listens, two answer questions, one is spare for the parameters."""
 
 MOST_WORKERS = 64
 """Threads; more than any laboratory machine has cores."""
@@ -89,6 +94,15 @@ class SiblingsNode(Node):
             at_least=60.0,
             at_most=DAY_S,
         )
+        self._judges = declare(
+            self,
+            'judges',
+            4,
+            'siblings whose mean cost siblings/cost_gradient answers; each takes as long as a '
+            'gradient of the solver',
+            at_least=1,
+            at_most=1000,
+        )
         diagnosis = declare(
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
@@ -105,6 +119,8 @@ class SiblingsNode(Node):
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
         self._interrupted = False
+        # simulated time counts from the start of the experiment
+        self._began = 0.0 if self.get_parameter('use_sim_time').value else None
         self._forecast: Outlook | None = None
         self._diagnostics = Diagnostics(self)
         self._make_topics()
@@ -146,6 +162,10 @@ class SiblingsNode(Node):
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(WhatIf, 'siblings/what_if', self._what_if, callback_group=own)
+        other = MutuallyExclusiveCallbackGroup()
+        self.create_service(
+            CostGradient, 'siblings/cost_gradient', self._cost_gradient, callback_group=other
+        )
 
     # --- messages in --------------------------------------------------------------------------
 
@@ -238,6 +258,8 @@ class SiblingsNode(Node):
 
     def _learn(self, photograph: Photograph) -> None:
         siblings = self.siblings
+        if self._began is None or photograph.time < self._began:
+            self._began = photograph.time
         with self._changed:
             if siblings.started and photograph.time <= siblings.time:
                 siblings.begin_anew()
@@ -256,8 +278,16 @@ class SiblingsNode(Node):
                 timeout=SETPOINT_WAIT_S if self.count_publishers('wells/setpoint') else 0.0,
             )
             present = self._rates.present(time)
-        self._forecast = self._outlook([RateStep(0.0, present)], self._horizon, None)
+        self._forecast = self._outlook([RateStep(0.0, present)], self._ahead(), None)
         self._publisher.publish(self._message(self._forecast))
+
+    def _ahead(self) -> float:
+        """Return how far to look ahead [s]: to the end of the experiment where it is known."""
+        control = self._rig.control
+        if control is None or control.end_min is None or self._began is None:
+            return self._horizon
+        left = self._began + MINUTE_S * control.end_min - self.siblings.time
+        return left if left > 0.0 else self._horizon
 
     def _outlook(
         self, plan: Sequence[RateStep], horizon: float, executor: Executor | None
@@ -290,7 +320,7 @@ class SiblingsNode(Node):
         """
         if not self.siblings.started:
             raise InputError('no photograph has come yet; ask again after the first one')
-        horizon = request.horizon or self._horizon
+        horizon = request.horizon or self._ahead()
         if not 0.0 < horizon <= DAY_S:
             raise InputError(f'horizon {horizon:g} s: must lie between 0 and {DAY_S:g} s')
         steps = conversions.plan_from_msg(request.proposed)
@@ -304,6 +334,43 @@ class SiblingsNode(Node):
             present = self._outlook([RateStep(0.0, rates)], horizon, self._quick)
         response.present = self._message(present)
         response.proposed = self._message(self._outlook(plan, horizon, self._quick))
+
+    def _cost_gradient(
+        self, request: CostGradient.Request, response: CostGradient.Response
+    ) -> CostGradient.Response:
+        try:
+            found = self._expected_cost(request)
+            response.cost = found.cost
+            if found.gradient is not None:
+                response.gradient = np.ravel(found.gradient).tolist()
+            response.outcome = conversions.ok()
+        except Exception as error:
+            response.outcome = conversions.refusal(error)
+            self.get_logger().error(f'siblings/cost_gradient: {response.outcome.message}')
+        return response
+
+    def _expected_cost(self, request: CostGradient.Request) -> ScheduleCost:
+        """Return the cost and gradient that some siblings expect on average.
+
+        They stand for equal shares of all, in the order of the tracer that they expect in the zone.
+
+        Raises:
+            InputError: the request is wrong, or no forecast has been made yet.
+        """
+        if self._forecast is None:
+            raise InputError('no forecast has been made yet; ask again after the first photograph')
+        initial, grid = conversions.tracer_from_msg(request.initial)
+        ranked, count = self._forecast.ranked, min(self._judges, len(self._forecast.ranked))
+        chosen = [ranked[(2 * n + 1) * len(ranked) // (2 * count)] for n in range(count)]
+        orders = self.siblings.cost_orders(
+            chosen,
+            initial,
+            conversions.plan_from_msg(request.schedule),
+            horizon=request.horizon,
+            terms=[conversions.cost_term_from_msg(term, grid) for term in request.terms],
+            with_gradient=request.with_gradient,
+        )
+        return expected_cost(orders, self._quick)
 
     def _message(self, outlook: Outlook) -> Forecast:
         grid, start = self.siblings.grid, outlook.start

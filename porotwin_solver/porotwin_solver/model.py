@@ -1,7 +1,7 @@
 """The physics-based model for one interval: predict, residual, correct (paper sec. 2.2)."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from porotwin_core.wells import WellRate, WellRates
 from porotwin_solver.effects import apply_effects
 from porotwin_solver.engine import Engine, State
 from porotwin_solver.observation_operator import ObservationOperator
-from porotwin_solver.physics import nominal_physics
+from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.presets import preset_named
 from porotwin_solver.quantities import quantity_of_interest
 from porotwin_solver.refinement import coarsen, refine
@@ -76,12 +76,13 @@ class Model:
         effects: Iterable[EffectDescription] = (),
         refinement: int | None = None,
         supervision: Supervision = UNSUPERVISED,
+        adapt: Callable[[Physics], Physics] = lambda physics: physics,
     ) -> None:
         """Prepare the flow of `rig` with its own and further `effects` on `grid`.
 
         Flow and transport are solved on cells whose sides are divided into `refinement` parts; the
         preset decides where it is not given. The tracer-driven part of the flow is on `grid`.
-        `supervision` bounds every prediction.
+        `supervision` bounds every prediction. `adapt` changes the coefficients after the effects.
 
         Raises:
             InputError: an unknown preset, effect or parameter, or coefficients no rig can have.
@@ -90,14 +91,15 @@ class Model:
         described = (*rig.effects, *effects)
         self.rig, self.grid, self.preset = rig, grid, preset
         self.effects = described
-        self.physics, self.observation_operator = apply_effects(
+        physics, self.observation_operator = apply_effects(
             nominal_physics(rig, grid), ObservationOperator(), described
         )
-        fine_physics = self.physics
+        self.physics = fine_physics = adapt(physics)
         if (factor := refinement or chosen.refinement(grid)) > 1:
             fine_physics, _ = apply_effects(
                 nominal_physics(rig, grid.refined(factor)), ObservationOperator(), described
             )
+            fine_physics = adapt(fine_physics)
         self.engine = Engine(
             fine_physics,
             scheme=chosen.scheme,

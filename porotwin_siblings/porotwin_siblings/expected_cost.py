@@ -1,0 +1,93 @@
+"""The cost of a plan that some siblings expect on average, and its gradient.
+
+A plan that is good for the mean alone may be poor for half of the siblings; the mean of their costs
+counts what they doubt (robust optimisation; van Essen et al., SPE Journal 14 (2009) 202-210).
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from porotwin_core.cost_term import CostTerm
+from porotwin_core.delivered_rates import delivered
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
+from porotwin_core.wells import RateStep
+from porotwin_siblings.course import with_traits
+from porotwin_siblings.traits import Traits
+from porotwin_solver.adjoint.schedule_cost import ScheduleCost, schedule_cost
+from porotwin_solver.model import Model
+
+
+@dataclass(frozen=True)
+class CostOrder:
+    """What a sibling is asked to judge.
+
+    Attributes:
+        rig: the rig as described.
+        grid: grid of `initial` and of the terms.
+        traits: what the sibling believes beyond that.
+        factors: delivered rates over those of the plan, by well [-].
+        initial: concentration at the start of the plan, (nz, nx) [-].
+        plan: the rates; its times count from the initial state.
+        horizon: how long [s].
+        terms: of the cost.
+        with_gradient: whether the gradient is wanted.
+    """
+
+    rig: Rig
+    grid: Grid
+    traits: Traits
+    factors: dict[str, float]
+    initial: FloatArray
+    plan: tuple[RateStep, ...]
+    horizon: float
+    terms: tuple[CostTerm, ...]
+    with_gradient: bool
+
+
+def judge_plan(order: CostOrder) -> ScheduleCost:
+    """Return the cost that one sibling expects, and its gradient by the rates of the plan.
+
+    Raises:
+        InputError: as `schedule_cost`.
+    """
+    rig, factors = order.rig, order.factors
+    model = Model(
+        rig,
+        order.grid,
+        preset='fast',
+        effects=order.traits.effects,
+        adapt=partial(with_traits, order.traits),
+    )
+    plan = [
+        RateStep(step.start, delivered(step.rates, factors, closed=rig.closed))
+        for step in order.plan
+    ]
+    found = schedule_cost(
+        model,
+        order.initial,
+        plan,
+        horizon=order.horizon,
+        terms=order.terms,
+        with_gradient=order.with_gradient,
+    )
+    if found.gradient is None:
+        return found
+    shares = np.array([factors.get(well, 1.0) for well in rig.wells])
+    return ScheduleCost(found.cost, found.gradient * shares)
+
+
+def expected_cost(orders: Sequence[CostOrder], executor: Executor) -> ScheduleCost:
+    """Return the mean of the costs and gradients of `orders`, one for each sibling.
+
+    Raises:
+        InputError: as `schedule_cost`.
+    """
+    found = list(executor.map(judge_plan, orders))
+    cost = float(np.mean([one.cost for one in found]))
+    gradients = [one.gradient for one in found if one.gradient is not None]
+    return ScheduleCost(cost, np.mean(gradients, axis=0) if gradients else None)

@@ -1,0 +1,54 @@
+"""Tests of the effects that a diagnosis found."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_siblings.diagnosed_effects import read_diagnosis
+
+BUOYANCY = {
+    'name': 'buoyancy',
+    'parameters': {'density_difference': {'value': 4.0, 'low': 3.5, 'high': 4.5, 'unit': 'kg/m3'}},
+}
+RATE = {
+    'name': 'rate',
+    'parameters': {
+        'well': {'value': 'injector', 'low': None, 'high': None, 'unit': 'name'},
+        'factor': {'value': 0.9, 'low': 0.8, 'high': 1.0, 'unit': '-'},
+    },
+}
+
+
+def written(folder: Path, effects: list[dict], combination: list[str]) -> Path:
+    path = folder / 'diagnosis.json'
+    path.write_text(json.dumps({'effects': effects, 'combination': combination}))
+    return path
+
+
+def test_kept_effects_are_read_with_their_intervals(tmp_path: Path) -> None:
+    (found,) = read_diagnosis(written(tmp_path, [BUOYANCY, RATE], ['buoyancy']))
+    assert found.name == 'buoyancy'
+    ((name, value, deviation),) = found.numbers
+    assert (name, value) == ('density_difference', 4.0)
+    assert deviation == pytest.approx(1.0 / 3.29)
+
+
+def test_drawn_values_stay_within_what_an_effect_allows(tmp_path: Path) -> None:
+    (found,) = read_diagnosis(written(tmp_path, [RATE], ['rate']))
+    described = found.described(iter([-0.5]))
+    assert described.parameters == {'well': 'injector', 'factor': 0.0}
+
+
+def test_no_verdict_leaves_nothing(tmp_path: Path) -> None:
+    assert read_diagnosis(written(tmp_path, [BUOYANCY], [])) == ()
+
+
+def test_another_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'other.json'
+    path.write_text('{}')
+    with pytest.raises(InputError, match='no diagnosis'):
+        read_diagnosis(path)
+    with pytest.raises(InputError, match='name a diagnosis'):
+        read_diagnosis(tmp_path / 'absent.json')

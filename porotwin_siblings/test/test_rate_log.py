@@ -1,0 +1,63 @@
+"""Tests of the log of rates, and of plans made from proposals."""
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_core.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.wells import RateStep, WellRate
+from porotwin_siblings.rate_log import RateLog, plan_periods, proposed_plan
+
+REST = {'a': WellRate(), 'out': WellRate()}
+FIRST = {'a': WellRate(1e-7), 'out': WellRate(-1e-7)}
+SECOND = {'a': WellRate(2e-7), 'out': WellRate(-2e-7)}
+
+
+def test_setpoints_hold_from_their_photograph_on() -> None:
+    log = RateLog(REST)
+    log.add_commanded(30.0, FIRST)
+    log.add_commanded(60.0, SECOND)
+    assert log.take(0.0, 90.0) == (
+        RatePeriod(0.0, 30.0, REST),
+        RatePeriod(30.0, 60.0, FIRST),
+        RatePeriod(60.0, 90.0, SECOND),
+    )
+    assert log.take(90.0, 120.0) == (RatePeriod(90.0, 120.0, SECOND),)
+
+
+def test_known_rates_replace_commanded_ones() -> None:
+    log = RateLog(REST)
+    log.add_commanded(0.0, FIRST)
+    log.add_known(KnownRates(0.0, 20.0, SECOND))
+    assert log.take(0.0, 30.0) == (RatePeriod(0.0, 20.0, SECOND), RatePeriod(20.0, 30.0, FIRST))
+
+
+def test_confirmed_rates_are_present_until_a_newer_setpoint() -> None:
+    log = RateLog(REST)
+    log.add_commanded(0.0, FIRST)
+    log.add_known(KnownRates(10.0, 10.0, SECOND))
+    assert log.present(20.0) == SECOND
+    log.add_commanded(30.0, FIRST)
+    assert log.present(30.0) == FIRST
+    assert log.is_commanded(30.0)
+    assert not log.is_commanded(60.0)
+
+
+def test_a_plan_ends_at_its_horizon() -> None:
+    plan = [RateStep(0.0, FIRST), RateStep(50.0, SECOND), RateStep(500.0, REST)]
+    assert plan_periods(plan, 1000.0, 100.0) == (
+        RatePeriod(1000.0, 1050.0, FIRST),
+        RatePeriod(1050.0, 1100.0, SECOND),
+    )
+    with pytest.raises(InputError, match='must begin at 0 s'):
+        plan_periods(plan[1:], 0.0, 100.0)
+
+
+def test_wells_that_a_proposal_leaves_out_keep_their_rates_and_the_producer_balances() -> None:
+    steps = [RateStep(60.0, {'a': WellRate(3e-7)})]
+    plan = proposed_plan(steps, FIRST, 'out')
+    assert plan[0] == RateStep(0.0, FIRST)
+    assert plan[1].rates['out'].rate == pytest.approx(-3e-7)
+    assert proposed_plan(steps, FIRST, None)[1].rates['out'] == FIRST['out']
+    named = [RateStep(0.0, {'a': WellRate(3e-7), 'out': WellRate(-1e-7)})]
+    assert proposed_plan(named, FIRST, 'out')[0].rates['out'].rate == -1e-7
+    assert proposed_plan([], FIRST, 'out') == (RateStep(0.0, FIRST),)

@@ -1,0 +1,123 @@
+"""Tests of the siblings: what they learn, their bands, and where they run."""
+
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
+
+from porotwin_core.errors import InputError
+from porotwin_core.wells import RateStep, WellRate
+from porotwin_siblings.course import CourseOrder, run_course
+from porotwin_siblings.siblings import Outlook, Siblings
+from porotwin_siblings.traits import Traits
+
+PLAN = [RateStep(0.0, RATES)]
+TIMES = (600.0, 1200.0, 2400.0)
+
+
+def truth(factors: dict[str, float], times: list[float]) -> np.ndarray:
+    """Return the maps (times, nz, nx) of a rig whose pumps deliver other rates."""
+    order = CourseOrder(
+        RIG, GRID, Traits(factors), EMPTY, (period(0.0, times[-1]),), None, (), tuple(times)
+    )
+    return run_course(order).maps
+
+
+def followed(
+    executor: Executor, factors: dict[str, float], *, end: float = 1500.0, step: float = 300.0
+) -> Siblings:
+    """Return siblings that saw a rig with other rate factors until `end` [s]."""
+    siblings = Siblings(RIG, GRID, executor=executor)
+    siblings.observe(photograph(0.0, EMPTY))
+    times = list(np.arange(step, end + 1.0, step))
+    for time, map_ in zip(times, truth(factors, times), strict=True):
+        siblings.observe(photograph(time, map_), [period(time - step, time)])
+    return siblings
+
+
+@pytest.fixture(scope='module')
+def threads() -> Executor:
+    return ThreadPoolExecutor(2)
+
+
+def test_a_pump_that_delivers_less_is_learnt_with_its_doubt(threads: Executor) -> None:
+    siblings = followed(threads, {'injector': 0.92})
+    factor, deviation = siblings.rate_factors()['injector']
+    assert factor == pytest.approx(0.92, abs=0.03)
+    assert 0.005 < deviation < 0.05
+    # a well that never pumped is as unknown as before
+    assert siblings.rate_factors()['control3'][1] == pytest.approx(0.06, abs=0.01)
+
+
+def test_the_truth_lies_in_the_bands(threads: Executor) -> None:
+    siblings = followed(threads, {'injector': 1.06})
+    outlook = siblings.outlook(PLAN, 2400.0, TIMES)
+    later = truth({'injector': 1.06}, [1500.0 + time for time in TIMES])
+    for number, map_ in enumerate(later):
+        low, _, high = outlook.zone_tracer[:, number]
+        assert low <= siblings.zone.tracer(map_) <= high
+
+
+def test_bands_widen_and_the_zone_is_never_left_again(threads: Executor) -> None:
+    siblings = followed(threads, {}, end=600.0)
+    outlook = siblings.outlook(PLAN, 2400.0, TIMES, (2400.0,))
+    width = outlook.zone_tracer[2] - outlook.zone_tracer[0]
+    assert width[0] <= width[-1]
+    assert (np.diff(outlook.zone_reached) >= 0.0).all()
+    assert outlook.mean.shape == outlook.deviation.shape == (1, *GRID.shape)
+    assert 0.0 <= outlook.mean.min() <= outlook.mean.max() <= 1.0
+    assert sorted(outlook.ranked) == list(range(32))
+
+
+def test_water_beside_the_plume_changes_what_is_expected(threads: Executor) -> None:
+    siblings = followed(threads, {}, end=600.0)
+    other = {**RATES, 'control2': WellRate(5e-7), 'producer': WellRate(-7e-7)}
+    present = siblings.outlook(PLAN, 2400.0, TIMES)
+    proposed = siblings.outlook([*PLAN, RateStep(300.0, other)], 2400.0, TIMES)
+    assert abs(proposed.zone_tracer[1, -1] - present.zone_tracer[1, -1]) > 1e-7
+
+
+def test_an_unknown_cause_spreads_the_siblings(threads: Executor) -> None:
+    siblings = followed(threads, {}, end=600.0)
+    assert siblings.inflation == 1.0
+    wrong = np.roll(siblings.state, 3, axis=1)
+    siblings.observe(photograph(900.0, wrong), [period(600.0, 900.0)])
+    assert siblings.inflation > 1.0
+
+
+def test_an_interruption_keeps_what_was_learnt(threads: Executor) -> None:
+    siblings = followed(threads, {'injector': 0.92}, end=900.0)
+    learnt = siblings.rate_factors()
+    siblings.interrupt()
+    assert not siblings.started
+    with pytest.raises(InputError, match='no photograph has come yet'):
+        siblings.outlook(PLAN, 600.0, (600.0,))
+    assert siblings.rate_factors() == learnt
+    siblings.begin_anew()
+    assert siblings.rate_factors()['injector'] == pytest.approx((1.0, 0.06))
+
+
+def outlook_of(executor: Executor) -> Outlook:
+    siblings = Siblings(RIG, GRID, executor=executor)
+    siblings.observe(photograph(0.0, EMPTY))
+    return siblings.outlook(PLAN, 1200.0, (600.0, 1200.0))
+
+
+@pytest.mark.slow
+def test_processes_and_threads_give_the_same_numbers(threads: Executor) -> None:
+    with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as processes:
+        np.testing.assert_array_equal(
+            outlook_of(processes).zone_tracer, outlook_of(threads).zone_tracer
+        )
+
+
+@pytest.mark.slow
+def test_a_dask_client_gives_the_same_numbers(threads: Executor) -> None:
+    distributed = pytest.importorskip('distributed')
+    with distributed.Client(processes=False, n_workers=1, dashboard_address=None) as client:
+        executor = client.get_executor()
+        np.testing.assert_array_equal(
+            outlook_of(executor).zone_tracer, outlook_of(threads).zone_tracer
+        )
