@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porotwin_core.rig import Rig, load_rig
+from porotwin_core.rig import Control, Rig, load_rig
 from porotwin_core.rig.known_keys import SECTIONS, json_schema
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_hub.objective_registry import OBJECTIVES, make_objective
@@ -55,6 +55,27 @@ def test_the_small_rig_is_the_one_that_ships(examples: Path) -> None:
 def test_the_document_shows_the_rigs_that_ship(name: str, examples: Path) -> None:
     shown = (examples / name / 'rig.yaml').read_text(encoding='utf-8')
     assert shown == (ROOT / 'rigs' / name / 'rig.yaml').read_text(encoding='utf-8')
+
+
+SHOWN_OBJECTIVES = re.findall(r'```yaml\n(objective:.*?)```', DOCUMENT, re.DOTALL)
+
+
+@pytest.mark.parametrize('text', SHOWN_OBJECTIVES)
+def test_the_shown_objectives_are_valid(text: str) -> None:
+    rig = load_rig(ROOT / 'rigs' / 'small' / 'rig.yaml')
+    assert rig.control is not None
+    section = {**rig.control.model_dump(), **yaml.safe_load(text), 'disallowed_zone_m': ()}
+    control = Control.model_validate(section)
+    grid = rig.grid(62, 37)
+    objective = make_objective(rig.model_copy(update={'control': control}), grid)
+    assert objective.goal
+    for term in objective.terms(0.0, 4800.0):
+        term.check(grid.shape, 4800.0)
+
+
+def test_every_objective_is_shown() -> None:
+    shown = {yaml.safe_load(text)['objective']['name'] for text in SHOWN_OBJECTIVES}
+    assert set(OBJECTIVES) - shown == {'least_water'}  # a part of the sum
 
 
 def test_there_are_rigs_to_copy() -> None:

@@ -141,7 +141,7 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         WorkFailed: a node cannot run, or the loop stalls.
     """
     started = time.monotonic()
-    rig_file = _prepare_rig(folder, settings.photo_width)
+    rig_file = _prepare_rig(folder, settings)
     graph = GraphSettings(
         rig=rig_file,
         preset=settings.preset,
@@ -172,11 +172,14 @@ def _page_from_the_start(graph: GraphSettings) -> list[NodeDescription]:
     ]
 
 
-def _prepare_rig(folder: Path, photo_width: int) -> Path:
-    """Write rig.yaml with the corners of the rig in the virtual camera's photographs."""
+def _prepare_rig(folder: Path, settings: DemoSettings) -> Path:
+    """Write rig.yaml with the corners of the rig in the photographs, and the end of the run."""
     rig = load_rig(small_rig())
-    camera = camera_before(rig, photo_width).description()
-    write_rig(rig.model_copy(update={'camera': camera}), folder / 'rig.yaml')
+    camera = camera_before(rig, settings.photo_width).description()
+    assert rig.control is not None
+    end_min = settings.start_minute + settings.minutes
+    control = rig.control.model_copy(update={'end_min': end_min})
+    write_rig(rig.model_copy(update={'camera': camera, 'control': control}), folder / 'rig.yaml')
     return folder / 'rig.yaml'
 
 

@@ -134,6 +134,11 @@ def test_a_rig_survives_the_wire(with_maps: bool) -> None:
         'control': {
             'wells': ['a'],
             'producer': 'b',
+            'rate_step_ml_h': 5.0,
+            'min_rate_ml_h': 20.0,
+            'max_change_ml_h': 100.0,
+            'change_cost_ml_min': 0.25,
+            'end_min': 80.0,
             'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]],
         },
         'effects': [{'name': 'rate', 'parameters': {'well': 'a', 'factor': 0.95}}],

@@ -84,8 +84,12 @@ class DiagnosisNode(Node):
         try:
             concentration, grid = conversions.tracer_from_msg(message.tracer)
             stamp = conversions.time_from_msg(message.header.stamp)
+            deviation = conversions.deviation_from_msg(message.deviation, grid)
+            systematic = conversions.deviation_from_msg(message.systematic, grid)
             with self._lock:
-                self._run.add_map(stamp, concentration, grid)
+                self._run.add_map(
+                    stamp, concentration, grid, deviation=deviation, systematic=systematic
+                )
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
 

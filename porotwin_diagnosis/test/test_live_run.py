@@ -112,3 +112,17 @@ def test_a_long_run_is_thinned_and_keeps_its_first_and_last_map():
     assert len(run.times) <= MOST_MAPS
     assert run.times[0] == 0.0
     assert run.times[-1] == 30.0 * (MOST_MAPS + 49)
+
+
+def test_deviations_are_written_where_they_are_known(tmp_path):
+    run = run_with_maps(0.0)
+    run.add_commanded_rates(0.0, INJECTING)
+    run.add_map(30.0, FULL, GRID, deviation=0.1 * FULL, systematic=0.05 * FULL)
+    maps = written(run, tmp_path / 'run').maps
+    np.testing.assert_array_equal(np.isnan(maps.deviation[0]), True)
+    np.testing.assert_allclose(maps.deviation[1], 0.08, rtol=1e-6)
+    np.testing.assert_allclose(maps.systematic[1], 0.04, rtol=1e-6)
+    np.testing.assert_allclose(maps[1], 0.8, rtol=1e-6)
+    plain = run_with_maps(0.0, 30.0)
+    plain.add_commanded_rates(0.0, INJECTING)
+    assert written(plain, tmp_path / 'plain').maps.deviation is None

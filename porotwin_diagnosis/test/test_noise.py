@@ -1,5 +1,7 @@
 """The noise model: moments after clipping, and the noise floor."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,3 +38,24 @@ def test_unseen_cells_have_no_part_in_the_noise_floor():
     hidden[:, :, 5:] = np.nan
     halved = true.copy()[:, :, :5]
     assert noise_floor(noise, true, hidden) == pytest.approx(noise_floor(noise, halved, halved))
+
+
+def test_without_delivered_deviations_the_measured_noise_counts():
+    noise, level = Noise(0.02, 0.01, 0.005), np.linspace(0, 1, 7)
+    measured = noise.clipped_deviation(level)
+    assert noise.with_delivered(measured, level) is measured
+
+
+def test_the_noise_floor_of_smoothed_maps_holds_their_delivered_errors():
+    model = np.full((3, 20, 30), 0.5)
+    observed = 1.04 * model  # a wrong scale, and no noise at all
+    smooth = Noise(0.0, 0.0, 0.0)
+    honest = replace(smooth, random=(0.0, 0.0), systematic=(0.0, 0.04))
+    assert noise_floor(smooth, model, observed) < 1e-3
+    assert noise_floor(honest, model, observed) == pytest.approx(0.02 / 0.52, rel=1e-3)
+
+
+def test_the_larger_of_measured_and_delivered_noise_counts():
+    noise = Noise(0.0, 0.0, 0.0, random=(0.01, 0.03), systematic=(0.0, 0.04))
+    found = noise.with_delivered(np.array([0.02, 0.02]), np.array([0.0, 1.0]))
+    np.testing.assert_allclose(found, [0.02, 0.05])

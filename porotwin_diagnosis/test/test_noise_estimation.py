@@ -8,7 +8,11 @@ import yaml
 from scipy.ndimage import gaussian_filter
 
 from porotwin_diagnosis.data.noise import Noise, blurred
-from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
+from porotwin_diagnosis.data.noise_estimation import (
+    add_delivered,
+    measure_noise,
+    measure_point_spread_width,
+)
 from porotwin_recording.recording import open_recording
 
 CASES = Path(__file__).resolve().parents[2].parent / 'shared' / 'cases'
@@ -97,3 +101,14 @@ def test_the_point_spread_width_is_measured_beside_the_true_maps():
     observed = noisy(list(blurred(clean, 0.7)), noise, seed=6)
     assert measure_point_spread_width(observed, clean, noise) == pytest.approx(0.7, abs=0.06)
     assert measure_point_spread_width(clean, blurred(clean, 0.7), noise) == 0.0
+
+
+def test_delivered_deviations_are_kept_by_concentration():
+    maps = np.array([[[0.0, 0.5, 1.0, 0.5, np.nan]]])
+    deviation = np.array([[[0.01, 0.05, 0.03, 0.05, np.nan]]])
+    systematic = np.array([[[0.0, 0.04, 0.03, 0.03, np.nan]]])
+    noise = add_delivered(Noise(0.0, 0.0, 0.0), maps, deviation, systematic)
+    assert noise.random[0] == pytest.approx(0.01)
+    assert noise.random[10] == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2))
+    assert noise.systematic[10] == pytest.approx(np.sqrt((0.04**2 + 0.03**2) / 2))
+    assert noise.systematic[15] == pytest.approx((noise.systematic[10] + 0.03) / 2, rel=0.01)

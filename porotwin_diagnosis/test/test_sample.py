@@ -11,6 +11,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
+from porotwin_recording.concentration import MapSeries
 from porotwin_recording.recording import open_recording
 
 
@@ -85,3 +86,18 @@ def test_smoothing_hides_smearing_but_not_a_displaced_front():
     raw = [np.linalg.norm(front - other) for other in (smeared, moved)]
     smooth = [np.linalg.norm(gaussian_filter(front - other, 1.5)) for other in (smeared, moved)]
     assert smooth[0] / raw[0] < 0.65 * smooth[1] / raw[1]
+
+
+def test_delivered_deviations_make_a_gap_less_certain(quiet):
+    recording = open_recording(quiet)
+    plain = read_sample(recording)
+    maps = recording.maps
+    unsure = MapSeries(maps.times, maps.grid, lambda a, b: np.full_like(maps.read(a, b), 0.05))
+    told = replace(recording, maps=replace(maps, deviation=unsure, systematic=unsure))
+    honest = read_sample(told)
+    assert plain.noise.systematic == ()
+    np.testing.assert_allclose(honest.noise.systematic, 0.05, rtol=1e-4)
+    one, other = (sample.weight(SMOOTHING_WIDTH) for sample in (plain, honest))
+    assert (other <= one).all()
+    assert other.max() < 1 / 0.05
+    assert honest.expected_noise_squares.max() > plain.expected_noise_squares.max()

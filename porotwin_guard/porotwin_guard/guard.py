@@ -51,6 +51,9 @@ class Guard:
         self._total_ml_h = rig.control.max_total_rate_ml_h if rig.control else 0.0
         self._control_wells = rig.control.wells if rig.control else ()
         self._ranges_ml_h = _ranges_ml_h(rig)
+        self._step_ml_h = rig.control.rate_step_ml_h if rig.control else 0.0
+        self._least_ml_h = rig.control.min_rate_ml_h if rig.control else 0.0
+        self._change_ml_h = (rig.control and rig.control.max_change_ml_h) or math.inf
         self._fluids = {
             name: well.concentration
             for name, well in (rig.control.fixed if rig.control else {}).items()
@@ -65,6 +68,7 @@ class Guard:
             InputError: a rule is broken; one line with the well or the time.
         """
         self._check_rates(request.rates)
+        self._check_settings(request.rates, now)
         self._check_times(request, now)
         self._check_order(request, now)
         self._last, self._passed = request, now
@@ -96,6 +100,30 @@ class Guard:
         net = math.fsum(to_ml_h(well.rate) for well in rates.values())
         if self._balanced and not abs(net) <= ROUND_OFF_ML_H:
             raise InputError(f'{net:g} ml/h more is injected than produced; the sum must be zero')
+
+    def _check_settings(self, rates: WellRates, now: float) -> None:
+        """Return if pumps can be set to `rates`, after those in force at `now` [s].
+
+        All control wells may always be switched off.
+
+        Raises:
+            InputError: a rate is off the steps of the pump, too small, or too far from the last.
+        """
+        before = self._last.rates if self._last is not None and self._in_force(now) else None
+        wanted = {name: to_ml_h(rates[name].rate) for name in self._control_wells}
+        for name, rate_ml_h in wanted.items():
+            told = f"well '{name}': {rate_ml_h:g} ml/h"
+            if abs(math.remainder(rate_ml_h, self._step_ml_h)) > ROUND_OFF_ML_H:
+                raise InputError(f'{told}; rig.yaml allows multiples of {self._step_ml_h:g} ml/h')
+            if ROUND_OFF_ML_H < rate_ml_h < self._least_ml_h - ROUND_OFF_ML_H:
+                raise InputError(f'{told}; rig.yaml allows none below {self._least_ml_h:g} ml/h')
+            if before is None or not any(wanted.values()):
+                continue
+            change = abs(rate_ml_h - to_ml_h(before[name].rate))
+            if change > self._change_ml_h + ROUND_OFF_ML_H:
+                raise InputError(
+                    f'{told} changes by {change:g} ml/h; rig.yaml allows {self._change_ml_h:g} ml/h'
+                )
 
     def _check_times(self, request: SetpointRequest, now: float) -> None:
         validity = request.valid_until - request.stamp

@@ -53,12 +53,42 @@ def refusal(subject: Guard, asked: SetpointRequest, now: float = NOW) -> str:
     return str(caught.value)
 
 
+def hand_set_guard() -> Guard:
+    assert RIG.control is not None
+    control = RIG.control.model_copy(
+        update={'rate_step_ml_h': 5.0, 'min_rate_ml_h': 20.0, 'max_change_ml_h': 100.0}
+    )
+    return Guard(RIG.model_copy(update={'control': control}), photo_interval=30.0)
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'line'),
+    [
+        (12.0, 'allows multiples of 5 ml/h'),
+        (15.0, 'allows none below 20 ml/h'),
+        (205.0, 'changes by 105 ml/h; rig.yaml allows 100 ml/h'),
+    ],
+)
+def test_settings_that_pumps_cannot_take_are_refused(wrong: float, line: str) -> None:
+    subject = hand_set_guard()
+    subject.check(request(), now=NOW)
+    later = request(2, NOW - 1.0, rates=rates(control1=wrong))
+    assert line in refusal(subject, later)
+
+
+def test_wells_may_be_switched_off_at_once() -> None:
+    subject = hand_set_guard()
+    subject.check(request(rates=rates(control1=400.0)), now=NOW)
+    subject.check(request(2, NOW - 1.0, rates=rates(control1=0.0)), now=NOW)
+
+
 @pytest.mark.parametrize(
     ('wrong', 'line'),
     [
         (rates(control1=501.0), "'control1': 501 ml/h; rig.yaml allows 0 to 500"),
         (rates(control1=-1.0), "'control1': -1 ml/h; rig.yaml allows 0 to 500"),
         (rates(control1=1e300), "'control1': 1e+300 ml/h"),
+        (rates(control1=100.05), "'control1': 100.05 ml/h; rig.yaml allows multiples of 0.1 ml/h"),
         (rates(injector=499.0), "'injector': 499 ml/h; rig.yaml allows 500 to 500"),
         (rates(producer=600.0), "'producer': 600 ml/h; rig.yaml allows -1000 to 0"),
         (rates(producer=-1000.0), '-400 ml/h more is injected than produced'),

@@ -401,7 +401,7 @@ class Twin:
             cycle.remarks.append(f'not optimised: {error}')
         else:
             rates, reason = cycle.decision.rates, controller.objective.goal
-            broken = controller.limits.violations(rates)
+            broken = controller.limits.violations(rates, self._commanded_rates(now))
             if broken:  # impossible while `Limits.setpoint` is right; a cheap check of the pumps
                 cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
                 rates, reason = controller.limits.safe(), 'optimised rates broke a limit'

@@ -45,8 +45,13 @@ def test_every_module_of_objectives_is_found() -> None:
         ),
         (
             {'objective': 'keep_dry'},
-            f"objective 'keep_dry': unknown; choose from {', '.join(OBJECTIVES)}",
+            f"objective 'keep_dry': unknown; choose from {', '.join(OBJECTIVES)}, sum",
         ),
+        (
+            {'objective': {'name': 'sum', 'parts': [{'name': 'keep_dry'}]}},
+            "objective 'keep_dry': unknown",
+        ),
+        ({'objective': {'name': 'sum', 'parts': []}}, "objective 'sum': parts"),
         (
             {'objective': 'keep_in'},
             "objective 'keep_in': 'zone_m' is missing: corners (x, z) of the zone [m]",

@@ -1,4 +1,4 @@
-"""The evidence behind a calibration: what its photographs say, before anyone judges it."""
+"""The evidence behind a calibration: the findings in its photographs, before any judgement."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -44,7 +44,7 @@ class SandEvidence:
 
 @dataclass(frozen=True)
 class PhotographEvidence:
-    """What one photograph says.
+    """The evidence of one photograph.
 
     Attributes:
         time: exposure time [s].
@@ -65,7 +65,7 @@ class PhotographEvidence:
 
 @dataclass(frozen=True)
 class CalibrationEvidence:
-    """What the photographs, the pump log and the dilutions say about a calibration.
+    """The evidence of photographs, pump log and dilutions about a calibration.
 
     Attributes:
         anchor: where the level of tracer stock comes from.

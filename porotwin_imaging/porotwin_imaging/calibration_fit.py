@@ -2,7 +2,7 @@
 
 The steps, each with its evidence:
 
-1. The contrast in which red, green and blue of the dye keep their ratio from pale to stock.
+1. The contrast: red, green and blue of the dye keep their ratio from pale to stock in it.
 2. The weights of red, green and blue that separate tracer best from noise.
 3. The level of tracer stock in each sand: the core of the injected plume is stock.
 4. The bend of the response: known dilutions, and the mass over the photographs.
@@ -77,7 +77,7 @@ class CalibrationFit:
 
     Attributes:
         calibration: the result.
-        evidence: what the photographs say, for the judgement of the calibration.
+        evidence: findings in the photographs, for the judgement of the calibration.
         trust: the judgement; its objections refuse the calibration.
         lines: a summary for the operator, one line per step.
         response: the fit of the response.
@@ -240,11 +240,21 @@ def _integrals(planes: Sequence[Array], volume: Array) -> list[float]:
 
 
 def _injected(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
-    """Return the volume of stock injected before each photograph [m^3]; empty without a log."""
+    """Return the volume of stock injected before each photograph [m^3]; empty without a log.
+
+    Raises:
+        InputError: the pump log injects nothing before the photographs.
+    """
     if schedule is None or not schedule.rows:
         return []
     start = min(row.time for row in schedule.rows)
-    return [injected_volume(schedule, min(start, time), time) for time in times]
+    volumes = [injected_volume(schedule, min(start, time), time) for time in times]
+    if max(volumes) <= 0:
+        raise InputError(
+            f'calibration: the pump log injects no tracer until the last photograph ({times[-1]:g} '
+            's); check rates.csv and the times in imaging.csv'
+        )
+    return volumes
 
 
 def _core_concentrations(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
@@ -319,7 +329,7 @@ def _photographs(
     line: MassLine | None,
     settings: ImagingSettings,
 ) -> tuple[PhotographEvidence, ...]:
-    """Return what each photograph says.
+    """Return the evidence of each photograph.
 
     `cores`: concentration relative to the injected one, NaN without a core, and cells.
     """
@@ -327,7 +337,7 @@ def _photographs(
     for index, (level, cells) in enumerate(cores):
         reasons = []
         if abs(level - 1.0) > settings.core.outlier:
-            reasons.append(f'its core is {level:.2f} times that of the others')
+            reasons.append(f'its core is {level:.2f} times the others')
         if line is not None and not line.agree[index]:
             reasons.append(
                 f'its mass is {100 * line.distances[index]:+.0f} % of the injection off the line'

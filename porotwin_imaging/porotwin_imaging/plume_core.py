@@ -1,4 +1,4 @@
-"""The core of a plume: the cells far enough from its front to hold what was injected.
+"""The core of a plume: the cells far enough from its front to hold the injected tracer.
 
 Behind a front the signal rises to a plateau. The depth of a cell is its distance from the edge of
 the plume. The core begins at the depth where the plateau is reached. A plume without a plateau,

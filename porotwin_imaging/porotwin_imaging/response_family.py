@@ -1,6 +1,6 @@
 """Families of responses: few parameters between the signal and the concentration.
 
-With s the signal relative to that of tracer stock, c the concentration and b the bend,
+With s the signal relative to tracer stock, c the concentration and b the bend,
 
     exponential  s = (1 - exp(-a c)) / (1 - exp(-a)), a dye or a light that saturates
     power        c = s^p
@@ -62,7 +62,7 @@ def concentration_of(family: str, signal: Array, bend: float) -> Array:
 
     Args:
         family: a name of `FAMILIES`.
-        signal: signal relative to that of tracer stock [-].
+        signal: signal relative to tracer stock [-].
         bend: see the module [-], between -`MOST_BEND` and `MOST_BEND`.
     """
     curve = FAMILIES[family]

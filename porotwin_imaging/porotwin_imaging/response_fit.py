@@ -1,6 +1,6 @@
 """The response from known dilutions and from the mass over the photographs of an injection.
 
-The level of tracer stock is known here, so that signals are relative to it. What is left is the
+The level of tracer stock is known here, so that signals are relative to it. Unknown is the
 bend of the curve between water and stock. With the concentration c = h(s) of the relative signal s,
 
     int h(s) phi d dA = m V(t) + o
@@ -31,7 +31,7 @@ _BENDS = np.linspace(-MOST_BEND, MOST_BEND, 241)
 _FACTORS = 601
 """Mass factors that are tried; they are evenly spaced in the logarithm, 0.5 % apart."""
 _SIGNAL_EDGES = np.linspace(-0.5, 2.0, 501)
-"""Bins of the relative signal in which pore volume is counted [-]."""
+"""Edges of the bins of the relative signal, for the histogram of pore volume [-]."""
 _CLEAR_ODDS = 3.0
 """Another family than the first is taken if it is more probable by this factor."""
 _POINTS = np.linspace(0.0, 1.2, 25)
@@ -66,7 +66,7 @@ class ResponseFit:
         bend: its bend [-].
         deviation: standard deviation of the bend over all families [-].
         points: relative signals of known dilutions, increasing, with 0 and 1; empty without.
-        corrections: what is added to the concentration of the family at `points` [-].
+        corrections: additions to the concentration of the family at `points` [-].
     """
 
     family: str

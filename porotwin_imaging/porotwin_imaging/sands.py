@@ -30,7 +30,7 @@ _BRIGHTNESS_WEIGHT = 1.5
 _LEAST_LIGHT, _LEAST_TEXTURE = 1e-4, 1e-3
 """Light and texture are raised to these before the logarithm."""
 _FIXED = 1e-4
-"""Deviation of a log signal that is fixed: that of the reference sand without any core."""
+"""Deviation of a fixed log signal: the reference sand without any core."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def fit_factors(
     Three kinds of evidence meet in one least squares fit of the log signals of stock. The core of a
     plume shows the signal of stock in its sand. At interfaces the signal is continuous: a pair is
     two cells on either side, extrapolated to the interface, so that a slope of concentration is no
-    jump. A prior keeps all sands near what their light tells (`expected_logs`). The reference sand,
+    jump. A prior from their light keeps all sands plausible (`expected_logs`). The reference sand,
     with the factor 1, has the largest core.
 
     Args:

@@ -258,6 +258,20 @@ class ValiditySettings:
 
 
 @dataclass(frozen=True)
+class ThinObjectSettings:
+    """Tubes and cables that were laid before the sand after the baseline (`thin_objects.py`)."""
+
+    core: float = 6.0
+    """Scatter in a block relative to its surroundings that shows an object [-]."""
+    edge: float = 4.0
+    """The same for the blocks between [-]."""
+    least_length: float = 10.0
+    """Length of an object [blocks]. In ordinary photographs blocks join to at most 5."""
+    least_seeds: float = 0.4
+    """Blocks above `core` per block of its length [-]."""
+
+
+@dataclass(frozen=True)
 class NoiseSettings:
     """Standard deviation of a map (`baseline_subtraction.py`, `denoising.py`)."""
 
@@ -331,7 +345,7 @@ class SandSettings:
     bright_slope: float = 0.6
     """Fall of the log signal of stock per log of light, for sands brighter than the reference. The
     law of Kubelka and Munk gives 0.5 to 0.8 for reflections of 0.3 to 0.6 and dye that absorbs ten
-    times what sand does."""
+    times as much as sand."""
     dark_slope: float = 0.1
     """The same for darker sands; the law gives 0.2 for reflections of 0.1 to 0.2, and shadow at an
     edge is no property of the sand."""
@@ -356,8 +370,8 @@ class CoreSettings:
     least_share: float = 0.3
     """Share of the plume that its core has at least [-]: the level of few cells is uncertain."""
     reached: float = 0.99
-    """Share of the highest level at which the plateau is reached [-]."""
-    flattest: float = 0.04
+    """The plateau begins at this share of the highest level [-]."""
+    flattest: float = 0.025
     """Largest rise inside a core [-]; a plume that rises further has no plateau."""
     level_error: float = 0.007
     """Relative standard deviation of the level of a core [-]: light, and stock that is not quite
@@ -479,6 +493,7 @@ class ImagingSettings:
     baseline_mask: BaselineMaskSettings = field(default_factory=BaselineMaskSettings)
     validity: ValiditySettings = field(default_factory=ValiditySettings)
     light_error: LightErrorSettings = field(default_factory=LightErrorSettings)
+    thin_objects: ThinObjectSettings = field(default_factory=ThinObjectSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
     core: CoreSettings = field(default_factory=CoreSettings)

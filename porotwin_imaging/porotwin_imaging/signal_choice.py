@@ -39,7 +39,7 @@ _FEWEST_PALE = 20
 _LEAST_SLOPE = 0.1
 """Channels that absorb less than this share of the red light do not tell the ratio."""
 _CLEARLY_STRAIGHTER = 0.04
-"""The difference is taken only if its colours bend less than those of the absorbance by this."""
+"""The difference is taken only if its colours bend less by this."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ Array = NDArray[Any]
 Labels = NDArray[np.uint8]
 
 _MOST_WEIGHT = 1000
-"""Cores with more cells than this weigh the same: what differs then is the light."""
+"""Cores with more cells than this weigh the same: they differ by light, not by noise."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def diluted_signals(
 ) -> list[tuple[float, float]]:
     """Return (concentration, signal) of known dilutions, the signal times the factor of its sand.
 
-    Every sand in which a photograph has a core gives one pair.
+    Every sand with a core in a photograph gives one pair.
 
     Args:
         photographs: concentration of the core, and signal (nz, nx), of each photograph.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_imaging.cell_sums import BlockSums, CellSums
 from porotwin_imaging.settings import DEFAULTS, ValiditySettings
+from porotwin_imaging.thin_objects import thin_objects
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -35,7 +36,7 @@ def visible_cells(
         InputError: most of the sand is covered, or the file is damaged.
     """
     expected = sums.share > settings.least_visible_share
-    blocks = hidden_sand(sums.blocks, settings).astype(np.uint8)
+    blocks = (hidden_sand(sums.blocks, settings) | thin_objects(sums.blocks)).astype(np.uint8)
     nz, nx = sums.share.shape
     hidden = cv2.resize(blocks, (nx, nz), interpolation=cv2.INTER_NEAREST).astype(bool) & expected
     share = float(hidden.sum() / max(1, expected.sum()))

@@ -9,7 +9,7 @@ from porotwin_imaging.denoising import data_weights, denoised
 def test_a_cell_of_median_noise_has_weight_one() -> None:
     noise = np.array([[0.01, 0.01, 0.02, 0.04]])
     visible = np.array([[True, True, True, False]])
-    np.testing.assert_allclose(data_weights(noise, visible), [[1.0, 1.0, 0.25, 0.0]])
+    np.testing.assert_allclose(data_weights(noise, visible), [[1.0, 1.0, 0.5, 0.0]])
     assert not data_weights(noise, np.zeros_like(visible)).any()
 
 

@@ -36,5 +36,5 @@ def test_mass_seen_before_the_injection_is_no_factor() -> None:
     assert line.offset == pytest.approx(2e-6, rel=0.2)
 
 
-def test_a_signal_that_shrinks_has_a_negative_factor() -> None:
-    assert fit_line([3.0, 2.0, 1.0], [1.0, 2.0, 3.0]).factor < 0
+def test_a_signal_that_shrinks_follows_no_line() -> None:
+    assert fit_line([3.0, 2.0, 1.0], [1.0, 2.0, 3.0]).agree.sum() < 3

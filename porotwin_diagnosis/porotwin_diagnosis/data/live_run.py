@@ -1,5 +1,6 @@
 """The run of a live twin so far, in bounded space, so that it can be diagnosed as a recording."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
 from porotwin_diagnosis.data.rate_table import RateTable
-from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.concentration import ConcentrationMaps, MapSeries
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_solver.physics import nominal_physics
@@ -38,7 +39,9 @@ class LiveRun:
         """Keep maps of `rig` on `grid`, in a file in `folder` or among the temporary files."""
         self._rig = rig
         self._grid = grid
-        self._maps = MapFile(grid.shape, MOST_MAPS, folder)
+        # concentration, deviation and systematic deviation, one above the other
+        self._maps = MapFile((3 * grid.nz, grid.nx), MOST_MAPS, folder)
+        self._deviations_known = False
         self._rates = RateTable(tuple(rig.wells))
         self._measured_from = -np.inf
         self._ended = False
@@ -53,8 +56,23 @@ class LiveRun:
         """Stamps of the maps [s]."""
         return self._maps.times
 
-    def add_map(self, stamp: float, concentration: FloatArray, grid: Grid) -> None:
+    def add_map(
+        self,
+        stamp: float,
+        concentration: FloatArray,
+        grid: Grid,
+        *,
+        deviation: FloatArray | None = None,
+        systematic: FloatArray | None = None,
+    ) -> None:
         """Keep the map `concentration` (nz, nx) [-] of the photograph at `stamp` [s].
+
+        Args:
+            stamp: time of the photograph [s].
+            concentration: its map (nz, nx) [-].
+            grid: the grid of the map.
+            deviation: standard deviation of the map, if known.
+            systematic: the part of it that is equal in all maps, if known.
 
         Raises:
             InputError: the map is on another grid, or the disk is full.
@@ -65,7 +83,10 @@ class LiveRun:
         if self.times and (self._ended or clean or stamp <= self.times[-1]):
             self._begin_new_run(stamp)
         self._evaluation_started = False
-        self._maps.append(stamp, concentration)
+        unknown = np.full(grid.shape, np.nan)
+        planes = [unknown if part is None else part for part in (deviation, systematic)]
+        self._maps.append(stamp, np.concatenate([concentration, *planes]))
+        self._deviations_known |= deviation is not None and systematic is not None
 
     def add_commanded_rates(self, stamp: float, rates: WellRates) -> None:
         """Keep the `rates` of a setpoint, in force from `stamp` [s] until others are measured.
@@ -98,6 +119,7 @@ class LiveRun:
 
     def _begin_new_run(self, stamp: float) -> None:
         self._maps.clear()
+        self._deviations_known = False
         # topics arrive in any order: the rates in force may have arrived just before the map
         self._rates.begin_anew(stamp)
         self._measured_from = -np.inf
@@ -120,12 +142,23 @@ class LiveRun:
         begin = min(self.times[0], *(start for start, _ in rows))
         schedule = Schedule.from_rates((start - begin, rates) for start, rates in rows)
         self._refuse_unexplained_tracer(schedule, self.times[0] - begin)
-        maps = ConcentrationMaps(np.array(self.times) - begin, self._grid, self._maps.read)
+        maps = self._series(np.array(self.times) - begin)
         write_folder(folder, RecordedData(self._rig, commanded=schedule, maps=maps))
+
+    def _series(self, times: FloatArray) -> ConcentrationMaps:
+        """Return the maps with `times` [s], and their deviations where they are known."""
+        series = [MapSeries(times, self._grid, partial(self._read, part)) for part in range(3)]
+        deviations = series[1:] if self._deviations_known else [None, None]
+        return ConcentrationMaps(times, self._grid, series[0].read, *deviations)
+
+    def _read(self, part: int, start: int, stop: int) -> FloatArray:
+        """Return part 0 (concentration), 1 or 2 (deviations) of the maps `start` to `stop`."""
+        rows = slice(part * self._grid.nz, (part + 1) * self._grid.nz)
+        return self._maps.read(start, stop)[:, rows]
 
     def _refuse_unexplained_tracer(self, schedule: Schedule, first: float) -> None:
         """Refuse a run with more tracer in its first map, at `first` [s], than was injected."""
-        first_map = self._maps.read(0, 1)[0]
+        first_map = self._read(0, 0, 1)[0]
         share = tracer_share(first_map)
         nominal = nominal_physics(self._rig, self._grid)
         held = float(np.nansum(first_map * nominal.storage))

@@ -8,6 +8,10 @@ P is the point spread of the camera, a Gaussian. g is the grain of the sand: a f
 the same in every frame. n is the frame noise, which is independent from frame to frame. Clipping
 shifts the mean and reduces the variance. Both follow from the moments of a censored normal
 distribution (Greene, Econometric Analysis, section on censored data).
+
+Maps from photographs may come with standard deviations of their own. What denoising has smoothed
+out of a map still is an error of it, and so is a wrong scale. The delivered deviations are kept by
+concentration, random and systematic apart, and bound the noise from below.
 """
 
 from dataclasses import dataclass
@@ -43,6 +47,9 @@ class Noise:
         background: standard deviation of the frame noise n [-] where c = 0.
         correlation: width [cells] of the Gaussian kernel that makes the grain of white noise.
         point_spread_width: width [cells] of the Gaussian point spread P.
+        random: delivered random deviations [-] at evenly spaced concentrations from 0 to 1; empty
+            where the recording has none.
+        systematic: the same for deviations that are equal in all maps.
     """
 
     grain: float
@@ -50,6 +57,23 @@ class Noise:
     background: float
     correlation: float = 1.0
     point_spread_width: float = 0.0
+    random: tuple[float, ...] = ()
+    systematic: tuple[float, ...] = ()
+
+    def with_delivered(self, measured: FloatArray, concentration: FloatArray) -> FloatArray:
+        """Return the deviation [-] of maps whose noise was `measured`, with the delivered ones.
+
+        The measured noise and the delivered random deviation are two estimates of one error; the
+        larger one counts. The systematic deviation is added in squares. All arrays have the shape
+        of `concentration` [-].
+        """
+        if not self.random:
+            return measured
+        random, systematic = (
+            np.interp(concentration, np.linspace(0.0, 1.0, len(values)), values)
+            for values in (self.random, self.systematic)
+        )
+        return np.hypot(np.maximum(measured, random), systematic)
 
     def deviation(self, concentration: FloatArray) -> FloatArray:
         """Return the standard deviation [-] of the noise before clipping, s(c).
@@ -129,11 +153,13 @@ def noise_floor(noise: Noise, model: FloatArray, observed: FloatArray) -> float:
         observed: maps (nt, nz, nx); cells with NaN do not count.
 
     The expected squared error of a cell is E[(o - c)^2] = s^2 + d^2 + 2 d E[o - P(c)] with
-    d = P(c) - c, where s is `Noise.clipped_deviation` at P(c).
+    d = P(c) - c, where s is `Noise.clipped_deviation` at P(c), or more where deviations were
+    delivered.
     """
     seen = np.isfinite(observed)
     spread = blurred(model, noise.point_spread_width)
-    square = noise.clipped_deviation(spread) ** 2 + (spread - model) ** 2
+    square = noise.with_delivered(noise.clipped_deviation(spread), spread) ** 2
+    square += (spread - model) ** 2
     square += 2.0 * (noise.expected(spread) - spread) * (spread - model)
     norm = float(np.linalg.norm(observed[seen]))
     return float(np.sqrt(square[seen].sum()) / max(norm, 1e-12))

@@ -5,6 +5,8 @@ noise comes from cells without tracer, where clipping keeps half of a normal dis
 spread shows only in comparison with a model.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
@@ -70,6 +72,9 @@ LARGEST_POINT_SPREAD = 1.2
 """Largest point spread width [cells] that is tried, twice the typical one: a softer edge is not the
 work of a camera."""
 
+DELIVERED_LEVELS = 21
+"""Concentrations from 0 to 1 at which delivered deviations are kept, in steps of 0.05."""
+
 POINT_SPREAD_TOLERANCE = 0.03
 """Tolerance [cells] of the point spread width."""
 
@@ -92,6 +97,39 @@ def measure_noise(maps: FloatArray) -> Noise:
     frame = _frame_noise(known, full)
     grain = float(np.sqrt(max(total**2 - frame**2, 0.0)))
     return Noise(grain, frame, background, width)
+
+
+def add_delivered(
+    noise: Noise, maps: FloatArray, deviation: FloatArray, systematic: FloatArray
+) -> Noise:
+    """Return `noise` with the deviations that came with `maps`, by concentration.
+
+    Args:
+        noise: the measured noise.
+        maps: concentrations [-], (nt, nz, nx), NaN where nothing is seen.
+        deviation: their standard deviations [-], same shape.
+        systematic: the part of them that is equal in all maps [-], same shape.
+    """
+    known = np.isfinite(maps) & np.isfinite(deviation) & np.isfinite(systematic)
+    if not known.any():
+        return noise
+    level = np.rint(np.clip(maps[known], 0.0, 1.0) * (DELIVERED_LEVELS - 1)).astype(int)
+    equal = systematic[known].astype(float) ** 2
+    rest = np.maximum(deviation[known].astype(float) ** 2 - equal, 0.0)
+    return replace(
+        noise,
+        random=_root_means_by_level(level, rest),
+        systematic=_root_means_by_level(level, equal),
+    )
+
+
+def _root_means_by_level(level: NDArray[np.int_], squares: FloatArray) -> tuple[float, ...]:
+    """Return the roots of the mean `squares` of each level, from neighbours where it has none."""
+    counts = np.bincount(level, minlength=DELIVERED_LEVELS)
+    sums = np.bincount(level, squares, minlength=DELIVERED_LEVELS)
+    there = np.flatnonzero(counts)
+    means = np.interp(np.arange(DELIVERED_LEVELS), there, sums[there] / counts[there])
+    return tuple(float(value) for value in np.sqrt(means))
 
 
 def _full_cells(maps: FloatArray, smooth: FloatArray, lowest: FloatArray) -> NDArray[np.bool_]:

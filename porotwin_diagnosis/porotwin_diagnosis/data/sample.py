@@ -25,7 +25,7 @@ from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.noise import Noise, blurred
-from porotwin_diagnosis.data.noise_estimation import measure_noise
+from porotwin_diagnosis.data.noise_estimation import add_delivered, measure_noise
 from porotwin_diagnosis.data.observed_maps import (
     FILLED_SHARE,
     evenly_spread,
@@ -185,7 +185,10 @@ class Sample:
         """Return the standard deviation of noise smoothed over `width` [cells], (nt, nz, nx)."""
         grain = self.noise.correlation
         damping = grain / np.hypot(grain, width)
-        return self.noise.clipped_deviation(self._smoothed(width)) * damping
+        smoothed = self._smoothed(width)
+        measured = self.noise.clipped_deviation(smoothed) * damping
+        # what denoising left, and what is the same everywhere, is not damped by more smoothing
+        return self.noise.with_delivered(measured, smoothed)
 
     def whitened(
         self,
@@ -251,12 +254,21 @@ def read_sample(recording: Recording) -> Sample:
         times=times[chosen],
         observed=maps[chosen].astype(float),
         fitted_frames=min(len(fitted), FITTED_FRAMES),
-        noise=measure_noise(maps[:: max(1, len(times) // NOISE_FRAMES)]),
+        noise=_noise(recording, max(1, len(times) // NOISE_FRAMES)),
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
         initial=_initial_tracer(recording),
     )
+
+
+def _noise(recording: Recording, step: int) -> Noise:
+    """Return the noise of every `step`-th map, and what the recording says about its errors."""
+    maps = recording.concentration[::step]
+    noise, stored = measure_noise(maps), recording.maps
+    if stored is None or stored.deviation is None or stored.systematic is None:
+        return noise
+    return add_delivered(noise, maps, stored.deviation[::step], stored.systematic[::step])
 
 
 def _initial_tracer(recording: Recording) -> FloatArray | None:

@@ -1,0 +1,42 @@
+"""Tests of the objective `least_water`, alone and as a part of a sum."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Rig, parse_rig
+from porotwin_hub.objective import Objective
+from porotwin_hub.objective_registry import make_objective
+
+
+def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:
+    control = {'wells': ['a'], 'objective': objective}
+    rig = parse_rig({**unit_rig, 'control': control}, Path('rig.yaml'))
+    return rig, make_objective(rig, rig.grid(50, 50))
+
+
+def test_only_water_costs(unit_rig: dict[str, Any]) -> None:
+    _, objective = made(unit_rig, name='least_water', ml_min_per_ml=0.5)
+    assert objective.water_cost == pytest.approx(30.0)
+    assert objective(np.ones((50, 50))) == objective.disallowed_tracer(np.ones((50, 50))) == 0.0
+    assert objective.terms(0.0, 600.0) == ()
+
+
+def test_a_sum_weighs_its_parts(unit_rig: dict[str, Any], square: FloatArray) -> None:
+    zone = square.tolist()
+    parts = [
+        {'name': 'keep_in', 'weight': 2.0, 'zone_m': zone},
+        {'name': 'least_water', 'weight': 3.0},
+    ]
+    _, both = made(unit_rig, name='sum', parts=parts)
+    _, alone = made(unit_rig, name='keep_in', zone_m=zone)
+    full = np.ones((50, 50))
+    assert both(full) == pytest.approx(2.0 * alone(full))
+    assert both.water_cost == pytest.approx(3.0 * 0.6)
+    assert both.disallowed_tracer(full) == alone.disallowed_tracer(full)
+    (term,), (part,) = both.terms(0.0, 60.0), alone.terms(0.0, 60.0)
+    assert term.value(full) == pytest.approx(2.0 * part.value(full))
+    assert both.goal == 'least tracer outside the zone, little water'

@@ -1,0 +1,33 @@
+"""Tests of the objective `sweep`: what a region lacks costs."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import Rig, parse_rig
+from porotwin_hub.objective import Objective
+from porotwin_hub.objective_registry import make_objective
+
+
+def made(unit_rig: dict[str, Any], **objective: Any) -> tuple[Rig, Objective]:
+    control = {'wells': ['a'], 'objective': objective}
+    rig = parse_rig({**unit_rig, 'control': control}, Path('rig.yaml'))
+    return rig, make_objective(rig, rig.grid(50, 50))
+
+
+@pytest.mark.parametrize('wanted', [0.0, 1.0])
+def test_a_region_at_its_concentration_costs_nothing(
+    unit_rig: dict[str, Any], square: FloatArray, wanted: float
+) -> None:
+    zones = [square.tolist()]
+    _, objective = made(unit_rig, name='sweep', zones_m=zones, concentration=wanted, fuzziness_m=0)
+    assert objective(np.full((50, 50), wanted)) == 0.0
+    missing = objective(np.full((50, 50), 1.0 - wanted))
+    assert missing == pytest.approx(0.16 * 0.01 * 0.4)
+    assert objective.disallowed_tracer(np.full((50, 50), 1.0 - wanted)) == pytest.approx(missing)
+    (term,) = objective.terms(0.0, 600.0)
+    assert (term.start, term.end) == (0.0, 600.0)
+    assert term.value(np.full((50, 50), 1.0 - wanted)) == pytest.approx(missing)
