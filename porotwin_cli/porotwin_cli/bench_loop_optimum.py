@@ -121,7 +121,7 @@ class _Search:
         ]
 
     def _delivered(self, shares: FloatArray) -> Schedule:
-        """Return what the pumps deliver of the commands; their faults are known here."""
+        """Return the delivered part of the commands; the faults are known here."""
         faults = self._scenario.faults
         moments = {edge for fault in faults for edge in (fault.start, fault.end)}
         times = sorted({*self._edges[:-1], *(m for m in moments if 0.0 < m < self._scenario.end)})

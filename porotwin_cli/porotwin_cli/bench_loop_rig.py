@@ -59,7 +59,7 @@ class LoopSettings:
 
 
 class LoopRig:
-    """The rig of one run: it pumps what the operator sets and the faults leave of it."""
+    """The rig of one run: it pumps the rates of the operator, less the faults."""
 
     def __init__(self, scenario: LoopScenario, settings: LoopSettings) -> None:
         """Pump the safe rates until the twin takes over."""
@@ -89,7 +89,7 @@ class LoopRig:
         return self.time >= self._scenario.end - ROUND_OFF_S
 
     def seen(self, eyes: Eyes) -> Observation:
-        """Return what the twin sees now."""
+        """Return the map that the twin sees now."""
         return eyes(self._asset)
 
     def advance(self, rates: WellRates) -> dict[str, WellRate]:
@@ -140,7 +140,7 @@ class LoopRig:
 def delivered_rates(
     rates: WellRates, faults: Sequence[PumpFault], time: float
 ) -> dict[str, WellRate]:
-    """Return what the pumps deliver at `time` [s] of the `rates` that are set [m^3/s]."""
+    """Return the delivered part of the `rates` at the pumps [m^3/s], at `time` [s]."""
     found = dict(rates)
     for fault in faults:
         if fault.start <= time < fault.end and fault.well in found:

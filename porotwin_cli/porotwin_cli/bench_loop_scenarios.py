@@ -77,8 +77,8 @@ EDGE_CLEARANCE_M = 0.06
 """Least distance of a well from the edge of the rig [m]."""
 
 NEAR_ZONE_M = 0.09
-"""Greatest distance of a control well from the outline of the zone, along each axis [m]; those of
-the paper lie 2 to 14 cm within the zone."""
+"""Greatest distance of a control well from the outline of the zone, along each axis [m]; the wells
+of the paper lie 2 to 14 cm within it."""
 
 ZONE_CLEARANCE_M = 0.07
 """Least distance of the injector from the zone [m]."""
@@ -93,7 +93,7 @@ HIDDEN = tuple(
         or RIG_EFFECTS[name].needs_recording
     )
 )
-"""Effects that a scenario may hide from the twin: those of the rig and its pumps. The photographs
+"""Effects of rig and pumps that a scenario may hide from the twin. The photographs
 have noise, drifting light and a shaking camera in every scenario."""
 
 HIDDEN_COUNTS = (1, 0, 1, 2)
@@ -111,7 +111,7 @@ PRODUCER_DELIVERY = 0.99
 
 @dataclass(frozen=True)
 class PumpFault:
-    """A pump that delivers a `share` of what is set, from `start` to `end` [s]; 0: nothing."""
+    """A pump that delivers a `share` of its rate, from `start` to `end` [s]; 0: nothing."""
 
     well: str
     share: float
@@ -121,15 +121,15 @@ class PumpFault:
 
 @dataclass(frozen=True)
 class LoopScenario:
-    """An experiment with a zone to protect, and what the twin is not told.
+    """An experiment with a zone to protect, and its secrets.
 
     Attributes:
         name: of the scenario, such as `scenario_03`.
         rig: the nominal rig with its control section, which the twin knows.
         effects: hidden effects of the rig.
         faults: hidden faults of the pumps.
-        meters: whether flow meters report the delivered rates; without them the twin knows what
-            the operator confirms.
+        meters: whether flow meters report the delivered rates; without them the twin knows the
+            rates that the operator confirms.
         operator: the person at the pumps.
         start: when the twin takes over [s]; the safe rates hold before.
         end: end of the experiment [s].
@@ -150,7 +150,7 @@ class LoopScenario:
 
     @property
     def describes(self) -> str:
-        """What is special about the scenario, in words."""
+        """Zone, wells and secrets of the scenario in words."""
         assert self.rig.control is not None
         control = self.rig.control
         parts = [
@@ -306,7 +306,7 @@ def _drawn_rig(kind: str, duration: float, generator: Generator) -> Rig:
 
 
 def _places(zone: Polygon, generator: Generator) -> dict[str, Point]:
-    """Return drawn places (x, z) [m]: those of the paper, moved, and sometimes one well more.
+    """Return drawn places (x, z) [m]: the moved wells of the paper, and sometimes one more.
 
     The additional control well is where a laboratory would put it to protect a zone: near its edge.
     """
@@ -369,7 +369,7 @@ def _control(kind: str, zone: Polygon, places: dict[str, Point], generator: Gene
 
 
 def _worth_controlling(rig: Rig, duration: float) -> bool:
-    """Return whether control matters: what tracer reaches the zone, and what one well changes."""
+    """Return whether control matters: tracer reaches the zone, and one well changes that."""
     trial = _Trial(rig, duration)
     wells = range(len(trial.limits.wells))
     free = trial.volumes(None)

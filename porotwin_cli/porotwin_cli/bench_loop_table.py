@@ -29,8 +29,8 @@ GOALS = (
     ('orders, twin / constant', 1.0 / 3.0),
     ('dose, optimum / paper', math.nan),
 )
-"""Wanted ratios of medians, at most; NaN: nothing is wanted. The last one is what any controller
-could reach in these scenarios."""
+"""Wanted ratios of medians, at most; NaN: nothing is wanted. The last one is a bound: no controller
+gets below it in these scenarios."""
 
 
 def summary(

@@ -1,4 +1,4 @@
-"""What the siblings expect from a moment of a recording on, under the present and a proposed plan.
+"""The outlooks of the siblings from a moment of a recording on: a present and a proposed plan.
 
 The siblings learn from all maps of the recording up to that moment, as they would have beside the
 rig. Then both plans start from the same state.
@@ -49,8 +49,8 @@ class WhatIfStudy:
         map_grid: grid of the recorded maps, and of the state.
         start: time of the state [s].
         state: the state estimate (nz, nx) [-].
-        present: what is expected under the plan of the recording.
-        proposed: what is expected under the proposed plan.
+        present: the outlook under the plan of the recording.
+        proposed: the outlook under the proposed plan.
         seen_times: times of later photographs [s]; they were not learnt from.
         seen_tracer: tracer in the zone on these photographs [m^3].
         objections: limits that the proposal breaks, one line each.
@@ -133,7 +133,7 @@ def study_what_if(
     map_times: int = 2,
     learnt: Callable[[int, int], None] = lambda *_: None,
 ) -> WhatIfStudy:
-    """Return what is expected from the photograph nearest to `start` [s] on.
+    """Return both outlooks from the photograph nearest to `start` [s] on.
 
     Args:
         recording: with maps and rates.
