@@ -99,7 +99,7 @@ def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
 def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
     """Return the loop of this program, as the hub makes it.
 
-    It plans over the rest of the experiment, filters the state and learns the shares that pumps deliver.
+    It plans over the rest of the experiment, filters the state and learns the rates of the pumps.
 
     The end of the experiment is known, as a laboratory knows it.
     """
@@ -193,7 +193,7 @@ def run_closed(
 def _pumped(
     rig: LoopRig, operator: OperatorAtWork, order: WellRates, *, meters: bool
 ) -> list[KnownRates]:
-    """Let the operator follow `order` and the rig run on; return the rates that the twin hears of."""
+    """Let the operator follow `order` and the rig run on; return the rates told to the twin."""
     begin = rig.time
     rates, are_new = operator.follow(order)
     delivered = rig.advance(rates)

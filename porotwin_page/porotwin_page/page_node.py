@@ -303,7 +303,7 @@ class PageNode(Node):
         return self._source.doubt([sender.node for sender in publishers], time.monotonic())
 
     def _ask(self, rates: RatesByWell) -> Expectation:
-        """Ask the siblings for the outlook of `rates` of control wells; runs in a thread of the server.
+        """Return the outlook of `rates` of control wells; runs in a thread of the server.
 
         Raises:
             InputError: the siblings refused the question.
