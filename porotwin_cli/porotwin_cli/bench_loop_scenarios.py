@@ -53,8 +53,9 @@ MOVED_M = 0.06
 FOUR_WELLS = 0.3
 """Probability of one control well more."""
 
-COARSE_GRID = (62, 37)
-"""Columns and rows of the grid on which a drawn scenario is tried: 15 mm, some milliseconds."""
+TRIAL_GRIDS = ((62, 37), (94, 56))
+"""Columns and rows of the grids on which a drawn scenario is tried. The first one takes some
+milliseconds; the second one smears less, so that a trivial scenario shows."""
 
 COARSE_TIMES = 8
 """Times at which a trial looks at the zone."""
@@ -63,7 +64,7 @@ LEAST_FREE_ML = 8.0
 """Tracer in the zone at the end without control, at least [ml]: several times the error of a map of
 a rig with 2 l of pores."""
 
-ALONE_RANGE = (0.02, 0.25)
+ALONE_RANGE = (0.03, 0.25)
 """Dose with the best well alone at its maximum, relative to no control: below, any controller would
 do; above, the wells are in wrong places, and a laboratory would move them."""
 
@@ -370,7 +371,11 @@ def _control(kind: str, zone: Polygon, places: dict[str, Point], generator: Gene
 
 def _worth_controlling(rig: Rig, duration: float) -> bool:
     """Return whether control matters: tracer reaches the zone, and one well changes that."""
-    trial = _Trial(rig, duration)
+    return all(_is_in_range(_Trial(rig, duration, cells)) for cells in TRIAL_GRIDS)
+
+
+def _is_in_range(trial: '_Trial') -> bool:
+    """Return whether the tracer in the zone, and the best well alone, are in their ranges."""
     wells = range(len(trial.limits.wells))
     free = trial.volumes(None)
     if free[-1] * 1e6 < LEAST_FREE_ML:
@@ -382,9 +387,9 @@ def _worth_controlling(rig: Rig, duration: float) -> bool:
 class _Trial:
     """A coarse simulation of a drawn rig, with no control well or one at its maximum."""
 
-    def __init__(self, rig: Rig, duration: float) -> None:
+    def __init__(self, rig: Rig, duration: float, cells: tuple[int, int]) -> None:
         self.limits = Limits.of(rig)
-        grid = rig.grid(*COARSE_GRID)
+        grid = rig.grid(*cells)
         self._model = Model(rig, grid, preset='fast')
         self._allowed = make_objective(rig, grid).disallowed_tracer
         self._step = duration / COARSE_TIMES
