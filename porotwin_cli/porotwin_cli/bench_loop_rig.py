@@ -1,11 +1,12 @@
 """The virtual rig of a scenario, with its hidden faults, and the maps that the twin sees of it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
 from porotwin_hub.objective_registry import make_objective
@@ -153,6 +154,7 @@ def make_eyes(scenario: LoopScenario, settings: LoopSettings) -> Eyes:
     """Return the eyes of the twin in a scenario.
 
     Photographs need a calibrated camera: it photographs a known injection into the same rig first.
+    If the effects of the rig forbid a calibration, the camera was calibrated before they came.
 
     Raises:
         InputError: the photographs of the known injection do not suffice for a calibration.
@@ -163,7 +165,11 @@ def make_eyes(scenario: LoopScenario, settings: LoopSettings) -> Eyes:
     width = settings.photo_width
     camera = camera_before(scenario.rig, width, round(width * ASPECT))
     photographer = Photographer(scenario.rig, camera=camera, seed=scenario.seed)
-    baseline = _calibrated_baseline(scenario, settings, photographer)
+    try:
+        baseline = _calibrated_baseline(scenario, settings, photographer)
+    except InputError:
+        healthy = replace(scenario, effects=())
+        baseline = _calibrated_baseline(healthy, settings, photographer)
 
     def eyes(asset: VirtualRig) -> Observation:
         found = concentration_map(_photograph(photographer, asset, grid), baseline)
