@@ -71,7 +71,7 @@ class OperatorAtWork:
         return self._set, True
 
     def _with_slip(self, order: WellRates) -> WellRates:
-        """Return the rates that are set: those of the order, or with one well at another rate."""
+        """Return the order as it is set; after a slip one well has another rate."""
         slips = self._chance.random() < self._operator.slips
         well, share = self._chance.integers(len(self._limits.wells)), self._chance.random()
         if not slips:

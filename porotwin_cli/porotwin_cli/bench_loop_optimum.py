@@ -37,9 +37,10 @@ FUZZY_SHARE = 0.02
 
 
 def optimum_schedules(scenario: LoopScenario) -> Iterator[Schedule]:
-    """Yield good schedules of the control wells from the takeover on, one per start."""
+    """Yield good schedules of the control wells: every start, and the best one near it."""
     search = _Search(scenario)
     for start in search.starts():
+        yield search.schedule(search.within(start))
         yield search.from_start(start)
 
 
@@ -91,7 +92,7 @@ class _Search:
         pieces, wells = self.shape
         most = self._limits.max_total_rate / self._limits.max_rate
         sums = np.kron(np.eye(pieces), np.ones(wells))
-        start = start / np.maximum(1.0, start.sum(axis=1, keepdims=True) / most)
+        start = self.within(start)
         scale = max(self._cost(start)[0], 1e-9)
 
         def cost(x: FloatArray) -> tuple[float, FloatArray]:
@@ -107,9 +108,14 @@ class _Search:
             constraints=[LinearConstraint(sums, -np.inf, most)],
             options={'maxiter': STEPS, 'ftol': 1e-4},
         )
-        return self._schedule(np.clip(found.x.reshape(self.shape), 0.0, 1.0))
+        return self.schedule(np.clip(found.x.reshape(self.shape), 0.0, 1.0))
 
-    def _schedule(self, shares: FloatArray) -> Schedule:
+    def within(self, shares: FloatArray) -> FloatArray:
+        """Return `shares` (pieces, wells) scaled down to the limit of all wells together."""
+        most = self._limits.max_total_rate / self._limits.max_rate
+        return shares / np.maximum(1.0, shares.sum(axis=1, keepdims=True) / most)
+
+    def schedule(self, shares: FloatArray) -> Schedule:
         """Return commands that make the wells deliver `shares`, as far as the limits allow."""
         before = [(0.0, self._limits.safe())] if self._scenario.start > 0.0 else []
         return Schedule.from_rates([*before, *((t, rates) for t, rates in self._commands(shares))])
@@ -121,7 +127,7 @@ class _Search:
         ]
 
     def _delivered(self, shares: FloatArray) -> Schedule:
-        """Return what the pumps deliver of the commands; their faults are known here."""
+        """Return the delivered part of the commands; the faults are known here."""
         faults = self._scenario.faults
         moments = {edge for fault in faults for edge in (fault.start, fault.end)}
         times = sorted({*self._edges[:-1], *(m for m in moments if 0.0 < m < self._scenario.end)})

@@ -1,11 +1,12 @@
 """The virtual rig of a scenario, with its hidden faults, and the maps that the twin sees of it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
 from porotwin_hub.objective_registry import make_objective
@@ -59,7 +60,7 @@ class LoopSettings:
 
 
 class LoopRig:
-    """The rig of one run: it pumps what the operator sets and the faults leave of it."""
+    """The rig of one run: it pumps the rates of the operator, less the faults."""
 
     def __init__(self, scenario: LoopScenario, settings: LoopSettings) -> None:
         """Pump the safe rates until the twin takes over."""
@@ -89,7 +90,7 @@ class LoopRig:
         return self.time >= self._scenario.end - ROUND_OFF_S
 
     def seen(self, eyes: Eyes) -> Observation:
-        """Return what the twin sees now."""
+        """Return the map that the twin sees now."""
         return eyes(self._asset)
 
     def advance(self, rates: WellRates) -> dict[str, WellRate]:
@@ -140,7 +141,7 @@ class LoopRig:
 def delivered_rates(
     rates: WellRates, faults: Sequence[PumpFault], time: float
 ) -> dict[str, WellRate]:
-    """Return what the pumps deliver at `time` [s] of the `rates` that are set [m^3/s]."""
+    """Return the delivered part of the `rates` at the pumps [m^3/s], at `time` [s]."""
     found = dict(rates)
     for fault in faults:
         if fault.start <= time < fault.end and fault.well in found:
@@ -153,6 +154,7 @@ def make_eyes(scenario: LoopScenario, settings: LoopSettings) -> Eyes:
     """Return the eyes of the twin in a scenario.
 
     Photographs need a calibrated camera: it photographs a known injection into the same rig first.
+    If the effects of the rig forbid a calibration, the camera was calibrated before they came.
 
     Raises:
         InputError: the photographs of the known injection do not suffice for a calibration.
@@ -163,7 +165,11 @@ def make_eyes(scenario: LoopScenario, settings: LoopSettings) -> Eyes:
     width = settings.photo_width
     camera = camera_before(scenario.rig, width, round(width * ASPECT))
     photographer = Photographer(scenario.rig, camera=camera, seed=scenario.seed)
-    baseline = _calibrated_baseline(scenario, settings, photographer)
+    try:
+        baseline = _calibrated_baseline(scenario, settings, photographer)
+    except InputError:
+        healthy = replace(scenario, effects=())
+        baseline = _calibrated_baseline(healthy, settings, photographer)
 
     def eyes(asset: VirtualRig) -> Observation:
         found = concentration_map(_photograph(photographer, asset, grid), baseline)

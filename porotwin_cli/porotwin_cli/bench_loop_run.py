@@ -99,7 +99,7 @@ def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
 def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
     """Return the loop of this program, as the hub makes it.
 
-    It plans over the rest of the experiment, filters the state and learns what the pumps deliver.
+    It plans over the rest of the experiment, filters the state and learns the rates of the pumps.
 
     The end of the experiment is known, as a laboratory knows it.
     """
@@ -193,7 +193,7 @@ def run_closed(
 def _pumped(
     rig: LoopRig, operator: OperatorAtWork, order: WellRates, *, meters: bool
 ) -> list[KnownRates]:
-    """Let the operator follow `order` and the rig run on; return what the twin hears of it."""
+    """Let the operator follow `order` and the rig run on; return the rates told to the twin."""
     begin = rig.time
     rates, are_new = operator.follow(order)
     delivered = rig.advance(rates)
@@ -203,7 +203,7 @@ def _pumped(
 
 
 class _Judge:
-    """Counts orders, and setpoints that break a limit by checks of which the hub knows nothing."""
+    """Counts orders, and setpoints that break a limit; guard and rig check them without the hub."""
 
     def __init__(self, scenario: LoopScenario, limits: Limits) -> None:
         self.orders = 0

@@ -53,8 +53,9 @@ MOVED_M = 0.06
 FOUR_WELLS = 0.3
 """Probability of one control well more."""
 
-COARSE_GRID = (62, 37)
-"""Columns and rows of the grid on which a drawn scenario is tried: 15 mm, some milliseconds."""
+TRIAL_GRIDS = ((62, 37), (94, 56))
+"""Columns and rows of the grids on which a drawn scenario is tried. The first one takes some
+milliseconds; the second one smears less, so that a trivial scenario shows."""
 
 COARSE_TIMES = 8
 """Times at which a trial looks at the zone."""
@@ -63,7 +64,7 @@ LEAST_FREE_ML = 8.0
 """Tracer in the zone at the end without control, at least [ml]: several times the error of a map of
 a rig with 2 l of pores."""
 
-ALONE_RANGE = (0.02, 0.25)
+ALONE_RANGE = (0.03, 0.25)
 """Dose with the best well alone at its maximum, relative to no control: below, any controller would
 do; above, the wells are in wrong places, and a laboratory would move them."""
 
@@ -77,8 +78,8 @@ EDGE_CLEARANCE_M = 0.06
 """Least distance of a well from the edge of the rig [m]."""
 
 NEAR_ZONE_M = 0.09
-"""Greatest distance of a control well from the outline of the zone, along each axis [m]; those of
-the paper lie 2 to 14 cm within the zone."""
+"""Greatest distance of a control well from the outline of the zone, along each axis [m]; the wells
+of the paper lie 2 to 14 cm within it."""
 
 ZONE_CLEARANCE_M = 0.07
 """Least distance of the injector from the zone [m]."""
@@ -93,7 +94,7 @@ HIDDEN = tuple(
         or RIG_EFFECTS[name].needs_recording
     )
 )
-"""Effects that a scenario may hide from the twin: those of the rig and its pumps. The photographs
+"""Effects of rig and pumps that a scenario may hide from the twin. The photographs
 have noise, drifting light and a shaking camera in every scenario."""
 
 HIDDEN_COUNTS = (1, 0, 1, 2)
@@ -111,7 +112,7 @@ PRODUCER_DELIVERY = 0.99
 
 @dataclass(frozen=True)
 class PumpFault:
-    """A pump that delivers a `share` of what is set, from `start` to `end` [s]; 0: nothing."""
+    """A pump that delivers a `share` of its rate, from `start` to `end` [s]; 0: nothing."""
 
     well: str
     share: float
@@ -121,15 +122,15 @@ class PumpFault:
 
 @dataclass(frozen=True)
 class LoopScenario:
-    """An experiment with a zone to protect, and what the twin is not told.
+    """An experiment with a zone to protect, and its secrets.
 
     Attributes:
         name: of the scenario, such as `scenario_03`.
         rig: the nominal rig with its control section, which the twin knows.
         effects: hidden effects of the rig.
         faults: hidden faults of the pumps.
-        meters: whether flow meters report the delivered rates; without them the twin knows what
-            the operator confirms.
+        meters: whether flow meters report the delivered rates; without them the twin knows the
+            rates that the operator confirms.
         operator: the person at the pumps.
         start: when the twin takes over [s]; the safe rates hold before.
         end: end of the experiment [s].
@@ -150,7 +151,7 @@ class LoopScenario:
 
     @property
     def describes(self) -> str:
-        """What is special about the scenario, in words."""
+        """Zone, wells and secrets of the scenario in words."""
         assert self.rig.control is not None
         control = self.rig.control
         parts = [
@@ -306,7 +307,7 @@ def _drawn_rig(kind: str, duration: float, generator: Generator) -> Rig:
 
 
 def _places(zone: Polygon, generator: Generator) -> dict[str, Point]:
-    """Return drawn places (x, z) [m]: those of the paper, moved, and sometimes one well more.
+    """Return drawn places (x, z) [m]: the moved wells of the paper, and sometimes one more.
 
     The additional control well is where a laboratory would put it to protect a zone: near its edge.
     """
@@ -369,8 +370,12 @@ def _control(kind: str, zone: Polygon, places: dict[str, Point], generator: Gene
 
 
 def _worth_controlling(rig: Rig, duration: float) -> bool:
-    """Return whether control matters: what tracer reaches the zone, and what one well changes."""
-    trial = _Trial(rig, duration)
+    """Return whether control matters: tracer reaches the zone, and one well changes that."""
+    return all(_is_in_range(_Trial(rig, duration, cells)) for cells in TRIAL_GRIDS)
+
+
+def _is_in_range(trial: '_Trial') -> bool:
+    """Return whether the tracer in the zone, and the best well alone, are in their ranges."""
     wells = range(len(trial.limits.wells))
     free = trial.volumes(None)
     if free[-1] * 1e6 < LEAST_FREE_ML:
@@ -382,9 +387,9 @@ def _worth_controlling(rig: Rig, duration: float) -> bool:
 class _Trial:
     """A coarse simulation of a drawn rig, with no control well or one at its maximum."""
 
-    def __init__(self, rig: Rig, duration: float) -> None:
+    def __init__(self, rig: Rig, duration: float, cells: tuple[int, int]) -> None:
         self.limits = Limits.of(rig)
-        grid = rig.grid(*COARSE_GRID)
+        grid = rig.grid(*cells)
         self._model = Model(rig, grid, preset='fast')
         self._allowed = make_objective(rig, grid).disallowed_tracer
         self._step = duration / COARSE_TIMES

@@ -55,6 +55,7 @@ def _draw_plume(axis: Axes, study: WhatIfStudy, name: str, outlook: Outlook, col
     mean, spread = outlook.mean[-1], outlook.deviation[-1]
     for values, style in ((mean, '-'), (mean - spread, ':'), (mean + spread, ':')):
         axis.contour(x, z, values, levels=[PLUME_THRESHOLD], colors=colour, linestyles=style)
+    x, z = np.meshgrid(study.map_grid.x, study.map_grid.z)
     axis.contour(
         x, z, study.state, levels=[PLUME_THRESHOLD], colors='black', linestyles='--',
         linewidths=0.8,

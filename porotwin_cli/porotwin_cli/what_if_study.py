@@ -1,4 +1,4 @@
-"""What the siblings expect from a moment of a recording on, under the present and a proposed plan.
+"""The outlooks of the siblings from a moment of a recording on: a present and a proposed plan.
 
 The siblings learn from all maps of the recording up to that moment, as they would have beside the
 rig. Then both plans start from the same state.
@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
+from porotwin_core.state_filter import Seen
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
@@ -23,6 +24,7 @@ from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
 from porotwin_siblings.rate_log import proposed_plan
 from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+from porotwin_siblings.zone_measure import ZoneMeasure
 
 TIMES = 12
 """Times of a forecast: enough for a smooth curve. The siblings step from one to the next."""
@@ -43,11 +45,12 @@ class WhatIfStudy:
 
     Attributes:
         rig: the rig.
-        grid: grid of the maps.
+        grid: grid of the siblings, and of the maps in their forecasts.
+        map_grid: grid of the recorded maps, and of the state.
         start: time of the state [s].
         state: the state estimate (nz, nx) [-].
-        present: what is expected under the plan of the recording.
-        proposed: what is expected under the proposed plan.
+        present: the outlook under the plan of the recording.
+        proposed: the outlook under the proposed plan.
         seen_times: times of later photographs [s]; they were not learnt from.
         seen_tracer: tracer in the zone on these photographs [m^3].
         objections: limits that the proposal breaks, one line each.
@@ -57,6 +60,7 @@ class WhatIfStudy:
 
     rig: Rig
     grid: Grid
+    map_grid: Grid
     start: float
     state: FloatArray
     present: Outlook
@@ -129,14 +133,14 @@ def study_what_if(
     map_times: int = 2,
     learnt: Callable[[int, int], None] = lambda *_: None,
 ) -> WhatIfStudy:
-    """Return what is expected from the photograph nearest to `start` [s] on.
+    """Return both outlooks from the photograph nearest to `start` [s] on.
 
     Args:
         recording: with maps and rates.
         start: when the plans part [s].
         steps: the proposed changes; their times count from `start`. Wells without a change keep
             their rates, and the producer balances them.
-        grid: of the siblings.
+        grid: of the siblings; never finer than that of the maps.
         executor: runs the siblings.
         horizon: how far to look ahead [s]; None: to the end of the recording, but at least
             `LEAST_HORIZON_S`.
@@ -155,8 +159,9 @@ def study_what_if(
     newest = int(np.abs(times - start).argmin())
     begin = float(times[newest])
     ahead = horizon or max(LEAST_HORIZON_S, float(times[-1]) - begin)
-    map_grid = recording.rig.grid(*reversed(recording.concentration.shape[1:]))
-    family = Siblings(recording.rig, grid, map_grid=map_grid, executor=executor, count=siblings)
+    maps = recording.grid
+    grid = recording.rig.grid(min(grid.nx, maps.nx), min(grid.nz, maps.nz))
+    family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
     _learn(family, recording, newest, learnt)
     commanded = _schedule(recording)
     present = [
@@ -170,12 +175,14 @@ def study_what_if(
     outlooks = [family.outlook(plan, ahead, after, maps_after) for plan in (present, proposed)]
     seconds = time.perf_counter() - clock
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
-    seen = [family.zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
+    zone = ZoneMeasure.of(recording.rig, maps)
+    seen = [zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
     return WhatIfStudy(
         rig=recording.rig,
         grid=grid,
+        map_grid=maps,
         start=begin,
-        state=_on(grid, family.state),
+        state=family.state,
         present=outlooks[0],
         proposed=outlooks[1],
         seen_times=np.array([times[n] for n in later]),
@@ -193,10 +200,6 @@ def recording_step(times: FloatArray) -> float:
 
 def _minutes(times: FloatArray) -> str:
     return f'{times[0] / 60.0:.4g} min' if len(times) else 'nowhere'
-
-
-def _on(grid: Grid, values: FloatArray) -> FloatArray:
-    return conservative_resample(np.asarray(values, dtype=float), grid.shape)
 
 
 def _schedule(recording: Recording) -> Schedule:
@@ -225,23 +228,19 @@ def _learn(
                 for low, high, rates in delivered.intervals(before, now)
             ]
         )
-        family.observe(_photograph(maps, number, family.map_grid), periods)
+        family.observe(_photograph(maps, number), periods)
         before = now
         learnt(count, len(chosen))
 
 
-def _photograph(maps: ConcentrationMaps, number: int, grid: Grid) -> Photograph:
-    """Return a map with its deviations, as far as the recording has them, on `grid`."""
-    found = Photograph.plain(float(maps.times[number]), _on(grid, maps[number]))
+def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
+    """Return a map with its deviations, as far as the recording has them."""
+    values = np.asarray(maps[number], dtype=float)
+    found = Photograph.plain(float(maps.times[number]), values)
     if maps.deviation is None or maps.systematic is None:
         return found
-    total, systematic = (_on(grid, one[number]) for one in (maps.deviation, maps.systematic))
-    if not (np.isfinite(total).all() and np.isfinite(systematic).all()):
-        total, systematic = (
-            np.nan_to_num(one, nan=float(np.nanmax(one))) for one in (total, systematic)
-        )
-    random = np.sqrt(np.maximum(total**2 - systematic**2, 0.0))
-    return found._replace(random=random, systematic=systematic)
+    seen = Seen.of(values, *(np.asarray(one[number]) for one in (maps.deviation, maps.systematic)))
+    return found._replace(random=seen.random, systematic=seen.systematic)
 
 
 def _objections(rig: Rig, plan: Sequence[RateStep]) -> tuple[str, ...]:

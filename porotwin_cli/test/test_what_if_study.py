@@ -1,4 +1,4 @@
-"""What siblings expect from a moment of a recording."""
+"""Outlooks of the siblings from a moment of a recording."""
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -41,7 +41,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 @pytest.fixture(scope='module')
 def found(recording: Recording) -> WhatIfStudy:
-    """Return what is expected from minute 25 on, with another well at its maximum."""
+    """Return the outlooks from minute 25 on, with another well at its maximum."""
     step = rate_step('control1=500,control3=0', recording.rig, 1500.0)
     with ThreadPoolExecutor(2) as pool:
         return study_what_if(

@@ -1,4 +1,4 @@
-"""What the siblings expect: tracer in the zone with a band, and where the plume will be."""
+"""Forecasts of the siblings: tracer in the zone with a band, and outlines of the plume."""
 
 from dataclasses import dataclass
 

@@ -228,7 +228,7 @@ class GraphSnapshot:
             safe rates were confirmed, because it had expired.
         expired: number of the setpoint whose expiry is in the log; None if it is not over.
         log: newest setpoints, expiries and reports of rates.
-        expected: what the siblings expect with the present rates; None before they tell.
+        expected: newest forecast of the siblings with the present rates; None before it.
         alarm: one line on wrong publishers of setpoints; empty if all is well.
         history: points of the curves.
         history_end: number of points ever added; `history` ends with number `history_end` - 1.

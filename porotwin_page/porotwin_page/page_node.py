@@ -58,7 +58,7 @@ SERVICE_TIMEOUT = 1.0
 """Longest wait for the service of another node [s]."""
 
 ANSWER_TIMEOUT = 20.0
-"""Longest wait for what proposed rates would do [s]; the siblings take about a second."""
+"""Longest wait for the outlook of proposed rates [s]; the siblings take about a second."""
 
 
 def _own_name(host: str) -> frozenset[str]:
@@ -303,7 +303,7 @@ class PageNode(Node):
         return self._source.doubt([sender.node for sender in publishers], time.monotonic())
 
     def _ask(self, rates: RatesByWell) -> Expectation:
-        """Ask the siblings what `rates` of control wells would do; runs in a thread of the server.
+        """Return the outlook of `rates` of control wells; runs in a thread of the server.
 
         Raises:
             InputError: the siblings refused the question.

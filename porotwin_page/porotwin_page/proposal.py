@@ -1,4 +1,4 @@
-"""Proposed rates of the control wells, as a browser sends them to ask what they would do."""
+"""Proposed rates of the control wells, as a browser sends them to ask for their outlook."""
 
 from typing import Any
 
@@ -24,9 +24,9 @@ def parse_proposal(data: Any, snapshot: GraphSnapshot) -> dict[str, WellRate]:
     """
     control = snapshot.rig.control if snapshot.rig is not None else None
     if control is None:
-        raise InputError('what if: this rig has no control wells')
+        raise InputError('proposal: this rig has no control wells')
     if not isinstance(data, dict) or set(data) != {'rates_ml_h'}:
-        raise InputError('what if: send a JSON object with rates_ml_h')
+        raise InputError('proposal: send a JSON object with rates_ml_h')
     given = data['rates_ml_h']
     if not isinstance(given, dict) or not given:
         raise InputError('rates_ml_h: send an object with the rate of one control well or more')

@@ -65,7 +65,7 @@ Raises InputError if it is refused, ConfirmationUnavailable if nobody receives i
 """
 
 AskFn = Callable[[WellRates], Expectation]
-"""Asks what proposed rates [m^3/s] of control wells would do; blocks.
+"""Asks for the outlook of proposed rates [m^3/s] of control wells; blocks.
 
 Raises InputError if the question is refused, SiblingsUnavailable if nobody answers.
 """
@@ -79,7 +79,7 @@ class ConfirmationUnavailable(Exception):  # noqa: N818  it is a state of the gr
 
 
 class SiblingsUnavailable(Exception):  # noqa: N818  it is a state of the graph, not a mistake
-    """Nobody answers what proposed rates would do; the message names the remedy."""
+    """Nobody answers questions about rates; the message names the remedy."""
 
 
 def nobody_to_ask(_: WellRates) -> Expectation:
@@ -114,7 +114,7 @@ class PageApplication:
         confirm: passes confirmations on.
         clock: returns the time on the graph's clock [s].
         access: the rules for requests.
-        ask: asks what proposed rates would do; nobody by default.
+        ask: asks for the outlook of proposed rates; nobody by default.
         past: holds earlier states; an empty one by default.
         panels: panels by name; all panels of the registry by default.
         settings: timing of the streams.
@@ -331,7 +331,7 @@ class PageApplication:
             return 503, {'error': str(error)}
 
     async def what_if(self, request: web.Request) -> web.Response:
-        """Answer what proposed rates would do; nothing is pumped."""
+        """Answer with the outlook of proposed rates; nothing is pumped."""
         status, answer = await self._answer(request)
         return web.json_response(answer, status=status)
 
@@ -342,7 +342,7 @@ class PageApplication:
         asked at a time.
         """
         if request.content_type != 'application/json':
-            return 415, {'error': 'what if: send application/json'}
+            return 415, {'error': 'proposal: send application/json'}
         token = request.headers.get('Authorization', '').removeprefix('Bearer').strip()
         try:
             self._access.check_change(request.headers.get('Origin'), request.host, token)
@@ -356,9 +356,9 @@ class PageApplication:
         except AccessRefused as refused:
             return 403, {'error': str(refused)}
         except web.HTTPRequestEntityTooLarge:
-            return 413, {'error': f'what if: longer than {MAX_CONFIRMATION} bytes'}
+            return 413, {'error': f'proposal: longer than {MAX_CONFIRMATION} bytes'}
         except TimeoutError:
-            return 408, {'error': 'what if: the request did not arrive as a whole'}
+            return 408, {'error': 'proposal: the request did not arrive as a whole'}
         except InputError as error:
             return 400, {'error': str(error)}
         except SiblingsUnavailable as error:

@@ -1,4 +1,4 @@
-"""What the siblings expect, for browsers."""
+"""Forecasts of the siblings for browsers."""
 
 import numpy as np
 import pytest

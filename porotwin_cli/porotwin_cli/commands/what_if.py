@@ -44,7 +44,7 @@ def command(
     output: Annotated[Path, typer.Option(help='Folder for the picture.')] = Path('what-if'),
     as_json: Json = False,
 ) -> None:
-    """Show what other rates would do, beside the present schedule, with 90 % bands.
+    """Show the outlook of other rates beside the present schedule, with 90 % bands.
 
     Siblings of the twin learn from the maps until --at and run both schedules from there. The
     present schedule is that of the recording. Nothing is pumped.
@@ -90,7 +90,7 @@ def command(
 
 
 def _show(found: 'WhatIfStudy') -> None:
-    """Print the rates of both plans, and what is expected at some times."""
+    """Print the rates of both plans, and their outlooks at some times."""
     import numpy as np
 
     from porotwin_cli.run_account import ML

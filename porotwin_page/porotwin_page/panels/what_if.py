@@ -1,4 +1,4 @@
-"""What is expected with the present rates and with proposed ones; nothing is pumped from here."""
+"""The outlooks of the present and of proposed rates; nothing is pumped from here."""
 
 from porotwin_page.expectation import expectation_view
 from porotwin_page.graph_snapshot import GraphSnapshot
