@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from porotwin_core.grid import Grid
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.level_smoothing import SmoothedMap
+from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 
 Array = NDArray[Any]
@@ -62,11 +63,11 @@ def map_deviation(
         grid: the grid of the map.
         settings: errors of the place and of the light.
     """
-    values = smoothed.values
-    noise = np.hypot(smoothed.noise, light_error)
+    values = smoothed.values.astype(np.float32)
+    noise = np.hypot(smoothed.noise, light_error).astype(np.float32)
     random = np.hypot(noise, _clean_or_faint(values, noise))
     known = np.isfinite(values)
-    filled = np.where(known, values, 0.0)
+    filled = np.where(known, values, np.float32(0.0))
     systematic = np.sqrt(
         _calibration_error(filled, calibration, grid) ** 2
         + (settings.place_error * grid.width * _slope(filled, known, grid)) ** 2
@@ -88,8 +89,13 @@ def _clean_or_faint(values: Array, noise: Array) -> Array:
 def _calibration_error(values: Array, calibration: Calibration, grid: Grid) -> Array:
     """Return the standard deviation of `values` (nz, nx) that the calibration causes."""
     response = calibration.response
-    signal = np.interp(values, response.concentration, response.signal)
-    return calibration.systematic_deviation(signal, calibration.factor_deviation_map(grid))
+
+    def band(values: Array, factor_deviation: Array) -> tuple[Array]:
+        signal = np.interp(values, response.concentration, response.signal)
+        deviation = calibration.systematic_deviation(signal, factor_deviation)
+        return (deviation.astype(np.float32),)
+
+    return by_bands(band, values, calibration.factor_deviation_map(grid))[0]
 
 
 def _slope(values: Array, known: NDArray[np.bool_], grid: Grid) -> Array:

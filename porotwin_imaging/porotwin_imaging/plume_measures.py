@@ -1,9 +1,10 @@
 """Measures of a map: how much tracer there is, where, how far spread, and the shape of its outline.
 
 Cells that the map does not show (NaN) count as clean. The outline is the line of one concentration,
-`level`, interpolated linearly on the triangles between the centres of the cells. Fingers are counted along the front of the plume on one side: for each column (or row)
-the front is how far the plume reaches, and a finger is a maximum of it that stands out by
-`FINGER_M`. A plume without fingers has one.
+`level`, interpolated linearly on the triangles between the centres of the cells. Fingers are
+counted along the front of the plume on one side: for each column (or row) the front is how far the
+plume reaches, and a finger is a maximum of it that stands out by `FINGER_M`. A plume without
+fingers has one.
 
 Deviations are carried through at first order. The random part is taken as independent from cell to
 cell, the systematic part as common to all cells.

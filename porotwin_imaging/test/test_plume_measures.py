@@ -19,7 +19,9 @@ def blob(x: float, z: float, radius: float = 0.1, rim: float = 0.01) -> np.ndarr
 def test_a_disc_has_its_area_outline_centre_and_spread() -> None:
     found = plume_measures(blob(0.4, 0.3, rim=0.003), GRID, PORES, level=0.5)
     assert found.area_m2 == pytest.approx(np.pi * 0.1**2, rel=0.01)
-    assert found.contour_m == pytest.approx(2 * np.pi * 0.1, rel=0.01)
+    # the rim is sharper than the cells: a smooth one has its length to 0.2 %
+    assert found.contour_m == pytest.approx(2 * np.pi * 0.1, rel=0.02)
+    assert contour_length(blob(0.4, 0.3), GRID, 0.5) == pytest.approx(2 * np.pi * 0.1, rel=2e-3)
     assert (found.x_m, found.z_m) == pytest.approx((0.4, 0.3), abs=1e-4)
     assert (found.spread_x_m, found.spread_z_m) == pytest.approx((0.05, 0.05), rel=0.02)
     assert found.spread_xz == pytest.approx(0.0, abs=1e-3)
