@@ -28,7 +28,7 @@ class Planner(Protocol):
 
     @property
     def objective(self) -> Objective:
-        """What is minimised."""
+        """The cost to minimise."""
         ...
 
     def decide(
@@ -123,7 +123,7 @@ class WithSubstitute:
 
     @property
     def objective(self) -> Objective:
-        """What is minimised."""
+        """The cost to minimise."""
         return self.planner.objective
 
     def decide(
@@ -137,7 +137,7 @@ class WithSubstitute:
     ) -> Decision:
         """Return the rates to command, with a remark where the substitute chose them.
 
-        The arguments are those of `Planner`.
+        The arguments are as in `Planner`.
 
         Raises:
             ModelUnavailable: neither model answers.

@@ -84,8 +84,9 @@ def _made(
         )
     given = _shared_parameters(kind, control) | dict(parameters)
     objective = kind.make(rig, grid, _checked(kind.parameters, given, name))
-    nothing, full = np.zeros(grid.shape), np.ones(grid.shape)
-    if objective(nothing) == objective(full) and not objective.water_cost:
+    half = 0.0 * grid.x + np.linspace(0.0, 1.0, grid.nz)[:, None]
+    costs = {objective(values) for values in (0.0 * half, 0.0 * half + 1.0, half)}
+    if len(costs) == 1 and not objective.water_cost:
         raise InputError(
             f"objective '{kind.name}': an empty rig and a rig full of tracer cost the same; "
             f'does its zone [m] lie inside the rig of {rig.width_m} m x {rig.height_m} m?'

@@ -52,7 +52,7 @@ class Decision:
     `rates` [m^3/s] are the chosen ones of all wells, `cost` is theirs and `cost_unchanged` that of
     the unchanged rates, in the unit of the cost function. `evaluations` counts evaluated points.
     `plan` holds the rates of all wells from the state on; without one, `rates` stay. `remark` tells
-    people what went wrong.
+    people about a fault.
     """
 
     rates: dict[str, WellRate]

@@ -4,7 +4,7 @@ Every decision plans again over the whole remaining time, in blocks of growing l
 with the rest of the last plan and with simple plans, improves the best one by the gradient, and
 takes back orders that are not worth their cost. The plan runs on a coarse grid: dozens of long
 simulations take a second there, and the smeared plume makes the cost smooth. On the grid of the
-maps its limiters leave kinks in which a gradient search stops.
+maps its limiters leave kinks, and a gradient search stops there.
 """
 
 import itertools
@@ -44,7 +44,7 @@ FIRST_SEQUENCES, LATER_SEQUENCES = 12, 2
 hour tries all of them many times."""
 
 SWITCHES = (0.25, 0.5, 0.75)
-"""Shares of the blocks after which such a plan goes over to the other well."""
+"""Shares of the blocks before such a plan goes over to the other well."""
 
 JOININGS = 3
 """Orders tried to be taken back before the others stay."""

@@ -302,7 +302,7 @@ class Twin:
         cycle.observed = self._estimate.observed
 
     def _factors(self) -> dict[str, PumpFactor]:
-        """Return what the pumps deliver of what they are told, by well, as far as it is learnt."""
+        """Return the learnt share of its rate that each pump delivers, by well."""
         return self._learner.factors if self._learner is not None else {}
 
     def _pump_deviation(self, cycle: Cycle) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
@@ -56,15 +57,20 @@ def distance_to_zones(zones: Sequence[Polygon], grid: Grid, key: str) -> FloatAr
     return np.asarray(np.min(distances, axis=0).reshape(grid.shape))
 
 
-def distance_beside_zones(zones: Sequence[Polygon], grid: Grid, key: str) -> FloatArray:
-    """Return the distance [m] of every cell (nz, nx) to the outside of all `zones`; 0 there.
+def distance_to_edge(zone: Polygon, grid: Grid, key: str) -> tuple[FloatArray, FloatArray]:
+    """Return the distance [m] of every cell to the edge of `zone`, and 1 inside it, 0 outside.
+
+    The sides of the rig are no edge. Both are (nz, nx).
 
     Raises:
-        InputError: a zone covers no cell of `grid`; the message names the `key` of rig.yaml.
+        InputError: the zone covers no cell of `grid`; the message names the `key` of rig.yaml.
     """
-    centres = cell_centres(grid)
-    distances = [distance_to_outside(centres, checked_zone(zone, grid, key)) for zone in zones]
-    return np.asarray(np.max(distances, axis=0).reshape(grid.shape))
+    within = inside(cell_centres(grid), checked_zone(zone, grid, key)).reshape(grid.shape)
+    cells = (grid.dz, grid.dx)
+    if within.all():
+        return np.full(grid.shape, np.inf), within.astype(float)
+    across = distance_transform_edt(within, cells) + distance_transform_edt(~within, cells)
+    return np.maximum(across - 0.5 * max(cells), 0.0), within.astype(float)
 
 
 def fuzzy_mask(distance: FloatArray, fuzziness: float) -> FloatArray:

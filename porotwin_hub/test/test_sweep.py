@@ -1,4 +1,4 @@
-"""Tests of the objective `sweep`: what a region lacks costs."""
+"""Tests of the objective `sweep`: a region without its tracer costs."""
 
 from pathlib import Path
 from typing import Any

@@ -7,11 +7,7 @@ from pydantic import Field, FiniteFloat
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Polygon, Rig
 from porotwin_hub.objective import ObjectiveKind, ObjectiveParameters, TargetTracer, pore_volume
-from porotwin_hub.zones import (
-    distance_beside_zones,
-    distance_to_zones,
-    fuzzy_mask,
-)
+from porotwin_hub.zones import distance_to_edge, fuzzy_mask
 
 
 class HoldFrontParameters(ObjectiveParameters):
@@ -28,17 +24,16 @@ def hold_front(rig: Rig, grid: Grid, parameters: HoldFrontParameters) -> TargetT
     """Return f(c) = integral of (c - c_wanted)^2 varphi porosity depth dx [m^3].
 
     c_wanted is 1 in the region of the tracer and 0 outside. varphi is 1 at its edge and falls to 0
-    at the distance `band_m` on both sides.
+    at the distance `band_m` on both sides. The sides of the rig are no edge.
 
     Raises:
         InputError: the region covers no cell of the rig.
     """
-    outside = distance_to_zones((parameters.tracer_m,), grid, 'tracer_m')
-    within = distance_beside_zones((parameters.tracer_m,), grid, 'tracer_m')
+    distance, within = distance_to_edge(parameters.tracer_m, grid, 'tracer_m')
     return TargetTracer(
         goal='front held',
-        weights=fuzzy_mask(outside + within, parameters.band_m) * pore_volume(rig, grid),
-        target=fuzzy_mask(outside, 0.0),
+        weights=fuzzy_mask(distance, parameters.band_m) * pore_volume(rig, grid),
+        target=within,
     )
 
 

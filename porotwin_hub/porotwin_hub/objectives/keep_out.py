@@ -37,7 +37,7 @@ def keep_out(rig: Rig, grid: Grid, parameters: KeepOutParameters) -> WeightedTra
     if not zones:
         raise InputError(
             "objective 'keep_out': 'disallowed_zone_m' is missing: corners (x, z) of the zone [m], "
-            'or zones_m with those of several zones'
+            'or zones_m for several zones'
         )
     key = 'zones_m' if parameters.zones_m else 'disallowed_zone_m'
     distance = distance_to_zones(zones, grid, key)

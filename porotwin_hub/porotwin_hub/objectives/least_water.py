@@ -1,4 +1,4 @@
-"""Use little water: what the control wells inject costs. A part of a sum, beside another aim."""
+"""Use little water: the injection of the control wells costs. A part of a sum."""
 
 from typing import Annotated
 
