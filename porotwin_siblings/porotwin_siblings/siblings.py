@@ -117,7 +117,7 @@ class _Moment(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """Where all siblings stand: the newest state, the traits of each, and the traits of their mean."""
+    """Where all siblings stand: the newest state, and the traits of each and of their mean."""
 
     begin: _Moment
     traits: tuple[Traits, ...]
