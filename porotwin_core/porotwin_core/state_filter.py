@@ -3,7 +3,7 @@
 A Kalman filter with one variance for each cell. Its gain is the share of the prediction's error in
 the difference between photograph and prediction (Evensen et al., Data Assimilation Fundamentals,
 2022, ch. 6). How wrong predictions are is learnt from these differences. A second filter keeps the
-volume of tracer: what pumps injected, what photographs show, and the scale of the photographs.
+volume of tracer from three sources: pumps, photographs, and the scale of the photographs.
 """
 
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ OUTLIER_DEVIATIONS = 4.0
 the prediction's errors."""
 
 PUMP_DEVIATION = 0.04
-"""Standard deviation of the share by which the tracer's pump is wrong [-]."""
+"""Standard deviation of the rate factor of the tracer's pump [-]."""
 
 RELATED_CELLS = 10.0
 """Neighbouring cells whose random errors are alike."""
@@ -85,7 +85,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Volume:
-    """What is known of the volume of tracer.
+    """The knowledge about the volume of tracer.
 
     `scale` is the error of the photographs, in their systematic deviations; `covariance` (2, 2) is
     that of the volume [m^3] and of the scale.
@@ -158,7 +158,7 @@ class StateFilter:
             predicted: the prediction for the photograph, (nz, nx) [-].
             seen: the photograph.
             injected: tracer that the pumps put in meanwhile [m^3].
-            pump_deviation: standard deviation of the share by which it is wrong [-].
+            pump_deviation: standard deviation of the rate factor of their pump [-].
         """
         known = np.isfinite(seen.concentration)
         volume, surplus = self._volume(last.volume, predicted, seen, injected * pump_deviation)

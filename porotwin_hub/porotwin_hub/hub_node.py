@@ -176,8 +176,7 @@ class HubNode(Node):
             self,
             'learn_rates',
             True,
-            'learn from photographs and meters what share of its rate each pump delivers, and '
-            'predict with it',
+            'learn the rate factor of each pump from photographs and meters, and predict with it',
         )
         return RateLearner(tuple(rig.wells), self._grid, closed=rig.closed) if learns else None
 
@@ -250,8 +249,8 @@ class HubNode(Node):
             self,
             'plans_judged_by',
             'solver',
-            'who tells the cost of a plan: the solver, or the mean of some siblings, which counts '
-            'what is in doubt and takes longer',
+            'source of the cost of a plan: the solver, or the mean of some siblings with all their '
+            'doubt, at several times the work',
             choices=('solver', 'siblings'),
         )
         self._settings = ControlSettings(enabled, optimiser, horizon, evaluations)

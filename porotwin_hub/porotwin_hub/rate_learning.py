@@ -1,4 +1,4 @@
-"""Learns on line what share of its commanded rate each pump delivers.
+"""Learns the rate factor of each pump on line: delivered over commanded rate.
 
 The photograph is compared with predictions from a state some minutes ago: one with the rates in
 force, and one for each pumping well with a changed rate. The differences are the derivatives of the
@@ -37,7 +37,7 @@ PRIOR_DEVIATION = 0.06
 15 %."""
 
 MEMORY_S = 7200.0
-"""Time in which what was learnt fades by 1/e [s]: pumps and tubes change over hours."""
+"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
 
 CHANGE = 0.05
 """Change of the log of a factor for a derivative: large beside round-off, small beside 1."""
@@ -50,14 +50,14 @@ RELATED_BLOCKS = 4.0
 
 
 METER_SHARE = 0.5
-"""Weight of a new measurement in what a pump is known to deliver by its meter."""
+"""Weight of a new measurement in the factor by a meter."""
 
 LEAST_METERED, MOST_METERED = 0.02, 2.0
 """Range of measured over commanded rate that is believed [-]; a pump that stands counts as the
 least, so that it can be told apart from one that was told to stand."""
 
 LEAST_COMMANDED = 20 * SAME_RATE
-"""Commanded rate from which on a measured one tells what a pump delivers [m^3/s]."""
+"""Least commanded rate that is compared with a measured one [m^3/s]."""
 
 
 class PumpFactor(NamedTuple):
@@ -108,7 +108,7 @@ class RateLearner:
 
     @property
     def factors(self) -> dict[str, PumpFactor]:
-        """What every pump delivers of its commanded rate, by its meter and by the photographs."""
+        """The rate factor of every pump, by its meter and by the photographs."""
         deviations = np.sqrt(np.diag(self._covariance))
         return {
             well: PumpFactor(factor, factor * float(deviation))
@@ -219,7 +219,7 @@ class RateLearner:
         self._solve(active, np.array(slopes), blocks(estimate.observed) - usual, variance, scale)
 
     def _fade(self, elapsed: float) -> None:
-        """Let what was learnt fade to the prior over `elapsed` [s]."""
+        """Let the belief fade to the prior over `elapsed` [s]."""
         keep = math.exp(-elapsed / MEMORY_S)
         prior = np.eye(len(self._wells)) * PRIOR_DEVIATION**2
         self._mean = keep * self._mean
@@ -256,7 +256,7 @@ class RateLearner:
 
 
 def joined(periods: Sequence[RatePeriod]) -> list[RatePeriod]:
-    """Return consecutive `periods` with those of the same rates as one."""
+    """Return consecutive `periods`, neighbours of the same rates joined."""
     result: list[RatePeriod] = []
     for period in periods:
         if result and same_rates(result[-1].rates, period.rates):
@@ -267,7 +267,7 @@ def joined(periods: Sequence[RatePeriod]) -> list[RatePeriod]:
 
 
 class DeliveringModel:
-    """The physics-based model with rates as the pumps are told; it predicts what they deliver."""
+    """The physics-based model for commanded rates: it predicts with the delivered ones."""
 
     def __init__(self, physics: PhysicsModel, learner: RateLearner) -> None:
         """Ask `physics` with the rates that `learner` believes to be delivered."""

@@ -82,7 +82,7 @@ class Cycle:
         decision: the result of the optimiser, if it ran.
         elapsed: the forecast of the observation that is judged; None: none could be made.
         forecast: the forecast of the next observation; None: none could be made.
-        rate_factors: what the pumps deliver of what they are told, by well.
+        rate_factors: delivered over commanded rate, by well.
         durations: wall-clock times [s] of 'optimise', 'predict' and 'correct'.
         remarks: faults of the cycle, one line each.
         notes: lines for people that are no faults.
@@ -145,8 +145,7 @@ class Twin:
             began: time of the start of the experiment [s]; None: the first observation.
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
-            learner: learns what the pumps deliver, which needs a filter; None: they deliver what
-                they are told.
+            learner: learns the rate factors of the pumps, and needs a filter; None: they are 1.
         """
         self._pore_volume = pore_volume
         self._filter = state_filter
@@ -306,7 +305,7 @@ class Twin:
         return self._learner.factors if self._learner is not None else {}
 
     def _pump_deviation(self, cycle: Cycle) -> float:
-        """Return the deviation of the share by which the tracer's pump is wrong [-]."""
+        """Return the standard deviation of the rate factor of the tracer's pump [-]."""
         if self._learner is None:
             return PUMP_DEVIATION
         factors = self._learner.factors
@@ -349,7 +348,7 @@ class Twin:
         return self._command.rates
 
     def _learn_rates(self, cycle: Cycle) -> None:
-        """Learn what the pumps deliver; a model that does not answer is a remark of the cycle."""
+        """Learn the rate factors; a model that does not answer is a remark of the cycle."""
         if self._learner is None or self._estimate is None or cycle.seen is None:
             return
         time = cycle.observation.time
@@ -362,7 +361,7 @@ class Twin:
         cycle.rate_factors = self._learner.factors
 
     def _as_told(self, known: Sequence[KnownRates], commanded: WellRates) -> list[KnownRates]:
-        """Return `known` rates as the pumps were told; measured ones teach what pumps deliver."""
+        """Return `known` rates as the pumps were told; measured ones teach the rate factors."""
         if self._learner is None:
             return list(known)
         told = [

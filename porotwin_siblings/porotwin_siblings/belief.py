@@ -1,4 +1,4 @@
-"""What all siblings together believe: a normal distribution of their unknowns, and its update.
+"""The belief of all siblings together: a normal distribution of their unknowns, and its update.
 
 The siblings are fixed standard scores times the spread of the belief. The scores have zero mean,
 unit covariance and no correlation, so that a regression of anything the siblings predict on their
@@ -66,7 +66,7 @@ class Belief:
         return self.mean[:, None] + self.root @ scores
 
     def relaxed(self, prior: 'Belief', share: float) -> 'Belief':
-        """Return the belief after a time in which `share` of what is known fades to `prior`.
+        """Return the belief after `share` of the knowledge has faded to `prior`.
 
         It keeps the prior's variance in the long run (an Ornstein-Uhlenbeck process).
         """
@@ -87,7 +87,7 @@ class Belief:
 
         Args:
             scores: of the siblings, (unknowns, siblings), times any inflation of their spread.
-            predicted: what each sibling expected to be observed, (observations, siblings).
+            predicted: the observation that each sibling expected, (observations, siblings).
             observed: (observations,).
             variance: of the errors of observation and model, (observations,).
         """

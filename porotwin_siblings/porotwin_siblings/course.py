@@ -31,12 +31,12 @@ COARSENING = 2
 
 @dataclass(frozen=True)
 class CourseOrder:
-    """What a sibling is asked to run.
+    """A request for the course of a sibling.
 
     Attributes:
         rig: the rig as described.
         grid: grid of the sibling.
-        traits: what the sibling believes beyond that.
+        traits: of the sibling.
         initial: concentration at the start of the first period, (nz, nx) [-].
         periods: consecutive rates as commanded, or as measured.
         zone: measures to take; None: none.

@@ -33,7 +33,7 @@ class DiagnosedEffect:
     fixed: tuple[tuple[str, str | float], ...] = ()
 
     def described(self, values: Iterator[float]) -> EffectDescription:
-        """Return the effect with the next of `values` for its numbers, within what it allows."""
+        """Return the effect with the next of `values` for its numbers, within their ranges."""
         known = effect(self.name).parameters
         drawn = {
             name: within(known[name], float(next(values)), value) for name, value, _ in self.numbers

@@ -1,7 +1,7 @@
 """The cost of a plan that some siblings expect on average, and its gradient.
 
 A plan that is good for the mean alone may be poor for half of the siblings; the mean of their costs
-counts what they doubt (robust optimisation; van Essen et al., SPE Journal 14 (2009) 202-210).
+counts their doubt (robust optimisation; van Essen et al., SPE Journal 14 (2009) 202-210).
 """
 
 from collections.abc import Sequence
@@ -24,13 +24,13 @@ from porotwin_solver.model import Model
 
 @dataclass(frozen=True)
 class CostOrder:
-    """What a sibling is asked to judge.
+    """A request for the judgement of a sibling.
 
     Attributes:
         rig: the rig as described.
         grid: grid of `initial` and of the terms.
-        traits: what the sibling believes beyond that.
-        factors: delivered rates over those of the plan, by well [-].
+        traits: of the sibling.
+        factors: delivered rate over the rate in the plan, by well [-].
         initial: concentration at the start of the plan, (nz, nx) [-].
         plan: the rates; its times count from the initial state.
         horizon: how long [s].

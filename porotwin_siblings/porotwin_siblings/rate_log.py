@@ -46,7 +46,7 @@ class RateLog:
         return max(past, key=lambda item: item[0])[1] if past else self._commanded[0][1]
 
     def take(self, start: float, end: float) -> tuple[RatePeriod, ...]:
-        """Return the rates in force from `start` to `end` [s], and forget what ended before."""
+        """Return the rates in force from `start` to `end` [s], and forget older ones."""
         stamps = sorted({stamp for stamp, _ in self._commanded if start < stamp < end})
         periods: list[RatePeriod] = []
         for low, high in zip([start, *stamps], [*stamps, end], strict=True):
@@ -95,7 +95,7 @@ def proposed_plan(
 ) -> tuple[RateStep, ...]:
     """Return the plan of a proposal: wells that are not named keep their `present` rates.
 
-    A `producer` that no step names takes out what the other wells inject. Before the first step
+    A `producer` without a step takes out all that the other wells inject. Before the first step
     the present rates hold.
     """
     named = {name for step in steps for name in step.rates}

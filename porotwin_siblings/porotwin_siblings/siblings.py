@@ -1,4 +1,4 @@
-"""The siblings: they learn from every photograph, and tell what they expect, with bands."""
+"""The siblings: they learn from every photograph, and tell their expectations, with bands."""
 
 import math
 from collections import deque
@@ -27,14 +27,14 @@ from porotwin_siblings.zone_measure import ZoneMeasure
 
 WINDOW_S = 900.0
 """Length of the course that a photograph is compared with [s]. Short: the plume has not moved far
-enough to tell causes apart. Long: what no sibling knows has piled up."""
+enough to tell causes apart. Long: unknown causes have piled up."""
 
 LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a
 block meanwhile, so that photographs in between tell little more."""
 
 MEMORY_S = 7200.0
-"""Time in which what was learnt fades by 1/e [s]: pumps and tubes change over hours."""
+"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
 
 MODEL_DEVIATION = 0.02
 """Error of the mean of a block that no sibling knows a cause of [-]."""
@@ -79,7 +79,7 @@ class Photograph(NamedTuple):
 
 @dataclass(frozen=True)
 class Outlook:
-    """What the siblings expect from `start` [s] on under a `plan` of rates over `horizon` [s].
+    """The expectations from `start` [s] on under a `plan` of rates over `horizon` [s].
 
     `times` [s] are after `start`. `zone_tracer` [m^3], `zone_area` [m^2] are (3, times): the ends
     of the 90 % band about the median, in the order of `BAND`. `zone_reached` (times,) is the share
@@ -117,7 +117,7 @@ class _Moment(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """Where all siblings stand: the newest state, the traits of each, and those of their mean."""
+    """Where all siblings stand: the newest state, and the traits of each and of their mean."""
 
     begin: _Moment
     traits: tuple[Traits, ...]
@@ -197,7 +197,7 @@ class Siblings:
         return self._newest
 
     def interrupt(self) -> None:
-        """Forget the states, and keep what was learnt of the rig."""
+        """Forget the states, and keep the belief about the rig."""
         self._past.clear()
         self._newest = None
 
@@ -264,7 +264,7 @@ class Siblings:
         *,
         executor: Executor | None = None,
     ) -> Outlook:
-        """Return what is expected from the newest state on; any thread may ask at any time.
+        """Return the expectations from the newest state on; any thread may ask at any time.
 
         Args:
             plan: the rates as commanded; its times count from the newest state.
@@ -279,7 +279,7 @@ class Siblings:
         after, maps_after = np.array(list(times)), np.array(list(map_times))
         begin, traits, mean = self._standing()
         periods = plan_periods(plan, begin.time, horizon)
-        # the mean of all, on both grids, tells what the coarse grid of the siblings smears
+        # the mean of all, on both grids, shows the smear of the coarse grid
         fine, coarse, *courses = self._run(
             [
                 self._order(begin, mean, periods, after, np.empty(0), self.map_grid),
@@ -423,7 +423,7 @@ class Siblings:
         self._inflate(predicted, observed, noise)
 
     def _inflate(self, predicted: FloatArray, observed: FloatArray, noise: FloatArray) -> None:
-        """Spread the siblings by how far the photograph lay outside of what they expected.
+        """Spread the siblings by the distance of the photograph from their expectations.
 
         A cause that no sibling knows shows as a difference larger than their spread (adaptive
         inflation; Anderson, Tellus A 61 (2009) 72-83).

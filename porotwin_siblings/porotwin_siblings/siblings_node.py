@@ -292,7 +292,7 @@ class SiblingsNode(Node):
     def _outlook(
         self, plan: Sequence[RateStep], horizon: float, executor: Executor | None
     ) -> Outlook:
-        """Return what is expected under `plan` over `horizon` [s].
+        """Return the expectations under `plan` over `horizon` [s].
 
         Raises:
             InputError: the plan is wrong.
@@ -406,7 +406,7 @@ def _finite(values: FloatArray) -> FloatArray:
 
 
 def _learning_executor(scheduler: str, workers: int) -> Executor:
-    """Return what runs the siblings: the cluster of a `scheduler`, or patient threads.
+    """Return the executor of the siblings: the cluster of a `scheduler`, or patient threads.
 
     Raises:
         InputError: there is no scheduler at that address.

@@ -1,4 +1,4 @@
-"""What a sibling believes of the rig beyond rig.yaml: its traits, and the unknowns behind them."""
+"""The traits of a sibling, its beliefs beyond rig.yaml, and the unknowns behind them."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ DRIFT_M_H = 0.006
 
 WAVES = tuple(wave for wave in itertools.product(range(4), range(3)) if 0 < wave[0] + wave[1] <= 3)
 """Half waves along x and z of the cosines that change the permeability: scales of 1/4 of the rig
-and above; what is smaller bends the plume little."""
+and above; smaller scales bend the plume little."""
 
 WAVE_DEVIATION = 0.25
 """Standard deviation of the log permeability in one wave of the longest kind [-]."""
@@ -43,7 +43,7 @@ HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class Traits:
-    """What one sibling believes of the rig.
+    """The beliefs of one sibling about the rig.
 
     rate_factors: delivered rate over commanded rate by well [-].
     longitudinal_dispersivity: [m], on top of the one of rig.yaml.
