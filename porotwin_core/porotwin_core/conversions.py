@@ -6,7 +6,7 @@ The functions `..._from_msg` come from `from_messages`, which needs no ROS.
 import array
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, MutableSequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -78,7 +78,7 @@ def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> Trac
     )
 
 
-def map_to_msg(values: FloatArray | None) -> 'array.array[float]':
+def map_to_msg(values: FloatArray | None) -> MutableSequence[float]:
     """Return the float32 field of a message for a map (nz, nx); empty for None: not known."""
     if values is None:
         return array.array('f')
@@ -111,7 +111,7 @@ def plan_to_msg(plan: Iterable[RateStep]) -> list[RateStepMessage]:
 def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
     """Return the message of a cost term."""
 
-    def flat(values: FloatArray | None) -> 'array.array[float]':
+    def flat(values: FloatArray | None) -> MutableSequence[float]:
         if values is None:
             return array.array('d')
         return array.array('d', np.ascontiguousarray(values, dtype=np.float64).tobytes())

@@ -23,6 +23,8 @@ _AROUND = 15
 """Blocks across the surroundings whose median scatter is the ordinary one."""
 _LEAST_ORDINARY = 0.5
 """The ordinary scatter is raised to this, relative to the median of the photograph [-]."""
+_LEAST_SCATTER = 1e-4
+"""The ordinary scatter is raised to this relative variance: no camera has less noise than 1 %."""
 _LEAST_SHARE = 0.5
 """Blocks with a smaller visible share are not judged."""
 _LEAST_LIGHT, _LEAST_RATIO, _SMALLEST_DIVISOR = 1e-4, 1e-3, 1e-6
@@ -77,4 +79,4 @@ def _ordinary(scatter: Array, judged: Mask) -> Array:
     top = max(float(np.percentile(root[judged], _TOP_PERCENTILE)), _SMALLEST_DIVISOR)
     levels = np.clip(root / top * 255, 0, 255).astype(np.uint8)
     median = (cv2.medianBlur(levels, _AROUND) / 255.0 * top) ** 2
-    return np.maximum(median, max(_LEAST_ORDINARY * middle, _SMALLEST_DIVISOR**2))
+    return np.maximum(median, max(_LEAST_ORDINARY * middle, _LEAST_SCATTER))

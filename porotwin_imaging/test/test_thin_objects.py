@@ -24,7 +24,13 @@ def blocks(change: np.ndarray) -> BlockSums:
     baseline = np.repeat(grains[..., None], 3, axis=2).astype(np.float32)
     usable = np.ones(size, np.uint8)
     return cell_sums(
-        pixels, baseline, usable, light=LINEAR_LIGHT, glare_level=250, samples_across=ACROSS
+        pixels,
+        baseline,
+        usable,
+        light=LINEAR_LIGHT,
+        matrix=np.eye(3),
+        glare_level=250,
+        samples_across=ACROSS,
     ).blocks
 
 

@@ -119,7 +119,7 @@ class Control(Section):
     @pydantic.model_validator(mode='after')
     def _rates_can_be_set(self) -> Self:
         greatest, step = self.max_rate_ml_h, self.rate_step_ml_h
-        if step > greatest:
+        if 'rate_step_ml_h' in self.model_fields_set and step > greatest:
             raise ValueError(f'rate_step_ml_h {step:g} is above max_rate_ml_h {greatest:g}')
         if self.min_rate_ml_h > greatest:
             raise ValueError(
