@@ -25,6 +25,8 @@ _CLUSTERING_SEED = 7
 """Fixed seed of the k-means clustering, so that a calibration can be repeated."""
 _CLUSTERING_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
 _CLUSTERING_TRIALS = 3
+_LAMP_DEGREE = 4
+"""Degree of the light of the lamps: 4 follows a lamp on each side and the corners of a lens."""
 _BRIGHTNESS_WEIGHT = 1.5
 """Weight of brightness against texture and hue; brightness is the sharpest feature."""
 _LEAST_LIGHT, _LEAST_TEXTURE = 1e-4, 1e-3
@@ -127,10 +129,11 @@ def _clustered(
 
 
 def _lamps(brightness: Array, classes: Array, visible: NDArray[np.bool_], count: int) -> Array:
-    """Return the smooth part (nz, nx) of log brightness, a quadratic common to all classes."""
+    """Return the smooth part (nz, nx) of log brightness, a polynomial common to all classes."""
     rows, columns = np.indices(visible.shape)
     u, v = columns / visible.shape[1] - 0.5, rows / visible.shape[0] - 0.5
-    smooth = np.stack([u, v, u * u, u * v, v * v], axis=-1)
+    powers = [(i, j) for i in range(5) for j in range(5) if 0 < i + j <= _LAMP_DEGREE]
+    smooth = np.stack([u**i * v**j for i, j in powers], axis=-1)
     members = classes[visible][:, None] == np.arange(count)
     design = np.column_stack([members, smooth[visible]])
     found = np.linalg.lstsq(design, brightness[visible], rcond=None)[0]

@@ -265,9 +265,9 @@ class ThinObjectSettings:
     """Scatter in a block relative to its surroundings that shows an object [-]."""
     edge: float = 4.0
     """The same for the blocks between [-]."""
-    least_length: float = 10.0
-    """Length of an object [blocks]. In ordinary photographs blocks join to at most 5."""
-    least_seeds: float = 0.4
+    least_length: float = 14.0
+    """Length of an object [blocks]. In ordinary photographs blocks join to at most 11."""
+    least_seeds: float = 0.5
     """Blocks above `core` per block of its length [-]."""
 
 

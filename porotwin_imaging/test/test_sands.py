@@ -118,3 +118,17 @@ def test_the_light_of_a_sand_does_not_follow_the_lamps() -> None:
     np.testing.assert_allclose(
         np.exp(lights - lights[0]), np.array([0.12, 0.28, 0.19]) / 0.12, rtol=0.03
     )
+
+
+@pytest.mark.parametrize('lamps', ['corners', 'one side', 'two sides'])
+def test_lamps_are_no_sands(lamps: str) -> None:
+    rows, columns = np.mgrid[-0.5:0.5:80j, -0.5:0.5:150j]
+    fall_off = {
+        'corners': 1 / (1 + 1.5 * (rows**2 + columns**2)) ** 2,
+        'one side': np.exp(-1.2 * columns),
+        'two sides': 0.4 + 0.6 * (np.abs(columns) * 2) ** 2,
+    }[lamps]
+    noise = np.random.default_rng(6).normal(0, 0.03, (2, 80, 150))
+    colours = 0.2 * (fall_off * np.exp(noise[0]))[..., None] * np.array([1.0, 0.8, 0.6])
+    labels = sands.segment(colours, 0.1 * np.exp(noise[1]), np.ones((80, 150), bool))
+    assert labels.max() == 0
