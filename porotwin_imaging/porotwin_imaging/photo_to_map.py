@@ -13,6 +13,7 @@
 | correct colours and light | `colour_correction`, `light_correction` |
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
 | denoise | `denoising`, `total_variation`, `level_smoothing` |
+| take the blur of the camera back | `front_sharpening` |
 | estimate the deviation | `map_deviation`, `light_error` |
 
 Both functions here are pure: the same photograph and baseline give the same result.
@@ -32,6 +33,7 @@ from porotwin_imaging.cell_sums import CellSums, cell_sums
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
 from porotwin_imaging.frame import frame_remarks, in_frame
+from porotwin_imaging.front_sharpening import blur_in_cells, sharpened
 from porotwin_imaging.level_smoothing import smooth_along_levels
 from porotwin_imaging.light_check import refuse_grey
 from porotwin_imaging.light_correction import corrected_light
@@ -122,16 +124,17 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
         smoothed = smooth_along_levels(
             concentration, noise, values, baseline.grid.dx, baseline.settings.level_smoothing
         )
+        sharp = sharpened(smoothed, _blur(baseline))
         seen = SeenTracer(
-            compared.log_ratio, compared.light_variance, baseline.sand_factors, smoothed.values
+            compared.log_ratio, compared.light_variance, baseline.sand_factors, sharp.values
         )
         wrong_light = light_error(seen, baseline.calibration, baseline.settings.light_error)
         deviation = map_deviation(
-            smoothed, wrong_light, baseline.calibration, baseline.grid, baseline.settings.noise
+            sharp, wrong_light, baseline.calibration, baseline.grid, baseline.settings.noise
         )
     uncalibrated = [] if baseline.calibrated else ['uncalibrated: default scaling']
     return ConcentrationMap(
-        values=smoothed.values.astype(np.float32),
+        values=sharp.values.astype(np.float32),
         deviation=deviation.total.astype(np.float32),
         systematic=deviation.systematic.astype(np.float32),
         calibrated=baseline.calibrated,
@@ -199,6 +202,12 @@ def compare_with_baseline(
         remarks=moved_remarks + chart_remarks + light.remarks + left_out,
         suspicious=deformed or bool(left_out),
     )
+
+
+def _blur(baseline: Baseline) -> tuple[float, float]:
+    """Return the blur of a photograph, up and across [cells]."""
+    sampling, settings = baseline.sampling, baseline.settings.sharpening
+    return blur_in_cells(sampling.pixels_per_cell, baseline.reduction, settings)
 
 
 def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Array, Array]:

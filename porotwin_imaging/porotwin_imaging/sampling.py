@@ -91,6 +91,17 @@ class Sampling:
         """Shape (rows, columns) of a sampled picture."""
         return self.columns.shape[0], self.columns.shape[1]
 
+    @property
+    def pixels_per_cell(self) -> tuple[float, float]:
+        """Mean height and width of a cell [decoded px], along the middle of the rig."""
+        rows, columns = (size // 2 for size in self.shape)
+        middle = (
+            (self.columns[:, columns], self.rows[:, columns]),
+            (self.columns[rows], self.rows[rows]),
+        )
+        up, across = (float(np.hypot(x[-1] - x[0], y[-1] - y[0])) / (x.size - 1) for x, y in middle)
+        return up * self.samples_across, across * self.samples_across
+
     def sample(self, pixels: Array, homography: Array | None = None) -> Array:
         """Return the decoded picture `pixels` at the sampling points.
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from porotwin_core.grid import Grid
 from porotwin_core.rig import Camera
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.sampling import Sampling, choose_reduction
@@ -33,3 +34,8 @@ def test_sampling_points_are_the_pixels_of_the_cells(baseline) -> None:
     rows, columns = np.indices((640, 890), np.float32)
     np.testing.assert_allclose(sampling.sample(columns), sampling.columns, atol=0.02)
     np.testing.assert_allclose(sampling.sample(rows), sampling.rows, atol=0.02)
+
+
+def test_the_size_of_a_cell_is_counted_in_decoded_pixels(geometry) -> None:
+    sampling = Sampling.of(geometry, Grid(100, 40, 2.0, 1.0), 4)
+    np.testing.assert_allclose(sampling.pixels_per_cell, (25.0, 20.0), rtol=0.01)
