@@ -61,11 +61,11 @@ class LevelSmoothingSettings:
 class SharpeningSettings:
     """Taking the blur of the camera back (`front_sharpening.py`)."""
 
-    blur_px: float = 1.7
+    blur_px: float = 1.9
     """Standard deviation of the blur of tracer in a photograph [px of the file]. Lens, glass and
-    demosaicing spread light over about 1.5 px. JPEG keeps colours at half the resolution, which
-    adds 0.8 px. Fronts on composed photographs are wider by 2.3 px; less is taken back, because
-    too much would invent steep fronts."""
+    demosaicing spread light over 1.5 px or more. JPEG keeps colours at half the resolution, which
+    adds 1 px. Fronts on composed photographs are wider by 2.3 px; less is taken back, because too
+    much would invent steep fronts."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,7 @@ class NoiseSettings:
     2.8 m. Corners that a person reads from a photograph to half a pixel of 1600 are as good."""
     blur_cells: float = 0.25
     """Standard deviation of the blur of a front that is left in a map, or that was taken back too
-    much [cells]: 1.4 px on composed photographs with 5.5 px per cell."""
+    much [cells]: 1.3 px on composed photographs with 5.5 px per cell."""
     credible: tuple[float, float] = (-0.5, 1.5)
     """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
     a single cell and must not spread."""
