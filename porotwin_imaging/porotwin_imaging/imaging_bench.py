@@ -2,7 +2,7 @@
 
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any
@@ -31,15 +31,20 @@ _SEED = 11
 """Seed of the grains."""
 
 
-def run(camera: tuple[int, int] = CAMERA, rounds: int = ROUNDS) -> list[dict[str, Any]]:
+def run(
+    camera: tuple[int, int] = CAMERA,
+    rounds: int = ROUNDS,
+    grids: Mapping[str, tuple[int, int]] = GRIDS,
+) -> list[dict[str, Any]]:
     """Return one row per stage and grid: median and longest time [s] of `rounds` photographs.
-    `processor_s` is the time that all cores together worked on a photograph.
+
+    `grids` are the cells across and up of each map, by name. `processor_s` is the time that all cores together worked on a photograph.
 
     The time is from the bytes of the file to the map. The photograph of `camera` (columns, rows)
     [px] is synthetic. `memory_mb` is the peak memory of a process that does nothing else.
     """
     baseline, state = (_in_a_process(_photograph, camera, tracer) for tracer in (False, True))
-    return _in_a_process(_measure, camera, rounds, baseline, state)
+    return _in_a_process(_measure, camera, rounds, dict(grids), baseline, state)
 
 
 def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
@@ -49,12 +54,16 @@ def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _measure(
-    camera: tuple[int, int], rounds: int, baseline: bytes, state: bytes
+    camera: tuple[int, int],
+    rounds: int,
+    grids: dict[str, tuple[int, int]],
+    baseline: bytes,
+    state: bytes,
 ) -> list[dict[str, Any]]:
     """Return the rows of `run`."""
     rows: list[dict[str, Any]] = []
     rig = _rig(camera)
-    for name, (nx, nz) in GRIDS.items():
+    for name, (nx, nz) in grids.items():
         reference = make_baseline(rig, rig.grid(nx, nz), [baseline], calibration=Calibration())
         concentration_map(state, reference)  # compiles the kernels
         before = time.process_time()
