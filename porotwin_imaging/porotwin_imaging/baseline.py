@@ -34,6 +34,8 @@ Array = NDArray[Any]
 
 _CORNER_SLACK = 0.02
 """Corners of the rig may lie outside the photograph by this share of its width [-]."""
+_FEWEST_CELLS = 4
+"""Least columns and rows of a map: the light of a photograph varies over it as a quadratic."""
 _LEAST_SHARE = 1e-3
 """Usable share of a cell is raised to this before it divides."""
 
@@ -117,11 +119,16 @@ def make_baseline(
         settings: settings of all steps.
 
     Raises:
-        InputError: there is no photograph, one cannot be used, the rig has no camera, or the maps
-            cost too much.
+        InputError: there is no photograph, one cannot be used, the rig has no camera, the grid
+            is too coarse, or the maps cost too much.
     """
     if not photographs:
         raise InputError('no baseline photograph: give one taken before the injection')
+    if min(grid.nx, grid.nz) < _FEWEST_CELLS:
+        raise InputError(
+            f'grid {grid} is too coarse for photographs: it needs {_FEWEST_CELLS} columns and rows '
+            f'or more; {rig.default_grid()} has cells of 5 mm'
+        )
     geometry = Geometry.of(rig)
     camera = rig.camera
     assert camera is not None  # Geometry.of has checked it

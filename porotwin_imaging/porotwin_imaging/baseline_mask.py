@@ -26,7 +26,8 @@ _CHART_FRAME = 1.35
 _GRAIN_SIGMA, _TEXTURE_WINDOW = 2.0, (11, 11)
 """Grains are finer than this blur, and their contrast is averaged over this window [samples]."""
 _LEAST_VALUE = 1e-3
-"""Linear light is raised by this before it divides or its logarithm is taken."""
+"""Linear light is raised by this before it divides or its logarithm is taken.
+Spreads of log colours are not smaller."""
 _DEVIATION_WINDOW = 41
 """Window of the local median of colour [px of the detection picture]."""
 _LEAST_SEEDS, _SEED_SHARE, _LEAST_LENGTH_PX = 6, 0.2, 6.0
@@ -174,7 +175,7 @@ def _surface(colours: Array, depth: Array) -> Array:
     row = int(total[:, -1].argmax())
     for column in range(columns - 1, -1, -1):
         surface[column] = row
-        row = min(max(row + came_from[row, column], 0), rows - 1)
+        row = min(max(row + int(came_from[row, column]), 0), rows - 1)
     covered = cv2.dilate(surface[None, :], np.ones((1, 9), np.uint8))
     return np.asarray(covered)[0] + 2 * lag
 
@@ -211,7 +212,7 @@ def _deviation(hue: Array) -> Array:
         SPREAD_PER_DEVIATION * _local_median(np.abs(plane - middle), size)
         for plane, middle in zip(planes, around, strict=True)
     ]
-    spread = [np.maximum(one, 0.5 * np.median(one)) for one in spread]
+    spread = [np.maximum(one, max(0.5 * float(np.median(one)), _LEAST_VALUE)) for one in spread]
     nearest = np.full(hue.shape[:2], np.inf, np.float32)
     for down, right in ((0, 0), (size // 2, 0), (-size // 2, 0), (0, size // 2), (0, -size // 2)):
         squares = [

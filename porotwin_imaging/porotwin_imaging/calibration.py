@@ -19,7 +19,7 @@ hand with any paint program. Files of schema 1 have no deviations; they are read
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_imaging.tracer_signal import TracerSignal
+from porotwin_imaging.tracer_signal import Contrast, TracerSignal
 
 Array = NDArray[Any]
 Labels = NDArray[np.uint8]
@@ -42,6 +42,19 @@ DEFAULT_FULL_SIGNAL = 0.8
 large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""
 UNCALIBRATED_ERROR = 0.2
 """Relative standard deviation of a scale that was not measured."""
+_CHANNELS = ('red', 'green', 'blue')
+FACTOR_RANGE = (0.01, 100.0)
+"""Factors of sands that a file may hold [-]; sands differ by a few times."""
+CONCENTRATION_RANGE = (-0.5, 3.0)
+"""Concentrations of a response [-]: 1 is tracer stock, and curves reach a little beyond it."""
+_LEAST_TOP = 0.1
+"""Least concentration at the end of a response [-]; a calibration reaches stock."""
+_MOST_SIGNAL = 100.0
+"""Largest signal, weight and absorbance of a file [-]; real ones are below 5."""
+_MOST_DEVIATION = 10.0
+"""Largest relative deviation of a file [-]; above 1 nothing is known."""
+_SHOWN = 40
+"""Characters of a wrong value that a message repeats."""
 _HIDDEN_LEVEL = 128
 """Lighter grey levels of the picture `hidden` are white."""
 
@@ -175,34 +188,26 @@ def load_calibration(path: Path | str) -> Calibration:
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
     try:
-        if data['schema'] not in _READ_SCHEMAS:
-            versions = ' and '.join(map(str, _READ_SCHEMAS))
-            raise InputError(f'{path}: schema {data["schema"]}; this version reads {versions}')
-        signal = _signal(data['signal'])
-        curve = data['response']
-        response = Response(
-            _numbers(curve['signal']),
-            _numbers(curve['concentration']),
-            _numbers(curve.get('deviation', ())),
-        )
+        _check_schema(data)
         sands = data.get('sands') or {}
-        hidden = data.get('hidden') or {}
-        return Calibration(
-            signal,
-            response,
+        calibration = Calibration(
+            _signal(data['signal']),
+            _response(data['response']),
             _picture(path, sands.get('file')),
-            _numbers(sands.get('factors', [1.0])),
-            _picture(path, hidden.get('file')),
+            _numbers('sands.factors', sands.get('factors', [1.0]), *FACTOR_RANGE),
+            _picture(path, (data.get('hidden') or {}).get('file')),
             data.get('made') or {},
-            float(data['scale_error']),
-            _numbers(sands.get('deviations', ())),
+            _number('scale_error', data['scale_error'], 0.0, _MOST_DEVIATION),
+            _numbers('sands.deviations', sands.get('deviations', ()), 0.0, _MOST_DEVIATION),
         )
+        _check_sands(calibration)
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f'{path}: not a calibration ({type(error).__name__}: {error}); calibrate again'
         ) from None
+    return calibration
 
 
 def save_calibration(calibration: Calibration, path: Path | str) -> None:
@@ -239,24 +244,86 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     path.write_text(text, encoding='utf-8')
 
 
-def _numbers(values: Any) -> tuple[float, ...]:
-    """Return `values` as numbers."""
-    return tuple(float(value) for value in values)
+def _check_schema(data: dict[str, Any]) -> None:
+    """Raise InputError for a version of the file that is not read."""
+    if type(data['schema']) is not int or data['schema'] not in _READ_SCHEMAS:
+        versions = ' or '.join(map(str, _READ_SCHEMAS))
+        raise InputError(f'schema: {data["schema"]!r} is not {versions}; calibrate again')
+
+
+def _check_sands(calibration: Calibration) -> None:
+    """Raise InputError unless each sand of the picture has one factor, and maybe one deviation."""
+    sands = 1 if calibration.sands is None else int(calibration.sands.max()) + 1
+    factors, deviations = len(calibration.factors), len(calibration.factor_deviations)
+    # a sand of the picture may be painted over by hand: then a factor remains
+    if factors < sands or (calibration.sands is None and factors > 1):
+        raise InputError(
+            f'sands.factors: {factors} numbers for {sands} sands in the picture (grey levels 0 to '
+            f'{sands - 1}); correct the picture or calibrate again'
+        )
+    if deviations not in (0, factors):
+        raise InputError(
+            f'sands.deviations: {deviations} numbers for {factors} factors; calibrate again'
+        )
+
+
+def _number(key: str, value: Any, low: float, high: float) -> float:
+    """Return `value` of the entry `key`.
+
+    Raises:
+        InputError: it is no number, or not between `low` and `high`.
+    """
+    if type(value) not in (int, float) or not low <= value <= high:
+        said = f'{value!r}'[:_SHOWN]
+        raise InputError(f'{key}: {said} is no number from {low:g} to {high:g}; calibrate again')
+    return float(value)
+
+
+def _numbers(key: str, values: Any, low: float, high: float) -> tuple[float, ...]:
+    """Return `values` of the entry `key`, each as `_number`."""
+    if not isinstance(values, list | tuple):
+        raise InputError(f'{key}: {values!r} is no list of numbers; calibrate again')
+    return tuple(_number(key, value, low, high) for value in values)
+
+
+def _response(entry: dict[str, Any]) -> Response:
+    """Return the response from its entry in the file."""
+    response = Response(
+        _numbers('response.signal', entry['signal'], -_MOST_SIGNAL, _MOST_SIGNAL),
+        _numbers('response.concentration', entry['concentration'], *CONCENTRATION_RANGE),
+        _numbers('response.deviation', entry.get('deviation', ()), 0.0, _MOST_DEVIATION),
+    )
+    top = response.concentration[-1]
+    if top < _LEAST_TOP:
+        raise InputError(
+            f'response.concentration: ends at {top:g}, far below tracer stock, which is 1; '
+            'calibrate again'
+        )
+    return response
 
 
 def _signal(entry: dict[str, Any]) -> TracerSignal:
     """Return the signal from its entry in the file; older files have no absorbance."""
-    absorbance = entry.get('absorbance')
+    contrast, absorbance = entry['contrast'], entry.get('absorbance')
+    if contrast not in get_args(Contrast):
+        kinds = ' or '.join(get_args(Contrast))
+        raise InputError(f'signal.contrast: {contrast!r} is not {kinds}; calibrate again')
     return TracerSignal(
-        entry['contrast'],
-        _weights(entry['weights']),
-        None if absorbance is None else _weights(absorbance),
+        contrast,
+        _weights('signal.weights', entry['weights']),
+        None if absorbance is None else _weights('signal.absorbance', absorbance),
     )
 
 
-def _weights(values: Any) -> tuple[float, float, float]:
-    """Return three numbers as weights of red, green and blue."""
-    red, green, blue = (float(value) for value in values)
+def _weights(key: str, values: Any) -> tuple[float, float, float]:
+    """Return the three numbers of the entry `key` for red, green and blue."""
+    weights = _numbers(key, values, -_MOST_SIGNAL, _MOST_SIGNAL)
+    if len(weights) != len(_CHANNELS) or not any(weights):
+        raise InputError(
+            f'{key}: {values!r} are not numbers for {", ".join(_CHANNELS)} that see the tracer; '
+            'calibrate again'
+        )
+    red, green, blue = weights
     return red, green, blue
 
 

@@ -85,6 +85,7 @@ class CalibrationEvidence:
         mass_misfit: root mean square distance of the photographs from that line, relative to the
             largest injected volume.
         dilution_misfit: largest difference between known and imaged dilutions [-]; NaN without.
+        worst_dilution: the dilution with that difference, its photographs and what is read from it.
     """
 
     anchor: Anchor
@@ -100,6 +101,7 @@ class CalibrationEvidence:
     mass_offset: float
     mass_misfit: float
     dilution_misfit: float
+    worst_dilution: str = ''
 
     @property
     def disagreeing(self) -> tuple[PhotographEvidence, ...]:
@@ -140,8 +142,8 @@ def _stock_line(evidence: CalibrationEvidence) -> str:
             f'; {len(cored)} of {len(evidence.photographs)} photographs have one, '
             f'its signal rises by {100 * evidence.core_flatness:.1f} % inwards'
         )
-    if evidence.anchor == 'dilutions':
-        line += f'; they are met to {evidence.dilution_misfit:.3f}'
+    if np.isfinite(evidence.dilution_misfit):
+        line += f'; known dilutions are met to {evidence.dilution_misfit:.3f}'
     return line
 
 

@@ -194,6 +194,7 @@ def fit_calibration(
         mass_offset=line.offset / max(injected) if line else float('nan'),
         mass_misfit=line.misfit if line else float('nan'),
         dilution_misfit=_dilution_misfit(known, response),
+        worst_dilution=_worst_dilution(known, response, dilutions),
     )
     plume = plume_evidence(signals, times, rig=rig, grid=grid, schedule=schedule)
     trust = judged(evidence, plume, sand_edges(baseline.mask.unlit), settings.trust)
@@ -288,7 +289,7 @@ def _level_of_stock(
         return 'dilutions', float(np.median(full)), settings.core.level_error
     if stock.levels:
         one = stock.levels[factors.reference]
-        return 'dilutions' if diluted else 'core', one.level, one.deviation
+        return 'core', one.level, one.deviation
     if diluted:
         concentration, signal = max(diluted)
         return 'dilutions', signal / concentration, settings.calibration.scale_error
@@ -400,6 +401,19 @@ def _dilution_misfit(known: Sequence[Dilution], response: ResponseFit) -> float:
         return float('nan')
     seen = response.concentration_of(np.array([one.signal for one in known]))
     return float(np.abs(seen - [one.concentration for one in known]).max())
+
+
+def _worst_dilution(
+    known: Sequence[Dilution], response: ResponseFit, photographs: Sequence[DilutionPhoto]
+) -> str:
+    """Return the dilution farthest from the curve in words, with the times of its photographs."""
+    if not known:
+        return ''
+    seen = response.concentration_of(np.array([one.signal for one in known]))
+    worst = int(np.abs(seen - [one.concentration for one in known]).argmax())
+    value = known[worst].concentration
+    times = ', '.join(f'{one.time:g} s' for one in photographs if one.concentration == value)
+    return f'{value:g} at {times} is read as {seen[worst]:.2f}'
 
 
 def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:

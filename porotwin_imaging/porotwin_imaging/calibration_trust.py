@@ -86,6 +86,7 @@ def judged(
     return Trust(
         (
             *_absence(evidence, plume),
+            *_place(plume, settings),
             *_amount(evidence, plume, settings),
             *_baseline(evidence, plume, settings),
             *_followers(evidence, settings),
@@ -105,6 +106,19 @@ def _absence(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Ob
             'a dye that hardly darkens the sand, the wells in rig.yaml, or photographs of another '
             'experiment',
             'photograph an injection of a dye that is plainly seen',
+        )
+
+
+def _place(plume: PlumeEvidence, settings: TrustSettings) -> Iterator[Objection]:
+    """Yield an objection if the plume lies away from every well that injects tracer."""
+    if plume.apart > settings.most_apart:
+        yield Objection(
+            f'the plume lies {100 * plume.apart:.0f} % of the width of the rig away from well '
+            f'{" and ".join(plume.told_wells)}, which injects in the pump log'
+            f'{_elsewhere(plume)}',
+            'photographs that are turned or mirrored, camera.corners_px in another order, the well '
+            'in rates.csv, or the wells in rig.yaml',
+            'correct these until the plume begins at its well, and calibrate again',
         )
 
 
@@ -239,10 +253,16 @@ def _level(
         )
     if evidence.dilution_misfit > settings.most_dilution_misfit:
         yield Objection(
-            f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value',
+            f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'
+            f'{_of_dilution(evidence)}',
             'a dilution that was not mixed, or that is named wrongly',
             'photograph the dilutions again, each filling a part of the sand',
         )
+
+
+def _of_dilution(evidence: CalibrationEvidence) -> str:
+    """Return the dilution that disagrees most in brackets; empty if it is not known."""
+    return f' ({evidence.worst_dilution})' if evidence.worst_dilution else ''
 
 
 def _geometry(edges: Sequence[EdgeEvidence], settings: TrustSettings) -> Iterator[Objection]:
@@ -273,6 +293,13 @@ def _remarks(
             f'{100 * abs(evidence.mass_offset):.0f} % of the tracer is '
             f'{"seen before" if evidence.mass_offset > 0 else "missing from"} the start of the '
             'pump log: check the clock of the camera and the light of the baseline'
+        )
+    if math.isnan(evidence.mass_factor):
+        yield 'no pump log (rates.csv): the amount of tracer in the maps was not checked'
+    if settings.told_dilution_misfit < evidence.dilution_misfit <= settings.most_dilution_misfit:
+        yield (
+            f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'
+            f'{_of_dilution(evidence)}: check its concentration in imaging.csv'
         )
     if evidence.anchor == 'mass':
         yield 'no photograph shows a core of stock: the scale follows the pump log alone'

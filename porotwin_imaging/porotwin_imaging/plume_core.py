@@ -47,9 +47,14 @@ class Core:
 
 
 def strong_signal(signals: Sequence[Array]) -> float:
-    """Return the strong signal [-] of several photographs, each (nz, nx), NaN where hidden."""
+    """Return the strong signal [-] of several photographs, each (nz, nx), NaN where hidden.
+
+    It is 0 if no photograph is darker than the baseline anywhere.
+    """
     smooth = [cv2.blur(np.nan_to_num(plane).astype(np.float32), _SMOOTH) for plane in signals]
     top = max(float(plane.max()) for plane in smooth)
+    if top <= 0:
+        return 0.0
     strong = np.concatenate([plane[plane > _STRONG_SHARE * top] for plane in smooth])
     return float(np.percentile(strong, _STRONG_PERCENTILE))
 

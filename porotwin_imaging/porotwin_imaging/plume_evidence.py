@@ -52,6 +52,8 @@ class PlumeEvidence:
         seen_wells: wells inside the outline of a plume.
         hollow: signal at the injecting well relative to the level of the plume [-]; the middle of
             an injected plume is as strong as its surroundings. NaN if no plume is there.
+        apart: distance from the plume of the first photographs to the nearest well that injects
+            tracer, relative to the width of the rig [-]; 0 without a plume or pump log.
     """
 
     pore_volume: float
@@ -60,6 +62,7 @@ class PlumeEvidence:
     told_wells: tuple[str, ...]
     seen_wells: tuple[str, ...]
     hollow: float
+    apart: float = 0.0
 
     @property
     def filled(self) -> float:
@@ -102,6 +105,7 @@ def plume_evidence(
         told_wells=told,
         seen_wells=seen,
         hollow=_hollow(signals[:count], found, fluids, [wells[w] for w in told if w in seen]),
+        apart=_apart([region for region, _ in found], fluids, [wells[w] for w in told], grid),
     )
 
 
@@ -194,3 +198,30 @@ def _hollow(
             ]
             ratios.append(float(np.median(np.nan_to_num(around))) / level)
     return float(np.median(ratios)) if ratios else math.nan
+
+
+def _apart(
+    regions: Sequence[Mask], fluids: Sequence[float], cells: Sequence[tuple[int, int]], grid: Grid
+) -> float:
+    """Return the distance from the plume to the nearest of `cells`, relative to the width.
+
+    It is the median of the first half of the photographs with a plume: later plumes are so large
+    that they reach other wells.
+    """
+    outlines = [
+        outline
+        for region, fluid in zip(regions, fluids, strict=True)
+        if fluid > 0 and (outline := _outline(region)).any()
+    ]
+    if not outlines or not cells:
+        return 0.0
+    distances = []
+    for outline in outlines[: (len(outlines) + 1) // 2]:
+        rows, columns = np.nonzero(outline)
+        distances.append(
+            min(
+                float(np.hypot((rows - row) * grid.dz, (columns - column) * grid.dx).min())
+                for row, column in cells
+            )
+        )
+    return float(np.median(distances)) / grid.width

@@ -485,8 +485,13 @@ class TrustSettings:
     much in absorbance would lose a third of its effect from pale to stock."""
     most_core_slope: float = 0.15
     """Largest relative difference of signal between the inner and the outer half of the core."""
-    most_dilution_misfit: float = 0.15
-    """Largest difference between known and imaged dilutions [-]."""
+    most_dilution_misfit: float = 0.1
+    """Largest difference between known and imaged dilutions [-]. Mixing and light cause 0.03."""
+    told_dilution_misfit: float = 0.04
+    """Difference between known and imaged dilutions that is told [-]."""
+    most_apart: float = 0.05
+    """Largest distance of a plume from the wells that inject it, relative to the width of the rig
+    [-]. Injected tracer begins at its well."""
     most_bow: float = 0.012
     """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
     the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""

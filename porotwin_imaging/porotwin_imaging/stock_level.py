@@ -127,8 +127,10 @@ def diluted_signals(
     pairs = []
     inner = _away_from_interfaces(labels, settings)
     for concentration, signal in photographs:
-        depth = plume_depth(signal, strong_signal([signal]), settings)
-        cores = _cores_by_sand(signal * factors, np.where(inner, depth, 0.0), labels, settings)
+        strong = strong_signal([signal])
+        depth = plume_depth(signal, strong, settings)
+        depth = np.where(inner & (strong > 0), depth, 0.0)  # no plume: no depth
+        cores = _cores_by_sand(signal * factors, depth, labels, settings)
         if not cores:
             raise InputError(
                 f'calibration: the dilution {concentration:g} shows no even plume; fill a region '

@@ -66,3 +66,14 @@ def test_the_calibration_can_hide_parts_of_the_sand(
     values = concentration_map(empty_photograph, baseline).values
     assert np.isnan(values[26:]).all()
     assert np.isfinite(values[:24]).all()
+
+
+@pytest.mark.parametrize('size', [(1, 1), (90, 2), (3, 50)])
+def test_a_grid_of_few_cells_is_refused(laboratory, empty_photograph, size) -> None:
+    with pytest.raises(InputError, match='is too coarse for photographs: it needs 4 columns'):
+        make_baseline(laboratory.rig, laboratory.rig.grid(*size), [empty_photograph])
+
+
+def test_the_coarsest_grid_is_imaged(laboratory, empty_photograph) -> None:
+    baseline = make_baseline(laboratory.rig, laboratory.rig.grid(4, 4), [empty_photograph])
+    assert concentration_map(empty_photograph, baseline).values.shape == (4, 4)

@@ -53,3 +53,10 @@ def test_a_tube_of_another_colour_is_an_object(sand) -> None:
 
 def test_texture_is_relative_to_the_brightness(sand) -> None:
     np.testing.assert_allclose(np.median(texture(3 * sand)), np.median(texture(sand)), rtol=0.02)
+
+
+def test_a_surface_in_the_lower_part_of_a_tall_picture_is_found(sand) -> None:
+    sand[:140] = [0.5, 0.5, 0.3]
+    water = baseline_mask(sand, width_m=1.0, checker=None).water
+    assert water[:138].all()
+    assert not water[155:].any()

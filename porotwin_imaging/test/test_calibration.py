@@ -1,7 +1,12 @@
 """The calibration record and its file."""
 
+from copy import deepcopy
+from functools import reduce
+
+import cv2
 import numpy as np
 import pytest
+import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -45,7 +50,7 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
     ('text', 'complaint'),
     [
         ('{', 'not readable as YAML'),
-        ('schema: 7', 'schema 7'),
+        ('schema: 7', 'schema: 7 is not 1 or 2'),
         ('schema: 1', 'not a calibration'),
         (
             'schema: 1\nscale_error: 0.1\nsignal: {contrast: difference, weights: [1, 0, 0]}\n'
@@ -108,3 +113,54 @@ def test_a_file_of_schema_1_still_loads(tmp_path) -> None:
     read = load_calibration(path)
     assert read.response.deviation == ()
     assert read.factor_deviations == ()
+
+
+WHOLE = {
+    'schema': 2,
+    'scale_error': 0.02,
+    'signal': {'contrast': 'absorbance', 'weights': [1.0, 0.0, 0.0]},
+    'response': {'signal': [0, 0.6, 1.9], 'concentration': [0, 0.4, 1], 'deviation': [0, 0.1, 0]},
+    'sands': {'file': 'sands.png', 'factors': [1.0, 1.5], 'deviations': [0.01, 0.3]},
+}
+NAN, INF = float('nan'), float('inf')
+
+
+@pytest.mark.parametrize(
+    ('key', 'value'),
+    [
+        ('schema', '2'),
+        ('schema', True),
+        *(('scale_error', value) for value in (NAN, INF, -0.1, True, 'small', None)),
+        *(('signal.contrast', value) for value in ('foo', None, ['absorbance'])),
+        *(('signal.weights', v) for v in ([0, 0, 0], [NAN, 1, 0], [INF, 0, 0], [True, 0, 0], 3)),
+        ('signal.weights', [1.0, 0.0]),
+        ('signal.absorbance', [0, 0, 0]),
+        *(('response.signal', [0, 0.5, value]) for value in (NAN, INF, 'much')),
+        *(('response.concentration', v) for v in ([0, 0, 0], [0, NAN, 1], [0, 40, 100])),
+        *(('response.deviation', [0, value, 0]) for value in (NAN, INF, -0.1, True)),
+        *(('sands.factors', [1.0, value]) for value in (0, -1, NAN, INF, True, 10**400)),
+        *(('sands.factors', value) for value in ([], [1.0], None, 1.0)),
+        *(('sands.deviations', value) for value in ([0.1], [0.1, NAN], [0.1, -1], [0.1, INF])),
+    ],
+)
+def test_a_damaged_value_is_named_with_its_key_and_remedy(tmp_path, key, value) -> None:
+    cv2.imwrite(str(tmp_path / 'sands.png'), np.eye(20, dtype=np.uint8))
+    data = deepcopy(WHOLE)
+    *parents, last = key.split('.')
+    reduce(dict.__getitem__, parents, data)[last] = value
+    path = tmp_path / 'calibration.yaml'
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(InputError) as error:
+        load_calibration(path)
+    line = str(error.value)
+    assert line.startswith(f'{path}: {key}: ')
+    assert line.count(str(path)) == 1
+    assert 'calibrate again' in line
+    assert '\n' not in line
+
+
+def test_the_undamaged_file_is_read(tmp_path) -> None:
+    cv2.imwrite(str(tmp_path / 'sands.png'), np.eye(20, dtype=np.uint8))
+    path = tmp_path / 'calibration.yaml'
+    path.write_text(yaml.safe_dump(WHOLE))
+    assert load_calibration(path).factors == (1.0, 1.5)

@@ -98,7 +98,9 @@ def test_a_dye_that_is_not_seen_is_named_first() -> None:
 def test_without_a_pump_log_there_is_nothing_to_compare() -> None:
     alone = replace(GOOD, anchor='strongest signal', mass_factor=NAN, mass_offset=NAN)
     plume = replace(PLUME, fluid=NAN, strongest=NAN, told_wells=())
-    assert judged(replace(alone, mass_misfit=NAN), plume) == Trust()
+    trust = judged(replace(alone, mass_misfit=NAN), plume)
+    assert not trust.objections
+    assert 'the amount of tracer in the maps was not checked' in trust.remarks[0]
 
 
 def test_a_baseline_with_tracer_is_named() -> None:
@@ -164,6 +166,24 @@ def test_a_plume_at_another_well_is_told() -> None:
     (remark,) = judged(GOOD, elsewhere).remarks
     assert 'the plume is at well lower, the pump log says upper' in remark
     assert 'the plume is at well lower' in refusal(replace(GOOD, mass_factor=0.3), elsewhere)
+
+
+@pytest.mark.parametrize('anchor', ['core', 'mass', 'dilutions'])
+@pytest.mark.parametrize('seen', [(), ('lower',)])
+def test_a_plume_away_from_every_injecting_well_is_refused(anchor, seen) -> None:
+    turned = replace(PLUME, seen_wells=seen, apart=0.3)
+    line = refusal(replace(GOOD, anchor=anchor), turned)
+    assert '30 % of the width of the rig away from well upper' in line
+    if anchor != 'mass':  # without a core the dye may as well be too pale
+        assert 'turned or mirrored' in line
+
+
+def test_a_dilution_that_disagrees_is_named() -> None:
+    wrong = replace(GOOD, worst_dilution='0.85 at 40 s is read as 1.00', dilution_misfit=0.15)
+    assert '(0.85 at 40 s is read as 1.00)' in refusal(wrong)
+    trust = judged(replace(wrong, dilution_misfit=0.06), PLUME)
+    assert not trust.objections
+    assert '0.85 at 40 s' in trust.remarks[0]
 
 
 def test_the_most_telling_objection_comes_first_and_the_others_are_named() -> None:

@@ -38,3 +38,8 @@ def test_in_a_rig_full_of_tracer_the_chart_gives_the_drift() -> None:
     found = light_drift(ratio, np.ones((NZ, NX)), checker)
     assert found.background == 0.0
     np.testing.assert_allclose(found.log_gain[3, 4], checker)
+
+
+def test_a_background_of_one_cell_has_a_drift_without_shape() -> None:
+    found = light_drift(np.full((1, 1, 3), 0.02), np.ones((1, 1)), None)
+    np.testing.assert_allclose(found.log_gain, 0.02, rtol=1e-5)

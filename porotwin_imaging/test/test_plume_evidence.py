@@ -108,3 +108,11 @@ def test_water_behind_the_tracer_is_no_hollow_plume() -> None:
 def test_hidden_cells_count_as_clean() -> None:
     hidden = [np.where(GRID.x[None, :] > 0.6, np.nan, disc(RATE * time)) for time in TIMES]
     assert evidence(log(), hidden).filled == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_distance_from_plume_to_injecting_well_is_told() -> None:
+    assert evidence(log()).apart == 0.0
+    assert evidence(None).apart == 0.0
+    assert evidence(log('right')).apart > 0.2
+    mirrored = [disc(RATE * time, x=0.7) for time in TIMES]
+    assert evidence(log(), mirrored).apart > 0.2

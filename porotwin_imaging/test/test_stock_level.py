@@ -46,3 +46,9 @@ def test_a_dilution_without_an_even_plume_is_refused() -> None:
     spread = np.exp(-((np.hypot(X - 60, Z - 30) / 12) ** 2))
     with pytest.raises(InputError, match='shows no even plume'):
         diluted_signals([(0.5, spread)], LABELS, np.ones(Z.shape))
+
+
+@pytest.mark.parametrize('signal', [0.0, -0.01, np.nan])
+def test_a_baseline_named_as_a_dilution_is_refused(signal) -> None:
+    with pytest.raises(InputError, match='shows no even plume'):
+        diluted_signals([(0.5, np.full(Z.shape, signal))], LABELS, np.ones(Z.shape))
