@@ -359,12 +359,15 @@ class SiblingsNode(Node):
         if self._forecast is None:
             raise InputError('no forecast has been made yet; ask again after the first photograph')
         initial, grid = conversions.tracer_from_msg(request.initial)
+        plan = conversions.plan_from_msg(request.schedule)
+        reached = [step for step in plan if step.start < request.horizon]
+        check_proposal(reached, request.horizon, self._rig)
         ranked, count = self._forecast.ranked, min(self._judges, len(self._forecast.ranked))
         chosen = [ranked[(2 * n + 1) * len(ranked) // (2 * count)] for n in range(count)]
         orders = self.siblings.cost_orders(
             chosen,
             initial,
-            conversions.plan_from_msg(request.schedule),
+            plan,
             horizon=request.horizon,
             terms=[conversions.cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
