@@ -22,7 +22,7 @@ from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
-from porotwin_siblings.rate_log import proposed_plan
+from porotwin_siblings.rate_log import LONGEST_HORIZON_S, check_proposal, proposed_plan
 from porotwin_siblings.siblings import Outlook, Photograph, Siblings
 from porotwin_siblings.zone_measure import ZoneMeasure
 
@@ -34,6 +34,9 @@ LEAST_HORIZON_S = 1800.0
 
 MOST_PHOTOGRAPHS = 200
 """Most maps that are learnt from; of a longer recording they are evenly spread."""
+
+SAME_MOMENT_S = 1.0
+"""A photograph that was taken so much later is still from the moment itself [s]."""
 
 UNITS_S = {'s': 1.0, 'min': 60.0, 'h': 3600.0}
 """Units of a time that a user writes [s]."""
@@ -132,43 +135,52 @@ def study_what_if(
     siblings: int = 32,
     map_times: int = 2,
     learnt: Callable[[int, int], None] = lambda *_: None,
+    objected: Callable[[str], None] = lambda _: None,
 ) -> WhatIfStudy:
-    """Return both outlooks from the photograph nearest to `start` [s] on.
+    """Return both outlooks from the last photograph until `start` [s] on.
 
     Args:
         recording: with maps and rates.
         start: when the plans part [s].
         steps: the proposed changes; their times count from `start`. Wells without a change keep
-            their rates, and the producer balances them.
+            their rates, and the producer balances them. Until the first one both plans agree.
         grid: of the siblings; never finer than that of the maps.
         executor: runs the siblings.
-        horizon: how far to look ahead [s]; None: to the end of the recording, but at least
-            `LEAST_HORIZON_S`.
+        horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
+            least `LEAST_HORIZON_S` and at most `LONGEST_HORIZON_S`.
         siblings: number of siblings.
         map_times: number of maps of each forecast, evenly spread to its end.
         learnt: called with the number of maps that were learnt from, and of all.
+        objected: called with every limit that the proposal breaks, before the work begins.
 
     Raises:
-        InputError: the recording holds no maps or rates before `start`, or a course cannot be run.
+        InputError: the recording holds no maps or rates before `start`, or the proposal has
+            implausible rates, a change beyond the horizon, or a horizon that is too long.
     """
     times = recording.times
     if not len(times) or start < times[0] - recording_step(times):
         raise InputError(f'{recording.source}: its first map is from {_minutes(times)}; ask later')
     if start > times[-1] + recording_step(times):
         raise InputError(f'{recording.source}: its last map is from {_minutes(times[-1:])}')
-    newest = int(np.abs(times - start).argmin())
+    newest = max(int(np.searchsorted(times, start + SAME_MOMENT_S, side='right')) - 1, 0)
     begin = float(times[newest])
-    ahead = horizon or max(LEAST_HORIZON_S, float(times[-1]) - begin)
-    maps = recording.grid
-    grid = recording.rig.grid(min(grid.nx, maps.nx), min(grid.nz, maps.nz))
-    family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
-    _learn(family, recording, newest, learnt)
+    if horizon is None:
+        horizon = min(max(LEAST_HORIZON_S, float(times[-1]) - start), LONGEST_HORIZON_S)
+    check_proposal(steps, horizon, recording.rig)
+    ahead = start + horizon - begin
     commanded = _schedule(recording)
     present = [
         RateStep(low - begin, rates) for low, _, rates in commanded.intervals(begin, begin + ahead)
     ]
     producer = recording.rig.control.producer if recording.rig.control is not None else None
-    proposed = proposed_plan(steps, present[0].rates, producer)
+    proposed = proposed_plan(later_steps(steps, start - begin), present[0].rates, producer)
+    objections = _objections(recording.rig, proposed)
+    for line in objections:
+        objected(line)
+    maps = recording.grid
+    grid = recording.rig.grid(min(grid.nx, maps.nx), min(grid.nz, maps.nz))
+    family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
+    _learn(family, recording, newest, learnt)
     after = np.linspace(0.0, ahead, TIMES + 1)[1:]
     maps_after = np.linspace(0.0, ahead, map_times + 1)[1:]
     clock = time.perf_counter()
@@ -187,10 +199,21 @@ def study_what_if(
         proposed=outlooks[1],
         seen_times=np.array([times[n] for n in later]),
         seen_tracer=np.array(seen),
-        objections=_objections(recording.rig, proposed),
+        objections=objections,
         rate_factors=family.rate_factors(),
         seconds=seconds,
     )
+
+
+def later_steps(steps: Sequence[RateStep], delay: float) -> list[RateStep]:
+    """Return `steps` as seen from a state that is `delay` [s] earlier than their moment zero.
+
+    Steps at the same time become one, and so do those before the state.
+    """
+    rates: dict[float, dict[str, WellRate]] = {}
+    for step in sorted(steps, key=lambda step: step.start):
+        rates.setdefault(max(step.start + delay, 0.0), {}).update(step.rates)
+    return [RateStep(start, held) for start, held in rates.items()]
 
 
 def recording_step(times: FloatArray) -> float:

@@ -8,10 +8,16 @@ import pytest
 
 from porotwin_cli.bench_loop_scenarios import demo_scenario
 from porotwin_cli.what_if_picture import what_if_picture
-from porotwin_cli.what_if_study import WhatIfStudy, rate_step, seconds_of, study_what_if
+from porotwin_cli.what_if_study import (
+    WhatIfStudy,
+    later_steps,
+    rate_step,
+    seconds_of,
+    study_what_if,
+)
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import Schedule, WellRate
+from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
@@ -129,3 +135,58 @@ def test_a_change_may_come_later() -> None:
     step = rate_step('20min:control1=3', demo_scenario().rig, 600.0)
     assert step.start == 600.0
     assert to_ml_h(step.rates['control1'].rate) == pytest.approx(3.0)
+
+
+def test_a_change_happens_when_the_user_says_although_the_state_is_older() -> None:
+    rig = demo_scenario().rig
+    steps = [rate_step(text, rig, 200.0) for text in ('5min:control1=3', '5min:control3=4')]
+    (later,) = later_steps(steps, 20.0)
+    assert later.start == pytest.approx(300.0 - 180.0)
+    assert set(later.rates) == {'control1', 'control3'}
+    (now,) = later_steps([RateStep(0.0, {})], -0.5)
+    assert now.start == 0.0
+
+
+def test_a_moment_between_photographs_begins_at_the_one_before(recording: Recording) -> None:
+    step = rate_step('420s:control1=300', recording.rig, 400.0)
+    told: list[str] = []
+    with ThreadPoolExecutor(2) as pool:
+        found = study_what_if(
+            recording,
+            400.0,
+            [step],
+            grid=recording.rig.grid(15, 9),
+            executor=pool,
+            horizon=60.0,
+            siblings=24,
+            objected=told.append,
+        )
+    assert found.start == 300.0
+    assert [step.start for step in found.proposed.plan] == [0.0, 120.0]
+    assert found.proposed.times[-1] == pytest.approx(160.0)
+    assert tuple(told) == found.objections
+
+
+@pytest.mark.parametrize(
+    ('rates', 'horizon', 'complaint'),
+    [
+        ('control1=1e9', 60.0, 'is not plausible'),
+        ('control1=300', 1e9, 'horizon'),
+        ('20min:control1=300', 60.0, 'beyond the horizon'),
+    ],
+)
+def test_a_study_without_end_is_refused_before_the_work(
+    recording: Recording, rates: str, horizon: float, complaint: str
+) -> None:
+    learnt: list[int] = []
+    with ThreadPoolExecutor(1) as pool, pytest.raises(InputError, match=complaint):
+        study_what_if(
+            recording,
+            600.0,
+            [rate_step(rates, recording.rig, 600.0)],
+            grid=recording.rig.grid(31, 19),
+            executor=pool,
+            horizon=horizon,
+            learnt=lambda done, _: learnt.append(done),
+        )
+    assert learnt == []

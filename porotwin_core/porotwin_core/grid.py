@@ -11,6 +11,9 @@ from porotwin_core.errors import InputError
 FloatArray = NDArray[np.floating]
 """An array of floating-point numbers."""
 
+SIZE_TOLERANCE = 1e-4
+"""Relative difference of two widths or heights that are the same: 0.1 mm of a metre."""
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -37,6 +40,11 @@ class Grid:
     def shape(self) -> tuple[int, int]:
         """Shape of a cell field, (nz, nx)."""
         return (self.nz, self.nx)
+
+    def covers_the_same(self, other: 'Grid') -> bool:
+        """Return whether both grids have the same width and height, within SIZE_TOLERANCE."""
+        sizes = (self.width, self.height)
+        return bool(np.allclose(sizes, (other.width, other.height), rtol=SIZE_TOLERANCE, atol=0.0))
 
     @property
     def dx(self) -> float:

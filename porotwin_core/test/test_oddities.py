@@ -33,6 +33,7 @@ SMALL: dict[str, Any] = {
     'wells': WELLS,
     'control': CONTROL,
 }
+BOW = [[0, 0], [0.9, 0.5], [0.9, 0], [0, 0.5]]
 CORNERS = [[20, 15], [20, 1135], [1890, 1135], [1890, 15]]
 
 
@@ -87,6 +88,37 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'wells.list': [0.2, 0.3]}, 'write a section'),
         ({'name': 5}, 'put numbers and dates in quotes'),
         ({'control.wells': 'injector'}, 'write a list'),
+        ({'control.min_rate_ml_h': 410, 'control.rate_step_ml_h': 300}, 'no multiple of rate_step'),
+        (
+            {'control.min_rate_ml_h': 9, 'control.max_total_rate_ml_h': 8},
+            'max_total_rate_ml_h 8 is below 9',
+        ),
+        (
+            {'control.rate_step_ml_h': 9, 'control.max_total_rate_ml_h': 8},
+            'max_total_rate_ml_h 8 is below 9 ml/h',
+        ),
+        (
+            {
+                'control.min_rate_ml_h': 11,
+                'control.rate_step_ml_h': 10,
+                'control.max_change_ml_h': 15,
+            },
+            'max_change_ml_h 15 is below 20 ml/h',
+        ),
+        ({'control.end_min': 1e12}, 'end_min = 1000000000000.0: no experiment is longer'),
+        (
+            {'control.objective': {'name': 'sweep', 'zones_m': [BOW]}},
+            'control.objective.zones_m.0',
+        ),
+        (
+            {
+                'control.objective': {
+                    'name': 'sum',
+                    'parts': [{'name': 'keep_in', 'zone_m': BOW}],
+                }
+            },
+            'control.objective.parts.0.zone_m',
+        ),
     ],
 )
 def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], named: str) -> None:

@@ -3,14 +3,10 @@
 import math
 
 from porotwin_core.errors import InputError
-from porotwin_core.plausibility import plausible_rate_ml_h
+from porotwin_core.plausible_rates import refuse_too_great
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRates, net_rate
-
-PLAUSIBLE_FACTOR = 2.0
-"""Plausible rates are at most this multiple of the greatest rate in rig.yaml: a pump may be set by
-hand beyond the limits of the twin, but a further digit is a slip of the hand."""
 
 NET_SHARE = 0.05
 """Share of the injected water that may be missing at the producer without a question; the pumps of
@@ -20,17 +16,6 @@ ROUND_OFF = 1e-6
 """Round-off allowed in concentrations [-]."""
 
 
-def greatest_rate_ml_h(rig: Rig) -> float:
-    """Return the greatest plausible rate of a well of `rig` [ml/h]."""
-    greatest = plausible_rate_ml_h(rig.pore_volume)[1]
-    control = rig.control
-    if control is None:
-        return greatest
-    fixed = math.fsum(abs(well.rate_ml_h) for well in control.fixed.values())
-    total = min(control.max_total_rate_ml_h, len(control.wells) * control.max_rate_ml_h)
-    return min(PLAUSIBLE_FACTOR * (fixed + total), greatest)
-
-
 def refuse_implausible(rates: WellRates, rig: Rig) -> None:
     """Return if `rates` [m^3/s] can have been set at the pumps of `rig`.
 
@@ -38,16 +23,9 @@ def refuse_implausible(rates: WellRates, rig: Rig) -> None:
         InputError: a well is not known, a rate is too great, or a pump runs the wrong way
                 or with another fluid.
     """
-    greatest = greatest_rate_ml_h(rig)
+    refuse_too_great(rates, rig)
     for name, well in rates.items():
-        if name not in rig.wells:
-            raise InputError(f"well '{name}' is not in the rig; known: {', '.join(rig.wells)}")
         rate_ml_h = to_ml_h(well.rate)
-        if not abs(rate_ml_h) <= greatest:
-            raise InputError(
-                f"well '{name}': {rate_ml_h:g} ml/h is not plausible; the pumps of rig "
-                f"'{rig.name}' run at up to {greatest:g} ml/h; check the number and its unit"
-            )
         if rate_ml_h * _direction(name, rig) < 0.0:
             verb = 'takes water out' if rate_ml_h > 0.0 else 'puts water in'
             raise InputError(

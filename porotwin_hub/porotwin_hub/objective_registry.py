@@ -47,6 +47,8 @@ def objective_kind(name: str) -> ObjectiveKind:
     Raises:
         InputError: there is none; the message lists all names.
     """
+    if name == SUM:
+        raise InputError("objective 'sum': stands inside a sum; write all parts side by side")
     if name not in OBJECTIVES:
         known = ', '.join([*OBJECTIVES, SUM])
         raise InputError(f"objective '{name}': unknown; choose from {known}")
@@ -65,12 +67,19 @@ def make_objective(rig: Rig, grid: Grid) -> Objective:
     if wanted.name != SUM:
         return _made(rig, grid, rig.control, wanted.name, wanted.parameters)
     sum_ = _checked(SumParameters, wanted.parameters, SUM)
-    return WeightedSum(
+    made = WeightedSum(
         tuple(
             (part.weight, _made(rig, grid, rig.control, part.name, part.model_extra or {}))
             for part in sum_.parts
         )
     )
+    if not any(_minds_tracer(part, grid) for _, part in made.parts):
+        names = ', '.join(part.name for part in sum_.parts)
+        raise InputError(
+            f"objective 'sum': parts = {names}: tracer costs nothing, so that no well would ever "
+            'pump; add a part such as keep_out'
+        )
+    return made
 
 
 def _made(
@@ -83,15 +92,26 @@ def _made(
             "control: 'disallowed_zone_m' stands in control and in its objective; keep one of them"
         )
     given = _shared_parameters(kind, control) | dict(parameters)
-    objective = kind.make(rig, grid, _checked(kind.parameters, given, name))
-    half = 0.0 * grid.x + np.linspace(0.0, 1.0, grid.nz)[:, None]
-    costs = {objective(values) for values in (0.0 * half, 0.0 * half + 1.0, half)}
-    if len(costs) == 1 and not objective.water_cost:
+    checked = _checked(kind.parameters, given, name)
+    moment = getattr(checked, 'at_min', 0.0)
+    if control.end_min is not None and moment > control.end_min:
+        raise InputError(
+            f"objective '{name}': at_min = {moment:g} lies after control.end_min = "
+            f'{control.end_min:g}, the end of the experiment; correct one of them'
+        )
+    objective = kind.make(rig, grid, checked)
+    if not _minds_tracer(objective, grid) and not objective.water_cost:
         raise InputError(
             f"objective '{kind.name}': an empty rig and a rig full of tracer cost the same; "
             f'does its zone [m] lie inside the rig of {rig.width_m} m x {rig.height_m} m?'
         )
     return objective
+
+
+def _minds_tracer(objective: Objective, grid: Grid) -> bool:
+    """Return whether an empty rig, a full one and one filled upward cost differently."""
+    half = 0.0 * grid.x + np.linspace(0.0, 1.0, grid.nz)[:, None]
+    return len({objective(values) for values in (0.0 * half, 0.0 * half + 1.0, half)}) > 1
 
 
 def _checked(model: type[P], given: Mapping[str, Any], name: str) -> P:

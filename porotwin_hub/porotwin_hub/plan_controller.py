@@ -136,6 +136,8 @@ class PlanController:
         Raises:
             ModelUnavailable: the model tells not even the cost of the last plan.
         """
+        if self.end is not None and now >= self.end:
+            return self._kept(state, previous)
         horizon = self._horizon(now)
         task = _Task(self, state, previous, now, horizon, dict(delivery or {}))
         elapsed = now - self.last.time
@@ -153,11 +155,17 @@ class PlanController:
             plan=task.steps(chosen),
         )
 
+    def _kept(self, state: FloatArray, previous: WellRates) -> Decision:
+        """Return the rates in force: at the end of the experiment no order is worth its cost."""
+        rates, cost = dict(previous), self.objective(state)
+        if self.limits.violations(rates, previous):
+            rates = self.limits.setpoint(self.limits.control_rates(previous), previous)
+        plan = (RateStep(0.0, rates),)
+        return Decision(rates, cost, cost_unchanged=cost, evaluations=0, plan=plan)
+
     def _horizon(self, now: float) -> float:
         """Return the time from `now` [s] to the end of the plan [s]."""
-        if self.end is not None and self.end > now:
-            return self.end - now
-        return self.horizon
+        return self.horizon if self.end is None else self.end - now
 
 
 def plan_controller(

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from porotwin_core.errors import InputError
+from porotwin_core.plausible_rates import greatest_rate_ml_h
 from porotwin_core.rig import Rig, rig_from_maps
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
 from porotwin_hub.confirmed_rates import (
-    greatest_rate_ml_h,
     question_about,
     refuse_implausible,
 )

@@ -53,6 +53,31 @@ def test_every_module_of_objectives_is_found() -> None:
         ),
         ({'objective': {'name': 'sum', 'parts': []}}, "objective 'sum': parts"),
         (
+            {'objective': {'name': 'sum', 'parts': [{'name': 'sum', 'parts': []}]}},
+            'stands inside a sum; write all parts side by side',
+        ),
+        (
+            {'objective': {'name': 'sum', 'parts': [{'name': 'least_water'}]}},
+            'parts = least_water: tracer costs nothing',
+        ),
+        (
+            {
+                'end_min': 30.0,
+                'objective': {'name': 'reach', 'zone_m': TRIANGLE, 'at_min': 60.0},
+            },
+            'at_min = 60 lies after control.end_min = 30',
+        ),
+        *(
+            (
+                {
+                    'disallowed_zone_m': TRIANGLE,
+                    'objective': {'name': 'sum', 'parts': [{'name': 'keep_out', 'weight': weight}]},
+                },
+                'weight = ',
+            )
+            for weight in (0.0, -1.0, float('inf'), float('nan'))
+        ),
+        (
             {'objective': 'keep_in'},
             "objective 'keep_in': 'zone_m' is missing: corners (x, z) of the zone [m]",
         ),

@@ -174,3 +174,13 @@ def test_water_is_saved_where_it_costs_more_than_it_is_worth() -> None:
     dear = dataclasses.replace(OBJECTIVE, water_cost=2.0 / FULL)
     decision = controller(model, objective=dear).decide(ToyModel(), STATE, LIMITS.safe())
     assert control_ml_h(decision.rates) == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize('late', [0.0, 1000.0])
+def test_the_rates_stay_at_the_end_of_the_experiment_and_after_it(late: float) -> None:
+    model = TwoStages()
+    previous = LIMITS.setpoint(np.array([0.0, 0.0, FULL]))
+    decision = controller(model).decide(ToyModel(), STATE, previous, now=END + late)
+    assert decision.rates == previous
+    assert [step.rates for step in decision.plan] == [previous]
+    assert model.calls == 0

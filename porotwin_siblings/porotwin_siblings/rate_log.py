@@ -3,6 +3,8 @@
 from collections import deque
 from collections.abc import Sequence
 
+from porotwin_core.errors import InputError
+from porotwin_core.plausible_rates import refuse_too_great
 from porotwin_core.rates_in_force import (
     KnownRates,
     RatePeriod,
@@ -10,6 +12,7 @@ from porotwin_core.rates_in_force import (
     rates_in_force,
     same_rates,
 )
+from porotwin_core.rig import Rig
 from porotwin_core.wells import RateStep, WellRate, WellRates, check_plan, net_rate
 
 KEPT = 4096
@@ -17,6 +20,9 @@ KEPT = 4096
 
 SAME_STAMP_S = 1e-6
 """Stamps that differ by less are the same [s]: they are kept to the nanosecond."""
+
+LONGEST_HORIZON_S = 86400.0
+"""Longest horizon of a forecast [s]: experiments last hours."""
 
 
 class RateLog:
@@ -88,6 +94,25 @@ def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tupl
         for begin, end, step in zip(begins, ends, plan, strict=True)
         if begin < horizon
     )
+
+
+def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
+    """Return if proposed `steps` may be run over `horizon` [s] on `rig`.
+
+    Raises:
+        InputError: the horizon is too long, a step lies beyond it, or a rate is not plausible.
+    """
+    if not 0.0 < horizon <= LONGEST_HORIZON_S:
+        raise InputError(
+            f'horizon {horizon:g} s: must lie between 0 and {LONGEST_HORIZON_S:g} s; correct it'
+        )
+    for step in steps:
+        refuse_too_great(step.rates, rig)
+        if step.start >= horizon:
+            raise InputError(
+                f'proposal: a change {step.start:g} s after the state lies beyond the horizon of '
+                f'{horizon:g} s; give an earlier time or a longer horizon'
+            )
 
 
 def proposed_plan(

@@ -28,7 +28,12 @@ from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRate
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import expected_cost
-from porotwin_siblings.rate_log import RateLog, proposed_plan
+from porotwin_siblings.rate_log import (
+    LONGEST_HORIZON_S,
+    RateLog,
+    check_proposal,
+    proposed_plan,
+)
 from porotwin_siblings.siblings import Outlook, Photograph, Siblings
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
@@ -43,9 +48,6 @@ OPEN_END_S = 7200.0
 
 MINUTE_S = 60.0
 """Length of a minute [s]."""
-
-DAY_S = 86400.0
-"""Longest horizon [s]."""
 
 TIMES = 24
 """Times of a forecast: enough for a smooth curve."""
@@ -92,7 +94,7 @@ class SiblingsNode(Node):
             OPEN_END_S,
             'how far forecasts look ahead [s]',
             at_least=60.0,
-            at_most=DAY_S,
+            at_most=LONGEST_HORIZON_S,
         )
         self._judges = declare(
             self,
@@ -321,11 +323,8 @@ class SiblingsNode(Node):
         if not self.siblings.started:
             raise InputError('no photograph has come yet; ask again after the first one')
         horizon = request.horizon or self._ahead()
-        if not 0.0 < horizon <= DAY_S:
-            raise InputError(f'horizon {horizon:g} s: must lie between 0 and {DAY_S:g} s')
         steps = conversions.plan_from_msg(request.proposed)
-        for step in steps:
-            self._check_wells(step.rates)
+        check_proposal(steps, horizon, self._rig)
         with self._changed:
             rates = self._rates.present(self.siblings.time)
         plan = proposed_plan(steps, rates, self._producer)
@@ -360,12 +359,15 @@ class SiblingsNode(Node):
         if self._forecast is None:
             raise InputError('no forecast has been made yet; ask again after the first photograph')
         initial, grid = conversions.tracer_from_msg(request.initial)
+        plan = conversions.plan_from_msg(request.schedule)
+        reached = [step for step in plan if step.start < request.horizon]
+        check_proposal(reached, request.horizon, self._rig)
         ranked, count = self._forecast.ranked, min(self._judges, len(self._forecast.ranked))
         chosen = [ranked[(2 * n + 1) * len(ranked) // (2 * count)] for n in range(count)]
         orders = self.siblings.cost_orders(
             chosen,
             initial,
-            conversions.plan_from_msg(request.schedule),
+            plan,
             horizon=request.horizon,
             terms=[conversions.cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,

@@ -1,11 +1,15 @@
 """Tests of the log of rates, and of plans made from proposals."""
 
+from pathlib import Path
+
 import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
+from porotwin_core.rig import load_rig
+from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
-from porotwin_siblings.rate_log import RateLog, plan_periods, proposed_plan
+from porotwin_siblings.rate_log import RateLog, check_proposal, plan_periods, proposed_plan
 
 REST = {'a': WellRate(), 'out': WellRate()}
 FIRST = {'a': WellRate(1e-7), 'out': WellRate(-1e-7)}
@@ -61,3 +65,22 @@ def test_wells_that_a_proposal_leaves_out_keep_their_rates_and_the_producer_bala
     named = [RateStep(0.0, {'a': WellRate(3e-7), 'out': WellRate(-1e-7)})]
     assert proposed_plan(named, FIRST, 'out')[0].rates['out'].rate == -1e-7
     assert proposed_plan([], FIRST, 'out') == (RateStep(0.0, FIRST),)
+
+
+@pytest.mark.parametrize(
+    ('start', 'rate_ml_h', 'horizon', 'complaint'),
+    [
+        (0.0, 1e9, 600.0, "well 'control1': 1e\\+09 ml/h is not plausible"),
+        (0.0, 300.0, 1e9, 'horizon 1e\\+09 s: must lie between 0 and 86400 s'),
+        (0.0, 300.0, 0.0, 'horizon 0 s'),
+        (900.0, 300.0, 600.0, 'a change 900 s after the state lies beyond the horizon of 600 s'),
+    ],
+)
+def test_a_proposal_without_end_is_refused(
+    start: float, rate_ml_h: float, horizon: float, complaint: str
+) -> None:
+    rig = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
+    step = RateStep(start, {'control1': WellRate(from_ml_h(rate_ml_h))})
+    with pytest.raises(InputError, match=complaint):
+        check_proposal([step], horizon, rig)
+    check_proposal([RateStep(0.0, {'control1': WellRate(from_ml_h(500.0))})], 600.0, rig)

@@ -1,7 +1,7 @@
 """Flow and transport combined: advances a state on one grid under constant rates."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -11,7 +11,7 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates
+from porotwin_core.wells import RateStep, WellRates
 from porotwin_solver.background_flux import background_flux
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.diffusion import Exchanges, diffuse, dispersive_exchanges
@@ -96,6 +96,9 @@ class StepTapes(NamedTuple):
         advection = tape_length(coefficients.levels)
         return cls(np.empty(diffusion), np.empty(advection), np.empty(diffusion))
 
+
+DURATION_DIGITS = 6
+"""Digits of a duration [s] that matter for its cost."""
 
 NO_TAPES = StepTapes()
 """The tapes of a step that records nothing."""
@@ -281,6 +284,38 @@ class Engine:
         diffusion = 2 * tape_length(coefficients.exchanges.levels)
         flow = FLOW_UPDATES * self.grid.nx * self.grid.nz if self.coupling is not None else 0
         return count * (advection + diffusion + flow)
+
+    def refuse_too_costly(
+        self,
+        state: State,
+        plan: Sequence[RateStep],
+        intervals: Iterable[tuple[float, float, int]],
+        *,
+        runs: int = 1,
+    ) -> None:
+        """Return if a whole `plan` from `state` may be run `runs` times; nothing is advanced.
+
+        Args:
+            state: where it starts.
+            plan: its steps.
+            intervals: (start [s], end [s], number of the step), as of `plan_intervals`.
+            runs: how often it is run.
+
+        Raises:
+            InputError: as `interval`, or the supervision refuses the cost.
+        """
+        if math.isinf(self.supervision.most_cell_updates):
+            return
+        known: dict[tuple[int, float], int] = {}
+        updates, end = 0, 0.0
+        for low, end, number in intervals:
+            self.supervision.check()
+            key = (number, round(end - low, DURATION_DIGITS))
+            if key not in known:
+                coefficients = next(self.interval(state, plan[number].rates, end - low))
+                known[key] = self.cell_updates(coefficients, end - low)
+            updates += known[key]
+        self.supervision.refuse_too_costly(updates * runs, end)
 
     def step(self, state: State, coefficients: StepCoefficients) -> None:
         """Advance `state` in place by one splitting step.

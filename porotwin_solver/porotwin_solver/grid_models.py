@@ -13,6 +13,19 @@ from porotwin_solver.model import Model
 from porotwin_solver.supervision import UNSUPERVISED, Supervision
 
 
+def refuse_another_size(grid: Grid, own: Grid, kind: str) -> None:
+    """Return if `grid`, of a message of this `kind`, covers the rig as the `own` grid does.
+
+    Raises:
+        InputError: its width or height is another one.
+    """
+    if not grid.covers_the_same(own):
+        raise InputError(
+            f'{kind} of {grid.width:g} m x {grid.height:g} m: the rig of the solver is '
+            f'{own.width:g} m x {own.height:g} m; give both the same rig.yaml'
+        )
+
+
 class GridModels:
     """The model of a rig on the grid of the maps, and the latest one on another grid.
 
@@ -46,9 +59,10 @@ class GridModels:
         """Return the model on `grid`; a new one takes as long as a factorisation.
 
         Raises:
-            InputError: the grid has more cells than that of the maps.
+            InputError: the grid has more cells than that of the maps, or another width or height.
         """
         own = self.own
+        refuse_another_size(grid, own.grid, 'state')
         if grid.shape == own.grid.shape:
             return own
         if grid.nx * grid.nz > own.grid.nx * own.grid.nz:

@@ -29,9 +29,11 @@ def rollout(
         not low < high for low, high in zip([0.0, *moments], moments, strict=False)
     ):
         raise InputError('times: give at least one, in seconds after the state, increasing')
-    supervision = model.engine.supervision
-    supervision.refuse_too_long(moments[-1])
-    return _maps(model, State.equilibrium(refine(start, model.engine.grid.shape)), plan, moments)
+    engine = model.engine
+    engine.supervision.refuse_too_long(moments[-1])
+    state = State.equilibrium(refine(start, engine.grid.shape))
+    engine.refuse_too_costly(state, plan, plan_intervals(plan, moments, moments[-1]))
+    return _maps(model, state, plan, moments)
 
 
 def _maps(

@@ -39,7 +39,7 @@ from porotwin_msgs.srv import (
     Residual,
     Rollout,
 )
-from porotwin_solver.grid_models import GridModels
+from porotwin_solver.grid_models import GridModels, refuse_another_size
 from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
 from porotwin_solver.quantities import QUANTITIES
@@ -213,6 +213,7 @@ class SolverNode(Node):
 
     def _cost_gradient(self, request: Any, response: Any) -> None:
         initial, grid = tracer_from_msg(request.initial)
+        refuse_another_size(grid, self.model.grid, 'state')
         response.cost, by_rate = self._models.plan_cost(
             initial,
             plan_from_msg(request.schedule),
@@ -252,6 +253,7 @@ class SolverNode(Node):
                 f'{kind} on {grid} cells: the solver runs on {self.model.grid}; '
                 'resample it or set the parameter grid'
             )
+        refuse_another_size(grid, self.model.grid, kind)
         return values
 
 

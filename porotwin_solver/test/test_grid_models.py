@@ -3,7 +3,8 @@
 import pytest
 
 from porotwin_core.errors import InputError
-from porotwin_solver.grid_models import GridModels
+from porotwin_core.grid import Grid
+from porotwin_solver.grid_models import GridModels, refuse_another_size
 
 
 def test_a_coarser_grid_has_its_own_preset_and_is_kept(rig) -> None:
@@ -18,3 +19,13 @@ def test_a_finer_grid_is_refused(rig) -> None:
     models = GridModels(rig, rig.grid(15, 9), preset='upwind', coarse_preset='fast')
     with pytest.raises(InputError, match='grid 31x19: has more cells'):
         models.on(rig.grid(31, 19))
+
+
+def test_a_grid_of_another_size_is_refused_although_its_cells_are_as_many(rig) -> None:
+    own = rig.grid(31, 19)
+    models = GridModels(rig, own, preset='upwind', coarse_preset='fast')
+    with pytest.raises(InputError, match=r'the rig of the solver is .*; give both the same rig'):
+        models.on(Grid(31, 19, 2.0 * own.width, own.height))
+    with pytest.raises(InputError, match='source field of'):
+        refuse_another_size(Grid(31, 19, own.width, 1.01 * own.height), own, 'source field')
+    assert models.on(Grid(31, 19, own.width * (1.0 + 1e-7), own.height)) is models.own

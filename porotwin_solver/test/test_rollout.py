@@ -8,6 +8,7 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_solver.model import Model
 from porotwin_solver.rollout import rollout
+from porotwin_solver.supervision import Supervision
 
 PUSH = {'injector': WellRate(from_ml_h(400.0), 1.0), 'producer': WellRate(from_ml_h(-400.0))}
 
@@ -27,3 +28,16 @@ def test_times_that_do_not_increase_are_refused(rig, times) -> None:
     model = Model(rig, rig.grid(31, 19), preset='fast')
     with pytest.raises(InputError, match='times: give at least one'):
         rollout(model, model.initial_condition(), [RateStep(0.0, PUSH)], times)
+
+
+def test_the_cost_of_the_whole_run_is_judged_before_it_begins(rig) -> None:
+    bounds = Supervision(most_cell_updates=1e6)
+    model = Model(rig, rig.grid(31, 19), preset='fast', supervision=bounds)
+    start = model.initial_condition()
+    list(rollout(model, start, [RateStep(0.0, PUSH)], (60.0,)))
+    times = [60.0 * (number + 1) for number in range(1440)]
+    with pytest.raises(InputError, match=r'over 86400 s: .* cell updates'):
+        rollout(model, start, [RateStep(0.0, PUSH)], times)
+    flood = {'injector': WellRate(1.0, 1.0), 'producer': WellRate(-1.0)}
+    with pytest.raises(InputError, match='cell updates'):
+        rollout(model, start, [RateStep(0.0, PUSH), RateStep(60.0, flood)], (30.0, 90.0))

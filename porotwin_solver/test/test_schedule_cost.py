@@ -157,6 +157,22 @@ def test_a_gradient_that_costs_too_much_is_refused(rig) -> None:
         schedule_cost(model, model.initial_condition(), plan(RATES_ML_H), horizon=HORIZON, terms=[])
 
 
+@pytest.mark.parametrize('with_gradient', [False, True])
+def test_a_costly_late_step_is_refused_before_the_first_one(rig, with_gradient: bool) -> None:
+    bounds = Supervision(most_cell_updates=1e6)
+    model = Model(rig, rig.grid(31, 19), preset='upwind', supervision=bounds)
+    late = {'injector': WellRate(from_ml_h(1e8), 1.0), 'producer': WellRate(from_ml_h(-1e8))}
+    with pytest.raises(InputError, match=r'over 700 s: .* cell updates'):
+        schedule_cost(
+            model,
+            model.initial_condition(),
+            [RateStep(0.0, {}), RateStep(300.0, late)],
+            horizon=HORIZON,
+            terms=[],
+            with_gradient=with_gradient,
+        )
+
+
 def test_a_gradient_can_be_cancelled_on_its_way_back(rig) -> None:
     calls = 0
 

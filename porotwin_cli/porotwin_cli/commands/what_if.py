@@ -46,8 +46,9 @@ def command(
 ) -> None:
     """Show the outlook of other rates beside the present schedule, with 90 % bands.
 
-    Siblings of the twin learn from the maps until --at and run both schedules from there. The
-    present schedule is that of the recording. Nothing is pumped.
+    Siblings of the twin learn from the maps until --at and run both schedules from the last one.
+    The present schedule is that of the recording. Times count on the clock of the recording.
+    Nothing is pumped.
 
     Example: ./porotwin what-if runs/monday/bag --at 35min --rates control1=300,control2=0
 
@@ -58,8 +59,11 @@ def command(
 
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
+    from porotwin_core.errors import InputError
     from porotwin_recording.recording import open_recording
 
+    if output.exists() and not output.is_dir():
+        raise InputError(f'--output {output}: is a file; give a folder for the picture')
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
@@ -76,9 +80,8 @@ def command(
             horizon=ahead,
             siblings=siblings,
             learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
+            objected=lambda line: say(f'the guard would refuse this proposal: {line}'),
         )
-    for line in found.objections:
-        say(f'the guard would refuse this proposal: {line}')
     output.mkdir(parents=True, exist_ok=True)
     picture = output / 'what_if.png'
     what_if_picture(picture, found)

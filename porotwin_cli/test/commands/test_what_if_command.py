@@ -28,3 +28,11 @@ def test_a_wrong_time_is_one_line(experiment: Path) -> None:
     found = porotwin('what-if', experiment, '--at', 'soon', '--rates', 'control1=3')
     assert found.returncode == 2
     assert 'like 35min' in found.stderr
+
+
+def test_a_file_as_output_is_refused_before_the_work(experiment: Path, tmp_path: Path) -> None:
+    (taken := tmp_path / 'taken').write_text('')
+    asked = ('--at', '2min', '--rates', 'control1=3', '--output', taken)
+    found = porotwin('what-if', experiment, *asked)
+    assert found.returncode == 2
+    assert 'is a file; give a folder' in found.stderr

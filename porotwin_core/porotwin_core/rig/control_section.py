@@ -1,5 +1,6 @@
 """The section `control` of `rig.yaml`: the control wells, their limits, and the objective."""
 
+import math
 from typing import Any, Self
 
 import pydantic
@@ -18,6 +19,12 @@ PUMP_STEP_ML_H = 0.1
 CHANGE_COST_ML_MIN = 0.3
 """Worth of one order less, unless `change_cost_ml_min` says otherwise: 0.3 ml of tracer where it
 must not be, for a minute. On the small rig a wrong setting costs more within a minute."""
+
+STEP_ROUND_OFF = 1e-6
+"""Part of a pump step that is round-off."""
+
+LONGEST_EXPERIMENT_MIN = 365 * 24 * 60.0
+"""Longest experiment [min]: a year; a greater number is a slip or another unit."""
 
 
 class FixedWell(Section):
@@ -125,13 +132,35 @@ class Control(Section):
             raise ValueError(
                 f'min_rate_ml_h {self.min_rate_ml_h:g} is above max_rate_ml_h {greatest:g}'
             )
-        least = max(self.min_rate_ml_h, step)
-        if self.max_change_ml_h is not None and self.max_change_ml_h < least:
+        least = step * max(1, math.ceil(self.min_rate_ml_h / step - STEP_ROUND_OFF))
+        if self.model_fields_set & {'rate_step_ml_h', 'min_rate_ml_h'}:
+            if least > greatest * (1.0 + STEP_ROUND_OFF):
+                raise ValueError(
+                    f'min_rate_ml_h {self.min_rate_ml_h:g}: no multiple of rate_step_ml_h {step:g} '
+                    f'lies between it and max_rate_ml_h {greatest:g}; change one of the three'
+                )
+            if least > self.max_total_rate_ml_h * (1.0 + STEP_ROUND_OFF):
+                raise ValueError(
+                    f'max_total_rate_ml_h {self.max_total_rate_ml_h:g} is below {least:g} ml/h, '
+                    'the smallest rate that the pumps can be set to; raise it, or lower '
+                    'min_rate_ml_h or rate_step_ml_h'
+                )
+        if self.max_change_ml_h is not None and self.max_change_ml_h < least * (1 - STEP_ROUND_OFF):
             raise ValueError(
                 f'max_change_ml_h {self.max_change_ml_h:g} is below {least:g} ml/h, the smallest '
-                'rate that the pumps can be set to: no well could ever start'
+                'rate that the pumps can be set to: no well could ever start; raise it'
             )
         return self
+
+    @pydantic.field_validator('end_min')
+    @classmethod
+    def _is_an_experiment(cls, end_min: float | None) -> float | None:
+        if end_min is not None and end_min > LONGEST_EXPERIMENT_MIN:
+            raise ValueError(
+                f'no experiment is longer than {LONGEST_EXPERIMENT_MIN:g} min, a year; give '
+                'minutes after its start, or leave it out for an open end'
+            )
+        return end_min
 
     @pydantic.field_validator('disallowed_zone_m')
     @classmethod

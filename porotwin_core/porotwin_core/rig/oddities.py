@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -251,13 +251,25 @@ def _control(rig: Rig) -> Iterator[Remark]:
         yield Remark('control.fuzziness_m', shown, size, 'the whole rig then counts as the zone')
     if not control.wells:
         yield Remark('control.wells', '[]', 'the twin may set no well', 'name the control wells')
-    zones = {'control.disallowed_zone_m': control.disallowed_zone_m}
-    for key, value in control.objective.parameters.items():
-        if key.endswith('zone_m'):
-            zones[f'control.objective.{key}'] = value  # type: ignore[assignment]
-    for key, zone in zones.items():
+    zones = [('control.disallowed_zone_m', control.disallowed_zone_m)]
+    zones += _zones('control.objective', control.objective.parameters)
+    for key, zone in zones:
         if zone:
             yield from _outline(rig, key, zone)
+
+
+def _zones(section: str, parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the key and the corners of every zone of an objective and of its parts."""
+    for key, value in parameters.items():
+        where = f'{section}.{key}'
+        if key.endswith('zone_m') or key == 'tracer_m':
+            yield where, value
+        elif key in ('zones_m', 'parts') and isinstance(value, list | tuple):
+            for number, one in enumerate(value):
+                if key == 'zones_m':
+                    yield f'{where}.{number}', one
+                elif isinstance(one, dict):
+                    yield from _zones(f'{where}.{number}', one)
 
 
 def _outline(rig: Rig, key: str, corners: Any) -> Iterator[Remark]:

@@ -111,6 +111,7 @@ class _Run:
         """
         engine, supervision = self.engine, self.engine.supervision
         supervision.refuse_too_long(self.horizon)
+        self._refuse_too_costly(state, keep=keep)
         self.weights = list(self._weights())
         cost = self._cost(state, 0)
         kept: list[_KeptStep] = []
@@ -119,8 +120,6 @@ class _Run:
             _, length = engine.splitting(high - low)
             rates = self.plan[number].rates
             for coefficients in engine.interval(state, rates, high - low):
-                if count == 0:
-                    self._refuse_too_costly(coefficients, high - low, keep=keep)
                 supervision.check()
                 if keep:
                     kept.append(_KeptStep(state.copy(), coefficients, length, number))
@@ -198,23 +197,19 @@ class _Run:
         bar.mobile += (1.0 - immobile) * by_mean
         bar.immobile += immobile * by_mean
 
-    def _refuse_too_costly(
-        self, coefficients: StepCoefficients, duration: float, *, keep: bool
-    ) -> None:
-        """Refuse a simulation that takes too long or too much memory, judged by its first step.
+    def _refuse_too_costly(self, state: State, *, keep: bool) -> None:
+        """Refuse a simulation from `state` that takes too long or too much memory as a whole.
 
         Raises:
             InputError: with the estimate.
         """
         engine = self.engine
-        share = self.horizon / duration
-        updates = engine.cell_updates(coefficients, duration) * share
-        runs = ADJOINT_RUNS if keep else 1
-        engine.supervision.refuse_too_costly(round(updates * runs), self.horizon)
-        steps = engine.splitting(self.horizon)[0]
+        steps = sum(engine.splitting(high - low)[0] for low, high, _ in self._intervals())
         kept = steps * 2 * engine.grid.nx * engine.grid.nz * np.dtype(float).itemsize
         if keep and kept > MOST_KEPT_BYTES:
             raise InputError(
                 f'gradient over {self.horizon:g} s on {engine.grid}: it keeps {kept / 1e9:.1f} GB; '
                 'ask for a shorter horizon or a coarser grid'
             )
+        runs = ADJOINT_RUNS if keep else 1
+        engine.refuse_too_costly(state, self.plan, self._intervals(), runs=runs)
