@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
@@ -44,6 +45,8 @@ def command(
 
     Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
     """
+    if output is not None:
+        check_output(output, maps, against, rig or _rig_beside(maps))
     description, found = _maps(maps, rig)
     other = None if against is None else _maps(against, rig or _rig_beside(maps))[1]
     if other is not None and other.grid != found.grid:

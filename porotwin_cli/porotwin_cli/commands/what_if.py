@@ -56,10 +56,14 @@ def command(
     import os
     from concurrent.futures import ThreadPoolExecutor
 
+    from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
     from porotwin_recording.recording import open_recording
 
+    output.mkdir(parents=True, exist_ok=True)
+    picture = output / 'what_if.png'
+    check_output(picture, recording, rig)
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
@@ -79,8 +83,6 @@ def command(
         )
     for line in found.objections:
         say(f'the guard would refuse this proposal: {line}')
-    output.mkdir(parents=True, exist_ok=True)
-    picture = output / 'what_if.png'
     what_if_picture(picture, found)
     if as_json:
         print_json(_json(found) | {'picture': picture})

@@ -52,3 +52,11 @@ def test_maps_without_a_rig_are_refused(moving: Path) -> None:
     result = porotwin('measure', moving)
     assert result.returncode == 2
     assert 'give one with --rig' in result.stderr
+
+
+def test_the_table_does_not_replace_the_maps(moving: Path) -> None:
+    before = moving.read_bytes()
+    result = porotwin('measure', moving, '--rig', small_rig(), '--output', moving)
+    assert result.returncode == 2
+    assert 'is an input of this command' in result.stderr
+    assert moving.read_bytes() == before
