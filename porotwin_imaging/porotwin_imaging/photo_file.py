@@ -6,6 +6,7 @@ pixels of the sensor.
 """
 
 import io
+import re
 import struct
 import warnings
 from dataclasses import dataclass
@@ -32,6 +33,9 @@ DECODING_FLAGS = {
 """OpenCV's flags for each reduction."""
 _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of the JPEG segment that holds the size; the three exceptions are tables."""
+_SCAN_MARKER, _END_MARKER = 0xDA, 0xD9
+_MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
+"""Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
 _ORIENTATION_TAG = 0x0112
 _UPRIGHT = 1
 _TIFF_SIZE_TAGS = (256, 257)
@@ -112,12 +116,36 @@ def is_complete(data: bytes) -> bool:
     """Return whether the file `data` ends as its format requires."""
     if data.startswith(JPEG_START):
         tail = data[-_TRAILING_BYTES:].rstrip(b'\x00')
-        return tail.endswith(JPEG_END)
+        return tail.endswith(JPEG_END) or _jpeg_has_its_end(data)
     if data.startswith(PNG_START):
         return data.endswith(PNG_END)
     if data.startswith(TIFF_STARTS):
         size = _tiff_size(data)
         return size is not None and size[0] * size[1] <= MOST_PIXELS and _pixels(data) is not None
+    return False
+
+
+def _jpeg_has_its_end(data: bytes) -> bool:
+    """Return whether the first picture in a JPEG has its end marker; cameras append other data.
+
+    The segments are walked by their lengths, because a preview in a segment has an end marker too.
+    """
+    position = len(JPEG_START)
+    while position + 1 < len(data):
+        if data[position] != 0xFF:
+            return False
+        marker = data[position + 1]
+        if marker == _END_MARKER:
+            return True
+        if marker == 0xFF:
+            position += 1
+            continue
+        position += 2 + int.from_bytes(data[position + 2 : position + 4], 'big')
+        if marker == _SCAN_MARKER:
+            found = _MARKER_IN_SCAN.search(data, position)
+            if found is None:
+                return False
+            position = found.start()
     return False
 
 

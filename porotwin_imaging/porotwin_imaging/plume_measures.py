@@ -1,13 +1,15 @@
 """Measures of a map: how much tracer there is, where, how far spread, and the shape of its outline.
 
-Cells that the map does not show (NaN) count as clean. The outline is the line of one concentration,
+Cells that the map does not show (NaN, infinity) count as clean. A map without any value has no
+measures. The outline is the line of one concentration,
 `level`, interpolated linearly on the triangles between the centres of the cells. Fingers are
 counted along the front of the plume on one side: for each column (or row) the front is how far the
 plume reaches, and a finger is a maximum of it that stands out by `FINGER_M`. A plume without
 fingers has one.
 
 Deviations are carried through at first order. The random part is taken as independent from cell to
-cell, the systematic part as common to all cells.
+cell, the systematic part as common to all cells. Where a value has no deviation, the deviations of
+the measures are not known.
 """
 
 from dataclasses import dataclass
@@ -31,13 +33,15 @@ LEVEL = 0.1
 FINGER_M = 0.01
 """A finger reaches further than the places beside it by at least this [m], and by two cells."""
 _FINGER_CELLS = 2
+_LEAST_NET = 0.01
+"""Least share of the net mass in the sum of all amounts; below it the mass is noise [-]."""
 _TIE = 1e-6
 """Difference that ranks peaks of equal height [cells]."""
 
 
 @dataclass(frozen=True)
 class PlumeMeasures:
-    """Measures of one map; lengths are NaN where there is no tracer.
+    """Measures of one map; lengths are NaN where there is no tracer, all where nothing is seen.
 
     Attributes:
         tracer_ml: tracer in the pores, as stock [ml].
@@ -49,7 +53,7 @@ class PlumeMeasures:
         fingers: fingers on one side.
         seen: share of the cells that the map shows [-].
         tracer_deviation_ml, x_deviation_m, z_deviation_m, area_deviation_m2: standard deviations
-            of these; NaN without deviations of the map.
+            of these; NaN if a value that is seen has no deviation.
     """
 
     tracer_ml: float
@@ -60,7 +64,7 @@ class PlumeMeasures:
     spread_xz: float
     area_m2: float
     contour_m: float
-    fingers: int
+    fingers: float
     seen: float
     tracer_deviation_ml: float = np.nan
     x_deviation_m: float = np.nan
@@ -96,14 +100,18 @@ def plume_measures(
         raise InputError(f'level {level:g}: the outline needs a concentration between 0 and 1')
     if side not in SIDES:
         raise InputError(f"side '{side}': fingers are counted {', '.join(SIDES)}")
-    shown = np.nan_to_num(np.asarray(values, dtype=float))
+    values = np.where(np.isfinite(values), np.asarray(values, dtype=float), np.nan)
+    seen = np.isfinite(values)
+    if not seen.any():
+        return _NOTHING_SEEN
+    shown = np.nan_to_num(values)
     mass = shown * pore_volume * 1e6
     centre = _centre(mass, grid)
     spread = _spread(mass, grid, centre)
     found: dict[str, float] = {}
-    if deviation is not None:
-        common = np.zeros_like(shown) if systematic is None else np.nan_to_num(systematic)
-        total = np.nan_to_num(deviation)
+    common = np.zeros_like(shown) if systematic is None else systematic
+    if deviation is not None and _known(deviation, seen) and _known(common, seen):
+        common, total = np.where(seen, common, 0.0), np.where(seen, deviation, 0.0)
         own = np.sqrt(np.maximum(total**2 - common**2, 0.0))
         found = _deviations(own, common, mass.sum(), pore_volume * 1e6, grid, centre)
         area = _area(shown + total, level, grid) - _area(shown - total, level, grid)
@@ -118,9 +126,21 @@ def plume_measures(
         area_m2=_area(shown, level, grid),
         contour_m=contour_length(values, grid, level),
         fingers=finger_count(values, grid, level, side),
-        seen=float(np.isfinite(values).mean()),
+        seen=float(seen.mean()),
         **found,
     )
+
+
+_NOTHING_SEEN = PlumeMeasures(
+    *(np.nan for _ in range(9)),
+    seen=0.0,
+)
+
+
+def _known(deviation: Array, seen: Array) -> bool:
+    """Return whether every value that is seen has a deviation: finite, not negative."""
+    part = np.asarray(deviation)[seen]
+    return bool((np.isfinite(part) & (part >= 0.0)).all())
 
 
 def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:
@@ -173,23 +193,31 @@ def finger_count(values: Array, grid: Grid, level: float = LEVEL, side: Side = '
 
 
 def _centre(mass: Array, grid: Grid) -> tuple[float, float]:
-    """Return the centre (x, z) of mass [m]; NaN without mass."""
+    """Return the centre (x, z) of mass [m]; NaN without mass, or where noise outweighs it."""
     total = mass.sum()
-    if not total > 0.0:
+    if not total > _LEAST_NET * np.abs(mass).sum():
         return np.nan, np.nan
-    return float(mass.sum(axis=0) @ grid.x / total), float(mass.sum(axis=1) @ grid.z / total)
+    x, z = mass.sum(axis=0) @ grid.x / total, mass.sum(axis=1) @ grid.z / total
+    if not (0.0 <= x <= grid.width and 0.0 <= z <= grid.height):
+        return np.nan, np.nan
+    return float(x), float(z)
 
 
 def _spread(mass: Array, grid: Grid, centre: tuple[float, float]) -> tuple[float, float, float]:
     """Return the standard deviations along x and z [m], and their correlation."""
-    total = mass.sum()
-    if not total > 0.0:
+    if np.isnan(centre[0]):
         return np.nan, np.nan, np.nan
+    total = mass.sum()
     x, z = grid.x - centre[0], grid.z - centre[1]
-    along_x = float(np.sqrt(mass.sum(axis=0) @ x**2 / total))
-    along_z = float(np.sqrt(mass.sum(axis=1) @ z**2 / total))
+    along_x = _root(mass.sum(axis=0) @ x**2 / total)
+    along_z = _root(mass.sum(axis=1) @ z**2 / total)
     both = along_x * along_z
     return along_x, along_z, float(z @ mass @ x / total / both) if both > 0.0 else np.nan
+
+
+def _root(variance: float) -> float:
+    """Return the square root; NaN of a negative variance, which noise below 0 can make."""
+    return float(np.sqrt(variance)) if variance >= 0.0 else np.nan
 
 
 def _area(shown: Array, level: float, grid: Grid) -> float:
@@ -205,7 +233,7 @@ def _deviations(
     def of_sum(weight: Array) -> float:
         return float(np.hypot(np.sqrt(np.sum((weight * own) ** 2)), np.sum(weight * common)))
 
-    if not total > 0.0:
+    if np.isnan(centre[0]):
         return {'tracer_deviation_ml': of_sum(volume)}
     return {
         'tracer_deviation_ml': of_sum(volume),

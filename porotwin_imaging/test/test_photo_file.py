@@ -67,6 +67,19 @@ def test_a_camera_that_pads_its_files_is_read() -> None:
     assert photo_file.is_complete(encoded('.jpg', pixels()) + b'\0' * 16)
 
 
+@pytest.mark.parametrize('progressive', [False, True])
+def test_data_after_the_end_of_a_jpeg_are_ignored(progressive: bool) -> None:
+    file = io.BytesIO()
+    preview = encoded('.jpg', pixels()[:40, :60])
+    tags = b'Exif\0\0' + preview  # a preview has an end marker of its own
+    Image.fromarray(pixels()).save(file, 'JPEG', progressive=progressive, exif=tags, quality=90)
+    data = file.getvalue()
+    appended = photo_file.decode(data + b'MotionPhoto_Data' + bytes(range(256)) * 40)
+    assert np.array_equal(appended.pixels, photo_file.decode(data).pixels)
+    for length in (len(preview) + 100, len(data) // 2, len(data) - 1):
+        assert not photo_file.is_complete(data[:length])
+
+
 @pytest.mark.parametrize(
     ('data', 'complaint'),
     [

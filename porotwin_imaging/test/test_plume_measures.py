@@ -81,3 +81,27 @@ def test_a_wrong_level_or_side_is_named() -> None:
         plume_measures(blob(0.4, 0.3), GRID, PORES, level=2.0)
     with pytest.raises(InputError, match='down, up, left, right'):
         plume_measures(blob(0.4, 0.3), GRID, PORES, side='below')  # type: ignore[arg-type]
+
+
+def test_a_map_without_any_value_has_no_measures() -> None:
+    for nothing in (np.nan, np.inf):
+        found = plume_measures(np.full(GRID.shape, nothing), GRID, PORES)
+        assert found.seen == 0.0
+        assert np.isnan([found.tracer_ml, found.area_m2, found.contour_m, found.fingers]).all()
+
+
+def test_noise_around_zero_has_no_centre() -> None:
+    noise = np.random.default_rng(2).normal(0.0, 0.01, GRID.shape)
+    found = plume_measures(noise - noise.mean() + 1e-9, GRID, PORES)
+    assert np.isnan([found.x_m, found.z_m, found.spread_x_m, found.spread_xz]).all()
+
+
+@pytest.mark.parametrize('unknown', [np.nan, -0.1])
+def test_unknown_deviations_are_not_zero(unknown: float) -> None:
+    values = blob(0.4, 0.3)
+    deviation = 0.05 * values
+    deviation[60, 80] = unknown
+    found = plume_measures(values, GRID, PORES, deviation=deviation)
+    assert np.isnan([found.tracer_deviation_ml, found.x_deviation_m, found.area_deviation_m2]).all()
+    values[60, 80] = np.nan
+    assert plume_measures(values, GRID, PORES, deviation=deviation).tracer_deviation_ml > 0.0

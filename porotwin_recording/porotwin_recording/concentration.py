@@ -36,8 +36,14 @@ DEVIATIONS = {
 }
 """Variables of standard deviations, with their descriptions."""
 
-_OTHER_UNITS = {'ms', 'min', 'minute', 'minutes', 'h', 'hour', 'hours', 'd', 'days', 'mm', 'cm'}
-"""Units of coordinates that a reader would take for s or m."""
+_COORDINATE_UNITS = {
+    's': {'', '1', '-', 's', 'sec', 'secs', 'second', 'seconds'},
+    'm': {'', '1', '-', 'm', 'meter', 'meters', 'metre', 'metres'},
+}
+"""Words in files for the unit of a coordinate; files without a unit are taken at their word."""
+
+_NO_UNIT = {'', '1', '1.0', '-', 'none', 'dimensionless', 'unitless', 'fraction'}
+"""Words in files for a number without a unit."""
 
 _MAPS_AT_ONCE = 16
 """Maps in memory during iteration: 14 MB at 750 x 300 cells."""
@@ -178,6 +184,18 @@ def _check_maps(dataset: netCDF4.Dataset, path: Path, name: str) -> None:
     variable = _variable(dataset, path, name, ('time', 'z', 'x'))
     if not np.issubdtype(variable.dtype, np.number):
         raise InputError(f'{path}: {name} is {variable.dtype}; write float32')
+    unit = _unit(variable)
+    if unit.lower() not in _NO_UNIT:
+        stock = '100 %' if unit == '%' else f'the stock in {unit}'
+        raise InputError(
+            f"{path}: the units of {name} are '{unit}'; divide it by {stock} and write units '1': "
+            '0 is water, 1 is tracer stock'
+        )
+
+
+def _unit(variable: netCDF4.Variable) -> str:
+    """Return the unit of a variable, empty if it has none."""
+    return ' '.join(str(getattr(variable, 'units', '')).split())
 
 
 def _origin(dataset: netCDF4.Dataset) -> MapOrigin:
@@ -235,8 +253,9 @@ def _variable(
 
 def _coordinate(dataset: netCDF4.Dataset, path: Path, name: str) -> NDArray[np.float64]:
     variable = _variable(dataset, path, name, (name,))
-    unit, needed = str(getattr(variable, 'units', '')).strip(), 's' if name == 'time' else 'm'
-    if unit in _OTHER_UNITS:
+    unit, needed = _unit(variable), 's' if name == 'time' else 'm'
+    # 'seconds since 2024-05-06' counts seconds too
+    if unit.split(' since ')[0].lower() not in _COORDINATE_UNITS[needed]:
         raise InputError(f"{path}: the units of {name} are '{unit}'; write {name} in {needed}")
     values = variable[:]
     filled: NDArray[np.float64] = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
@@ -292,6 +311,8 @@ class ConcentrationWriter:
         self.grid = grid
         self._partial = path.with_name(path.name + '.partial')
         self._last = -np.inf
+        if not path.parent.is_dir():  # the NetCDF library would say: permission denied
+            raise InputError(f'{path}: there is no folder {path.parent}; make it, or name another')
         try:
             self._dataset = netCDF4.Dataset(self._partial, 'w')
         except OSError as error:

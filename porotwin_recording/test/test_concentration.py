@@ -103,9 +103,32 @@ def test_a_map_file_without_concentration_is_named(path: Path) -> None:
         read(path)
 
 
-@pytest.mark.parametrize(('name', 'unit'), [('time', 'min'), ('x', 'mm')])
+@pytest.mark.parametrize(
+    ('name', 'unit'), [('time', 'min'), ('time', 'minutes since 2024-05-06'), ('x', 'mm')]
+)
 def test_coordinates_in_other_units_are_named(path: Path, name: str, unit: str) -> None:
     with netCDF4.Dataset(path, 'a') as dataset:
         dataset[name].units = unit
     with pytest.raises(InputError, match=f"units of {name} are '{unit}'"):
         read(path)
+
+
+@pytest.mark.parametrize('unit', ['%', 'g/l', 'mol m-3'])
+def test_concentrations_in_other_units_are_named(path: Path, unit: str) -> None:
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset['concentration'].units = unit
+    with pytest.raises(InputError, match=f"units of concentration are '{unit}'; divide it by"):
+        read(path)
+
+
+@pytest.mark.parametrize('unit', ['', '-', '1'])
+def test_numbers_without_a_unit_are_read(path: Path, unit: str) -> None:
+    with netCDF4.Dataset(path, 'a') as dataset:
+        dataset['concentration'].units = unit
+        dataset['time'].units = 'seconds since 2024-05-06 12:00'
+    assert len(read(path)) == 5
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='absent; make it'):
+        ConcentrationWriter(tmp_path / 'absent' / 'maps.nc', bench_rig().grid(2, 2))

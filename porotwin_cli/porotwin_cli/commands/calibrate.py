@@ -1,12 +1,17 @@
 """./porotwin calibrate: the calibration of a camera and rig from a known injection."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from porotwin_cli.terminal import Json, WorkFailed, print_json, refuse_existing, say
 from porotwin_core.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from porotwin_recording.photos import Photo
 
 
 def command(
@@ -49,6 +54,7 @@ def command(
         raise InputError(
             f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
         )
+    _check_sizes(folder, recording.photos)
     try:
         fit = fit_calibration(
             recording.rig,
@@ -75,3 +81,37 @@ def command(
     for line in fit.lines:
         print(line)
     print(f'use it with --calibration {target / "calibration.yaml"}; check the pictures beside it')
+
+
+def _check_sizes(folder: Path, photos: 'Sequence[Photo]') -> None:
+    """Check that the photographs have the size of the first baseline.
+
+    A state photograph of another size is left out later on; one of them must fit.
+
+    Raises:
+        InputError: a baseline or dilution, or every state photograph, has another size.
+    """
+    sizes = {photo.name: _size(folder, photo) for photo in photos if photo.role != 'state'}
+    first = next(photo.name for photo in photos if photo.role == 'baseline')
+    states = {photo.name: _size(folder, photo) for photo in photos if photo.role == 'state'}
+    if sizes[first] not in states.values():
+        sizes |= states
+    for name, size in sizes.items():
+        if size != sizes[first]:
+            raise InputError(
+                f'{folder / name}: photograph of {size[0]} x {size[1]} px, the baseline {first} '
+                f'has {sizes[first][0]} x {sizes[first][1]} px; use photographs of one camera '
+                'as it wrote them'
+            )
+
+
+def _size(folder: Path, photo: 'Photo') -> tuple[int, int]:
+    """Return (width, height) of a photograph [px]; raise InputError with its name if it is none."""
+    from porotwin_imaging.photo_file import photo_size
+
+    try:
+        return photo_size(photo.read())
+    except InputError as error:
+        if photo.role == 'state':  # left out later on
+            return 0, 0
+        raise InputError(f'{folder / photo.name}: {error}') from None

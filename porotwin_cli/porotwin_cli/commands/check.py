@@ -6,12 +6,16 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, say
+
+PICTURE = 'check.png'
+"""Name of the picture by default."""
 
 
 def command(
     path: Annotated[Path, typer.Argument(help='rig.yaml, experiment folder or MCAP bag.')],
-    output: Annotated[Path, typer.Option(help='Picture to draw, PNG.')] = Path('check.png'),
+    output: Annotated[Path, typer.Option(help='Picture to draw, PNG.')] = Path(PICTURE),
     grid: Annotated[
         str, typer.Option(help='Columns x rows, such as 187x112. Default: cells of 5 mm.')
     ] = '',
@@ -32,7 +36,9 @@ def command(
     from porotwin_cli.rig_check import check
 
     if output.is_dir():
-        output = output / 'check.png'
+        output = output / PICTURE
+    if output.name != PICTURE:  # the picture of an earlier check may be replaced
+        check_output(output, path)
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     check_picture(output, checked)
     if as_json:

@@ -38,6 +38,7 @@ def command(
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
+    from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
@@ -48,6 +49,8 @@ def command(
     from porotwin_recording.recording import open_recording
 
     picture = picture_beside(output)
+    for path in (output, picture):
+        check_output(path, experiment, calibration)
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)

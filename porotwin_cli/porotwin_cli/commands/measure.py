@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
@@ -14,10 +15,22 @@ if TYPE_CHECKING:
     from porotwin_core.rig import Rig
     from porotwin_recording.concentration import ConcentrationMaps
 
-SHOWN = ('time_s', 'tracer_ml', 'x_m', 'z_m', 'area_m2', 'contour_m', 'fingers', 'distance_m')
+SHOWN = (
+    'time_s',
+    'tracer_ml',
+    'x_m',
+    'z_m',
+    'area_m2',
+    'contour_m',
+    'fingers',
+    'distance_m',
+    'seen',
+)
 """Columns that are printed; the file and --json hold all."""
 SAME_TIME_S = 1.0
 """Maps of two recordings within this belong together [s]."""
+MOST_STOCK = 1.5
+"""Median of a plume above which its scale is doubted [-]: 1 is stock, light lifts it a little."""
 
 
 def command(
@@ -44,6 +57,8 @@ def command(
 
     Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
     """
+    if output is not None:
+        check_output(output, maps, against, rig or _rig_beside(maps))
     description, found = _maps(maps, rig)
     other = None if against is None else _maps(against, rig or _rig_beside(maps))[1]
     if other is not None and other.grid != found.grid:
@@ -94,29 +109,57 @@ def _rows(
     side: Any,
 ) -> list[dict[str, Any]]:
     """Return one row of measures for each map."""
+    import numpy as np
+
     from porotwin_imaging.plume_measures import plume_measures
     from porotwin_imaging.wasserstein import map_distance
 
     pores = rig.cell_pore_volume(maps.grid)
-    rows = []
+    rows: list[dict[str, Any]] = []
     before = None
-    for time, (values, deviation, systematic) in zip(
-        maps.times, maps.with_deviations(), strict=True
-    ):
+    doubted = []
+    for time, (read, deviation, systematic) in zip(maps.times, maps.with_deviations(), strict=True):
+        values = np.where(np.isinf(read), np.nan, read)
         measures = plume_measures(
             values, maps.grid, pores,
             level=level, side=side, deviation=deviation, systematic=systematic,
         )  # fmt: skip
+        if _plume_median(read, level) > MOST_STOCK:
+            doubted.append(float(time))
         row = {'time_s': float(time), **dataclasses.asdict(measures)}
         reference = before if other is None else _at(other, float(time))
-        if reference is None:
+        if reference is None or not (measures.seen and np.isfinite(reference).any()):
             row |= {'distance_m': float('nan'), 'mass_error': float('nan')}
         else:
             distance = map_distance(reference, values, maps.grid, pores)
             row |= {'distance_m': distance.distance_m, 'mass_error': distance.mass_error}
         rows.append(row)
-        before = values
+        before = values if measures.seen else before
+    _tell_odd(rows, doubted)
     return rows
+
+
+def _plume_median(values: Any, level: float) -> float:
+    """Return the median of the values above `level`, infinite ones among them; 0 without any."""
+    import numpy as np
+
+    plume = values[values >= level]
+    return float(np.median(plume)) if plume.size else 0.0
+
+
+def _tell_odd(rows: list[dict[str, Any]], doubted: list[float]) -> None:
+    """Say how many maps hold no value, and how many a plume far above tracer stock."""
+    empty = [row['time_s'] for row in rows if not row['seen']]
+    if empty:
+        say(
+            f'{len(empty)} of {len(rows)} maps hold no value, the first at {empty[0]:g} s: '
+            'no measures of them'
+        )
+    if doubted:
+        say(
+            f'{len(doubted)} of {len(rows)} maps have a plume above {MOST_STOCK:g}, the first at '
+            f'{doubted[0]:g} s; 1 is tracer stock: scale the maps'
+        )
 
 
 def _at(maps: 'ConcentrationMaps', time: float) -> Any:

@@ -53,6 +53,7 @@ def command(
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """
     from porotwin_cli.grids import grid_of, tell_cost
+    from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
     from porotwin_recording.concentration import ConcentrationWriter
     from porotwin_recording.recording import open_recording
@@ -61,6 +62,8 @@ def command(
     from porotwin_solver.simulation import simulated_maps
 
     picture = picture_beside(output)
+    for path in (output, picture):
+        check_output(path, experiment)
     recording = open_recording(experiment)
     rig = recording.rig
     moments = _parse_times(times) if times else _recorded_times(recording)

@@ -57,6 +57,7 @@ def command(
     import os
     from concurrent.futures import ThreadPoolExecutor
 
+    from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
     from porotwin_core.errors import InputError
@@ -64,6 +65,9 @@ def command(
 
     if output.exists() and not output.is_dir():
         raise InputError(f'--output {output}: is a file; give a folder for the picture')
+    output.mkdir(parents=True, exist_ok=True)
+    picture = output / 'what_if.png'
+    check_output(picture, recording, rig)
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
@@ -82,8 +86,6 @@ def command(
             learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
             objected=lambda line: say(f'the guard would refuse this proposal: {line}'),
         )
-    output.mkdir(parents=True, exist_ok=True)
-    picture = output / 'what_if.png'
     what_if_picture(picture, found)
     if as_json:
         print_json(_json(found) | {'picture': picture})

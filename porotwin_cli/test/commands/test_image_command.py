@@ -42,3 +42,12 @@ def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_
     assert answer['refused'][1] == f'{names[5]}: cannot be read (Input/output error)'
     with netCDF4.Dataset(output) as dataset:
         assert len(dataset['time']) == 4
+
+
+def test_image_does_not_replace_its_input(experiment: Path) -> None:
+    rig = experiment / 'rig.yaml'
+    before = rig.read_bytes()
+    result = porotwin('image', experiment, '--output', rig)
+    assert result.returncode == 2
+    assert 'is a file of the input' in result.stderr
+    assert rig.read_bytes() == before

@@ -52,3 +52,25 @@ def test_maps_without_a_rig_are_refused(moving: Path) -> None:
     result = porotwin('measure', moving)
     assert result.returncode == 2
     assert 'give one with --rig' in result.stderr
+
+
+def test_the_table_does_not_replace_the_maps(moving: Path) -> None:
+    before = moving.read_bytes()
+    result = porotwin('measure', moving, '--rig', small_rig(), '--output', moving)
+    assert result.returncode == 2
+    assert 'is an input of this command' in result.stderr
+    assert moving.read_bytes() == before
+
+
+def test_empty_maps_and_plumes_far_above_stock_are_told(tmp_path: Path) -> None:
+    grid = load_rig(small_rig()).grid(94, 56)
+    path = tmp_path / 'maps.nc'
+    with ConcentrationWriter(path, grid) as writer:
+        for time, value in enumerate((np.nan, np.inf, 60.0, 0.5)):
+            writer.append(float(time), np.full(grid.shape, value))
+    result = porotwin('measure', path, '--rig', small_rig(), '--json')
+    assert '2 of 4 maps hold no value, the first at 0 s' in result.stderr
+    assert '2 of 4 maps have a plume above 1.5, the first at 1 s' in result.stderr
+    rows = json.loads(result.stdout)['rows']
+    assert [row['seen'] for row in rows] == [0.0, 0.0, 1.0, 1.0]
+    assert rows[0]['tracer_ml'] is None

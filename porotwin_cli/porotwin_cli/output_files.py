@@ -1,0 +1,41 @@
+"""Checks of output files before the work begins: no input is overwritten, and the folder exists."""
+
+from pathlib import Path
+
+from porotwin_core.errors import InputError
+
+
+def check_output(output: Path, *inputs: Path | None) -> None:
+    """Check that a command can write the file `output` without harm to its `inputs`.
+
+    Args:
+        output: the file to write.
+        inputs: files and folders that the command reads; None: not given. No existing file inside
+            an input folder may be replaced.
+
+    Raises:
+        InputError: `output` is an input, would replace a file of one, is a folder, or lies in a
+            folder that does not exist.
+    """
+    if output.is_dir():
+        raise InputError(f'{output}: is a folder; name a file in it')
+    if not output.parent.is_dir():
+        raise InputError(f'{output}: there is no folder {output.parent}; make it, or name another')
+    if not output.exists():
+        return
+    for path in inputs:
+        if path is None or not path.exists():
+            continue
+        if path.samefile(output):
+            raise InputError(f'{output}: is an input of this command; name another output')
+        if path.is_dir() and _inside(output, path):
+            raise InputError(
+                f'{output}: is a file of the input {path}; name another output or remove it'
+            )
+
+
+def _inside(file: Path, folder: Path) -> bool:
+    """Return whether `file`, or the file that it links to, lies in `folder`."""
+    real = folder.resolve()
+    named = file.parent.resolve() / file.name
+    return named.is_relative_to(real) or file.resolve().is_relative_to(real)

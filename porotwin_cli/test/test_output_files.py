@@ -1,0 +1,45 @@
+"""Output files that would replace an input are refused."""
+
+from pathlib import Path
+
+import pytest
+
+from porotwin_cli.output_files import check_output
+from porotwin_core.errors import InputError
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    folder = tmp_path / 'monday'
+    (folder / 'photos').mkdir(parents=True)
+    for name in ('rig.yaml', 'photos/photo_000.jpg'):
+        (folder / name).write_text('input')
+    return folder
+
+
+@pytest.mark.parametrize('name', ['rig.yaml', 'photos/photo_000.jpg', 'photos/../rig.yaml'])
+def test_a_file_of_the_input_is_kept(recording: Path, name: str) -> None:
+    with pytest.raises(InputError, match='is a file of the input'):
+        check_output(recording / name, recording)
+
+
+def test_an_input_is_kept_under_every_name(recording: Path, tmp_path: Path) -> None:
+    link = tmp_path / 'link.yaml'
+    link.symlink_to(recording / 'rig.yaml')
+    with pytest.raises(InputError, match='is an input'):
+        check_output(link, None, recording / 'rig.yaml')
+    with pytest.raises(InputError, match='is a file of the input'):
+        check_output(link, recording)
+
+
+def test_new_files_and_files_elsewhere_are_written(recording: Path, tmp_path: Path) -> None:
+    check_output(recording / 'maps.nc', recording)
+    (tmp_path / 'maps.nc').write_text('older maps')
+    check_output(tmp_path / 'maps.nc', recording, recording / 'rig.yaml')
+
+
+def test_a_missing_folder_and_a_folder_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='absent; make it'):
+        check_output(tmp_path / 'absent' / 'maps.nc')
+    with pytest.raises(InputError, match='is a folder'):
+        check_output(tmp_path)
