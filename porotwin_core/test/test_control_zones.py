@@ -33,7 +33,7 @@ def with_objective(rig: Rig, name: str, **parameters) -> Rig:
 )
 @pytest.mark.parametrize('in_a_sum', [False, True])
 def test_every_objective_has_its_zone(name, parameters, kind, unwanted, in_a_sum) -> None:
-    rig = with_objective(name, **parameters)
+    rig = with_objective(RIG, name, **parameters)
     if in_a_sum:
         parts = [{'name': name, **parameters}, {'name': 'least_water'}]
         rig = with_objective(RIG, 'sum', parts=parts)
