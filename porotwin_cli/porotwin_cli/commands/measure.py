@@ -41,7 +41,9 @@ def command(
 
     The distance is the Wasserstein distance of the normalised maps, in metres, to the map before or
     to the map of --against at the same time. Tracer, centre, spread and distance take the plume and
-    3 cm around it, without the noise of clean sand. Standard deviations follow where the maps have them.
+    3 cm around it, without the noise of clean sand.
+
+    Standard deviations follow where the maps have them.
 
     Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
     """
