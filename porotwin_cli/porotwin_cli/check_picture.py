@@ -139,8 +139,10 @@ def _role_handles(rig: Rig) -> list[Line2D]:
         Line2D([], [], marker='o', ls='', mfc='none', mec=ROLES[role], label=f'well: {role}')
         for role in roles
     ]
-    for kind in dict.fromkeys(zone.kind for zone in control_zones(rig)):
-        handles.append(Line2D([], [], color=ZONES[kind][0], label=f'zone: {kind}'))
+    handles += [
+        Line2D([], [], color=ZONES[kind][0], label=f'zone: {kind}')
+        for kind in dict.fromkeys(zone.kind for zone in control_zones(rig))
+    ]
     handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
     return handles
 
