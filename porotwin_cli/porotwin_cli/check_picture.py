@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from porotwin_cli.rig_check import CheckedRig
+from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_imaging.geometry import Geometry
@@ -32,6 +33,8 @@ SHADES = (0.10, 0.65)
 """Part of the colours that is used."""
 
 ZONE, OPEN, CHART = '#b03a2e', '#2471a3', '#1e8449'
+ZONES = {'keep out': (ZONE, '//'), 'keep in': (CHART, None), 'target': (OPEN, '..')}
+"""Colour and hatching of a zone by what it is for."""
 ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
 CORNERS = ('upper left', 'lower left', 'lower right', 'upper right')
 LABEL_BOX = {'facecolor': 'white', 'alpha': 0.7, 'lw': 0, 'pad': 1}
@@ -91,9 +94,10 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
     handles = _sand_handles(rig, low, span)
     _draw_depth(axis, rig)
     _draw_sides(axis, rig)
-    for zone in _zones(rig):
-        axis.fill(*zone.T, facecolor='none', edgecolor=ZONE, hatch='//', lw=0, alpha=0.6)
-        axis.plot(*np.vstack([zone, zone[:1]]).T, color=ZONE, lw=1.2)
+    for kind, zone in control_zones(rig):
+        colour, hatch = ZONES[kind]
+        axis.fill(*zone.T, facecolor='none', edgecolor=colour, hatch=hatch, lw=0, alpha=0.6)
+        axis.plot(*np.vstack([zone, zone[:1]]).T, color=colour, lw=1.2)
     for name, well in rig.wells.items():
         role = _role(rig, name)
         axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=ROLES[role]))
@@ -135,8 +139,10 @@ def _role_handles(rig: Rig) -> list[Line2D]:
         Line2D([], [], marker='o', ls='', mfc='none', mec=ROLES[role], label=f'well: {role}')
         for role in roles
     ]
-    if _zones(rig):
-        handles.append(Line2D([], [], color=ZONE, label='zone of the objective'))
+    handles += [
+        Line2D([], [], color=ZONES[kind][0], label=f'zone: {kind}')
+        for kind in dict.fromkeys(zone.kind for zone in control_zones(rig))
+    ]
     handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
     return handles
 
@@ -150,14 +156,6 @@ def _role(rig: Rig, name: str) -> str:
     if name in control.fixed:
         return 'fixed'
     return 'producer' if name == control.producer else 'other'
-
-
-def _zones(rig: Rig) -> list[np.ndarray]:
-    if rig.control is None:
-        return []
-    parameters = rig.control.objective.parameters
-    zones = [parameters[key] for key in parameters if key.endswith('zone_m')]
-    return [np.array(zone, dtype=float) for zone in (rig.control.disallowed_zone_m, *zones) if zone]
 
 
 def _depth_words(rig: Rig) -> str:
@@ -222,8 +220,9 @@ def _draw_photograph(axis: Axes, checked: CheckedRig) -> None:
         axis.plot(*place, 'o', mfc='none', mec='white', ms=11, mew=4)
         axis.plot(*place, 'o', mfc='none', mec=ROLES[_role(rig, name)], ms=11, mew=2)
         axis.annotate(name, place, (8, 6), textcoords='offset points', fontsize=8, bbox=LABEL_BOX)
-    for zone in _zones(rig):
+    for kind, zone in control_zones(rig):
         outline = np.vstack([zone, zone[:1]])
-        axis.plot(*geometry.to_pixels(outline[:, 0], outline[:, 1]), color=ZONE, lw=1.2)
+        line = geometry.to_pixels(outline[:, 0], outline[:, 1])
+        axis.plot(*line, color=ZONES[kind][0], lw=1.2)
     axis.set(xlabel='column [px]', ylabel='row [px]')
     axis.set_title('the rig in the first baseline photograph')

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.run_account import ML
-from porotwin_cli.what_if_study import WhatIfStudy
+from porotwin_cli.what_if_study import NO_ZONE, WhatIfStudy
 from porotwin_siblings.siblings import Outlook
 from porotwin_solver.quantities import PLUME_THRESHOLD
 
@@ -35,6 +35,8 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     if len(study.seen_times) > 1:
         seen = study.seen_times / 60.0, study.seen_tracer * ML
         zone.plot(*seen, 'k.', ms=3, label='photographed later')
+    if np.isnan(study.seen_tracer[0]):
+        zone.text(0.5, 0.5, NO_ZONE, ha='center', transform=zone.transAxes)
     zone.set_ylabel('tracer in the zone [ml]')
     reached.set_ylabel('probability that the zone is reached [%]')
     reached.set_ylim(-3, 103)

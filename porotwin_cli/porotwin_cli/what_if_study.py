@@ -37,6 +37,8 @@ MOST_PHOTOGRAPHS = 200
 
 SAME_MOMENT_S = 1.0
 """A photograph that was taken so much later is still from the moment itself [s]."""
+NO_ZONE = 'no zone in this objective: nothing says where tracer must not be'
+"""Told in place of the tracer in the zone."""
 
 UNITS_S = {'s': 1.0, 'min': 60.0, 'h': 3600.0}
 """Units of a time that a user writes [s]."""
@@ -55,7 +57,7 @@ class WhatIfStudy:
         present: the outlook under the plan of the recording.
         proposed: the outlook under the proposed plan.
         seen_times: times of later photographs [s]; they were not learnt from.
-        seen_tracer: tracer in the zone on these photographs [m^3].
+        seen_tracer: tracer in the zone on these photographs [m^3]; NaN without a zone.
         objections: limits that the proposal breaks, one line each.
         rate_factors: share that each pump delivers, and its standard deviation [-].
         seconds: wall-clock time of both forecasts [s].
@@ -158,10 +160,21 @@ def study_what_if(
             implausible rates, a change beyond the horizon, or a horizon that is too long.
     """
     times = recording.times
-    if not len(times) or start < times[0] - recording_step(times):
-        raise InputError(f'{recording.source}: its first map is from {_minutes(times)}; ask later')
+    if not len(times):
+        raise InputError(
+            f'{recording.source}: holds no maps; make them with ./porotwin image --output '
+            'concentration.nc, or simulate, and put that file into the folder'
+        )
+    if start < times[0] - recording_step(times):
+        raise InputError(
+            f'{recording.source}: its first map is from {_minutes(times)}; give a later --at'
+        )
     if start > times[-1] + recording_step(times):
-        raise InputError(f'{recording.source}: its last map is from {_minutes(times[-1:])}')
+        last = _minutes(times[-1:])
+        raise InputError(
+            f'{recording.source}: its last map is from {last}; give --at {last.replace(" ", "")} '
+            'or earlier'
+        )
     newest = max(int(np.searchsorted(times, start + SAME_MOMENT_S, side='right')) - 1, 0)
     begin = float(times[newest])
     if horizon is None:
@@ -222,7 +235,7 @@ def recording_step(times: FloatArray) -> float:
 
 
 def _minutes(times: FloatArray) -> str:
-    return f'{times[0] / 60.0:.4g} min' if len(times) else 'nowhere'
+    return f'{times[0] / 60.0:.4g} min'
 
 
 def _schedule(recording: Recording) -> Schedule:

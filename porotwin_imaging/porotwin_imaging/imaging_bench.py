@@ -38,7 +38,8 @@ def run(
 ) -> list[dict[str, Any]]:
     """Return one row per stage and grid: median and longest time [s] of `rounds` photographs.
 
-    `grids` are the cells across and up of each map, by name. `processor_s` is the time that all cores together worked on a photograph.
+    `grids` are the cells across and up of each map, by name. `processor_s` is the time that all
+    cores together worked on a photograph.
 
     The time is from the bytes of the file to the map. The photograph of `camera` (columns, rows)
     [px] is synthetic. `memory_mb` is the peak memory of a process that does nothing else.

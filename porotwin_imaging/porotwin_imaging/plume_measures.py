@@ -7,6 +7,10 @@ counted along the front of the plume on one side: for each column (or row) the f
 plume reaches, and a finger is a maximum of it that stands out by `FINGER_M`. A plume without
 fingers has one.
 
+Mass, centre and spread, and distances of maps, take the cells of the plume alone (`plume_alone`).
+The noise of clean sand is small in each cell, but it fills the rig: its moments would outweigh
+those of a small plume.
+
 Deviations are carried through at first order. The random part is taken as independent from cell to
 cell, the systematic part as common to all cells. Where a value has no deviation, the deviations of
 the measures are not known.
@@ -17,6 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label
 from scipy.signal import find_peaks
 
 from porotwin_core.errors import InputError
@@ -32,6 +37,14 @@ LEVEL = 0.1
 """Concentration of the outline [-]: well above the noise of clean sand, below any plume."""
 FINGER_M = 0.01
 """A finger reaches further than the places beside it by at least this [m], and by two cells."""
+PLUME_DEVIATIONS = 4.0
+"""The inside of the plume exceeds the deviation of clean sand by this factor: noise hardly does."""
+LEAST_INSIDE = 0.02
+"""Least concentration of the plume's inside [-], for maps of unknown or tiny deviation."""
+MARGIN_M = 0.03
+"""The pale rim of the plume reaches this far beyond its inside [m]: a few widths of dispersion."""
+SMALLEST_PART = 4
+"""Smaller parts of cells are noise: denoised noise makes spots of a few cells."""
 _FINGER_CELLS = 2
 _LEAST_NET = 0.01
 """Least share of the net mass in the sum of all amounts; below it the mass is noise [-]."""
@@ -44,7 +57,7 @@ class PlumeMeasures:
     """Measures of one map; lengths are NaN where there is no tracer, all where nothing is seen.
 
     Attributes:
-        tracer_ml: tracer in the pores, as stock [ml].
+        tracer_ml: tracer in the pores of the plume and its margin, as stock [ml].
         x_m, z_m: centre of mass [m].
         spread_x_m, spread_z_m: standard deviation of the mass along x and z [m].
         spread_xz: correlation of both [-]: positive if the plume leans to the upper right.
@@ -105,7 +118,8 @@ def plume_measures(
     if not seen.any():
         return _NOTHING_SEEN
     shown = np.nan_to_num(values)
-    mass = shown * pore_volume * 1e6
+    plume = plume_cells(values, grid, deviation)
+    mass = np.where(plume, shown, 0.0) * pore_volume * 1e6
     centre = _centre(mass, grid)
     spread = _spread(mass, grid, centre)
     found: dict[str, float] = {}
@@ -113,7 +127,8 @@ def plume_measures(
     if deviation is not None and _known(deviation, seen) and _known(common, seen):
         common, total = np.where(seen, common, 0.0), np.where(seen, deviation, 0.0)
         own = np.sqrt(np.maximum(total**2 - common**2, 0.0))
-        found = _deviations(own, common, mass.sum(), pore_volume * 1e6, grid, centre)
+        volume = np.where(plume, pore_volume, 0.0) * 1e6
+        found = _deviations(own, common, mass.sum(), volume, grid, centre)
         area = _area(shown + total, level, grid) - _area(shown - total, level, grid)
         found['area_deviation_m2'] = 0.5 * area
     return PlumeMeasures(
@@ -131,16 +146,49 @@ def plume_measures(
     )
 
 
-_NOTHING_SEEN = PlumeMeasures(
-    *(np.nan for _ in range(9)),
-    seen=0.0,
-)
+_NOTHING_SEEN = PlumeMeasures(*(np.nan for _ in range(9)), 0.0)
 
 
 def _known(deviation: Array, seen: Array) -> bool:
     """Return whether every value that is seen has a deviation: finite, not negative."""
     part = np.asarray(deviation)[seen]
     return bool((np.isfinite(part) & (part >= 0.0)).all())
+
+
+def plume_cells(values: Array, grid: Grid, deviation: Array | None = None) -> Array:
+    """Return the cells that belong to the plume of a map (nz, nx): its inside and a margin.
+
+    The inside lies above `LEAST_INSIDE` and above `PLUME_DEVIATIONS` typical deviations of clean
+    sand, in parts of at least `SMALLEST_PART` cells. The margin is `MARGIN_M` wide. Small parts
+    count where there is nothing else: a plume begins with one cell.
+
+    Args:
+        values: concentration, shape (nz, nx), NaN where it is not seen.
+        grid: the grid of the map.
+        deviation: standard deviation of each value, shape (nz, nx), or None.
+    """
+    shown = np.nan_to_num(values)
+    level = LEAST_INSIDE
+    if deviation is not None:
+        clean = np.asarray(deviation)[(shown < LEVEL) & np.isfinite(deviation)]
+        if clean.size:
+            level = min(max(level, PLUME_DEVIATIONS * float(np.median(clean))), LEVEL)
+    inside = shown > level
+    parts, _ = label(inside, np.ones((3, 3)))
+    large = np.bincount(parts.ravel()) >= SMALLEST_PART
+    large[0] = False
+    if large.any():
+        inside = large[parts]
+    if not inside.any():
+        return inside
+    away = distance_transform_edt(~inside, (grid.dz, grid.dx))
+    return np.asarray(away <= MARGIN_M)
+
+
+def plume_alone(values: Array, grid: Grid, deviation: Array | None = None) -> Array:
+    """Return a map (nz, nx) whose clean sand is 0; arguments as of `plume_cells`."""
+    outside = ~plume_cells(values, grid, deviation) & np.isfinite(values)
+    return np.where(outside, 0.0, values)
 
 
 def contour_length(values: Array, grid: Grid, level: float = LEVEL) -> float:

@@ -5,7 +5,12 @@ import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_imaging.plume_measures import contour_length, finger_count, plume_measures
+from porotwin_imaging.plume_measures import (
+    contour_length,
+    finger_count,
+    plume_alone,
+    plume_measures,
+)
 
 GRID = Grid(200, 120, 1.0, 0.6)
 PORES = np.full(GRID.shape, GRID.cell_area * 0.01 * 0.4)
@@ -34,6 +39,20 @@ def test_an_empty_map_has_no_plume() -> None:
     found = plume_measures(np.zeros(GRID.shape), GRID, PORES)
     assert (found.tracer_ml, found.area_m2, found.contour_m, found.fingers) == (0, 0, 0, 0)
     assert np.isnan([found.x_m, found.spread_x_m]).all()
+
+
+@pytest.mark.parametrize('told', [False, True])
+def test_the_noise_of_clean_sand_does_not_move_a_small_plume(told: bool) -> None:
+    small = blob(0.9, 0.1, radius=0.03, rim=0.005)
+    noise = 0.004 * np.abs(np.random.default_rng(8).standard_normal(GRID.shape))
+    deviation = np.full(GRID.shape, 0.004) if told else None
+    exact = plume_measures(small, GRID, PORES)
+    found = plume_measures(small + noise, GRID, PORES, deviation=deviation)
+    assert (found.x_m, found.z_m) == pytest.approx((exact.x_m, exact.z_m), abs=1e-3)
+    assert found.spread_x_m == pytest.approx(exact.spread_x_m, rel=0.1)
+    assert found.tracer_ml == pytest.approx(exact.tracer_ml, rel=0.05)
+    clean = plume_alone(small + noise, GRID, deviation)
+    assert clean[:, : GRID.nx // 2].max() == 0.0
 
 
 def test_a_leaning_plume_has_a_correlation() -> None:

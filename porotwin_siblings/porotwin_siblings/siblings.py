@@ -83,9 +83,9 @@ class Outlook:
 
     `times` [s] are after `start`. `zone_tracer` [m^3], `zone_area` [m^2] are (3, times): the ends
     of the 90 % band about the median, in the order of `BAND`. `zone_reached` (times,) is the share
-    of siblings whose tracer has reached the zone by then. `mean` and `deviation` are the maps
-    (map times, nz, nx) [-] at `map_times` [s] after `start`. `ranked` are the numbers of the
-    siblings in the order of their tracer in the zone, summed over all times.
+    of siblings whose tracer has reached the zone by then. All three are NaN without a zone. `mean`
+    and `deviation` are the maps (map times, nz, nx) [-] at `map_times` [s] after `start`. `ranked`
+    are the numbers of the siblings in the order of their tracer in the zone, summed over all times.
     """
 
     start: float
@@ -294,6 +294,7 @@ class Siblings:
         area = np.maximum(area + fine.zone_area - coarse.zone_area, 0.0)
         maps = np.array([course.maps for course in courses])
         reached = np.maximum.accumulate(tracer, axis=1) > self.zone.reached_tracer
+        reached_share = reached.mean(axis=0) if self.zone.known else np.full(len(after), np.nan)
         return Outlook(
             begin.time,
             tuple(plan),
@@ -301,7 +302,7 @@ class Siblings:
             after,
             np.quantile(tracer, BAND, axis=0),
             np.quantile(area, BAND, axis=0),
-            reached.mean(axis=0),
+            reached_share,
             maps_after,
             maps.mean(axis=0),
             maps.std(axis=0),

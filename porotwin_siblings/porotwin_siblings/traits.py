@@ -32,8 +32,8 @@ DRIFT_M_H = 0.006
 """Standard deviation of how far water drifts beside the wells in an hour, each way [m]."""
 
 WAVES = tuple(wave for wave in itertools.product(range(4), range(3)) if 0 < wave[0] + wave[1] <= 3)
-"""Half waves along x and z of the cosines that change the permeability: scales of 1/4 of the rig
-and above; smaller scales bend the plume little."""
+"""Half waves along x and z of the cosines that change the permeability: half waves of 1/3 of the
+rig and above; smaller scales bend the plume little."""
 
 WAVE_DEVIATION = 0.25
 """Standard deviation of the log permeability in one wave of the longest kind [-]."""

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_core.control_zones import unwanted_tracer
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.polygons import inside
 from porotwin_core.rig import Rig
 from porotwin_solver.quantities import PLUME_THRESHOLD
 from porotwin_solver.refinement import coarsen, refine
@@ -22,7 +22,8 @@ class ZoneMeasure:
     """Measures of a map in the zone.
 
     `pores` are the pore volumes of the cells within the zone [m^3], (nz, nx); `area` is the area
-    within the zone of each quarter of a cell [m^2], (2 nz, 2 nx).
+    within the zone of each quarter of a cell [m^2], (2 nz, 2 nx). Without a zone all are NaN, and
+    so are the measures.
     """
 
     pores: FloatArray
@@ -30,9 +31,9 @@ class ZoneMeasure:
 
     @classmethod
     def of(cls, rig: Rig, grid: Grid) -> 'ZoneMeasure':
-        """Return the measures in the zone of the control section; of a rig without one, nothing."""
+        """Return the measures in the zones of the objective; NaN where it has none."""
         fine = grid.refined(SAMPLES)
-        sample = _in_zone(rig, fine).astype(float)
+        sample = _in_zone(rig, fine)
         half = grid.refined(2)
         return cls(
             pores=coarsen(sample, grid.shape) * rig.cell_pore_volume(grid),
@@ -48,8 +49,15 @@ class ZoneMeasure:
 
         Cells are split into quarters first, so that the area changes smoothly.
         """
+        if not self.known:
+            return np.nan
         covered = refine(concentration, self.area.shape) > PLUME_THRESHOLD
         return float(self.area[covered].sum())
+
+    @property
+    def known(self) -> bool:
+        """Whether the objective has a zone where no tracer must be."""
+        return bool(np.isfinite(self.pores).all())
 
     @property
     def reached_tracer(self) -> float:
@@ -58,16 +66,9 @@ class ZoneMeasure:
 
 
 def _in_zone(rig: Rig, grid: Grid) -> np.ndarray:
-    """Return whether the middle of each cell lies where no tracer must be, (nz, nx)."""
-    if rig.control is None:
-        return np.zeros(grid.shape, dtype=bool)
+    """Return 1 for each cell whose middle lies where no tracer must be, (nz, nx); NaN: no zone."""
     middles = np.column_stack([axis.ravel() for axis in np.meshgrid(grid.x, grid.z)])
-    corners = rig.control.disallowed_zone_m
-    kept_in = rig.control.objective.parameters.get('zone_m')
-    if corners:
-        within = inside(middles, np.array(corners, dtype=float))
-    elif kept_in is not None:
-        within = ~inside(middles, np.array(kept_in, dtype=float))
-    else:
-        within = np.zeros(len(middles), dtype=bool)
-    return within.reshape(grid.shape)
+    within = unwanted_tracer(rig, middles)
+    if within is None:
+        return np.full(grid.shape, np.nan)
+    return within.astype(float).reshape(grid.shape)

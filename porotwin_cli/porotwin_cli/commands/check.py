@@ -33,6 +33,7 @@ def command(
     Example: ./porotwin check rig.yaml --output check.png
     """
     from porotwin_cli.check_picture import check_picture
+    from porotwin_cli.control_words import control_words
     from porotwin_cli.rig_check import check
 
     if output.is_dir():
@@ -60,6 +61,8 @@ def command(
             print(f'{"impossible" if remark.refused else "odd"}: {remark}')
         if checked.cost is not None:
             print(f'one prediction over {photo_interval_s:g} s on {checked.grid}: {checked.cost}')
+        for line in control_words(checked.rig):
+            print(line)
         if checked.rig.camera is None:
             print('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
         print(f'{_verdict(checked.runs, len(checked.remarks))}; picture: {output}')

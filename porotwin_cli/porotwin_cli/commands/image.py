@@ -38,6 +38,7 @@ def command(
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
+    from porotwin_cli.map_sureness import plume_doubt, sureness_words
     from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_imaging.baseline import make_baseline
@@ -62,15 +63,16 @@ def command(
             'give their roles in imaging.csv'
         )
     _tell_cost(baselines[0], rig, map_grid)
+    used = load_calibration(calibration) if calibration else None
     baseline = make_baseline(
         rig,
         map_grid,
         [photo.read() for photo in baselines],
-        calibration=load_calibration(calibration) if calibration else None,
+        calibration=used,
     )
     for remark in baseline.remarks:
         say(remark)
-    imaged, refused = [], []
+    imaged, refused, doubts = [], [], []
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
     with ConcentrationWriter(output, map_grid, origin=origin) as writer, progress() as bar:
         task = bar.add_task('photographs', total=len(states))
@@ -87,6 +89,7 @@ def command(
                 refused.append(f'{photo.name}: {error}')
                 say(refused[-1])
             else:
+                doubts.append(plume_doubt(found.values, found.deviation, found.systematic))
                 imaged.append({'time_s': photo.time, 'photo': photo.name, 'remarks': found.status})
             bar.advance(task)
         if not imaged:
@@ -105,6 +108,8 @@ def command(
         )
         return
     print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
+    for line in sureness_words(doubts, used.factor_deviations if used else ()):
+        print(line)
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)

@@ -53,7 +53,10 @@ def command(
     """Measure the plume in every map: tracer, centre, spread, area, outline, fingers, distance.
 
     The distance is the Wasserstein distance of the normalised maps, in metres, to the map before or
-    to the map of --against at the same time. Standard deviations follow where the maps have them.
+    to the map of --against at the same time. Tracer, centre, spread and distance take the plume and
+    3 cm around it, without the noise of clean sand.
+
+    Standard deviations follow where the maps have them.
 
     Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
     """
@@ -111,7 +114,7 @@ def _rows(
     """Return one row of measures for each map."""
     import numpy as np
 
-    from porotwin_imaging.plume_measures import plume_measures
+    from porotwin_imaging.plume_measures import plume_alone, plume_measures
     from porotwin_imaging.wasserstein import map_distance
 
     pores = rig.cell_pore_volume(maps.grid)
@@ -127,14 +130,15 @@ def _rows(
         if _plume_median(read, level) > MOST_STOCK:
             doubted.append(float(time))
         row = {'time_s': float(time), **dataclasses.asdict(measures)}
+        alone = plume_alone(values, maps.grid, deviation)
         reference = before if other is None else _at(other, float(time))
         if reference is None or not (measures.seen and np.isfinite(reference).any()):
             row |= {'distance_m': float('nan'), 'mass_error': float('nan')}
         else:
-            distance = map_distance(reference, values, maps.grid, pores)
+            distance = map_distance(reference, alone, maps.grid, pores)
             row |= {'distance_m': distance.distance_m, 'mass_error': distance.mass_error}
         rows.append(row)
-        before = values if measures.seen else before
+        before = alone if measures.seen else before
     _tell_odd(rows, doubted)
     return rows
 
@@ -163,9 +167,14 @@ def _tell_odd(rows: list[dict[str, Any]], doubted: list[float]) -> None:
 
 
 def _at(maps: 'ConcentrationMaps', time: float) -> Any:
-    """Return the map at `time` [s], None if there is none within a second."""
+    """Return the plume of the map at `time` [s], None if there is no map within a second."""
+    from porotwin_imaging.plume_measures import plume_alone
+
     index = int(abs(maps.times - time).argmin())
-    return maps[index] if abs(maps.times[index] - time) <= SAME_TIME_S else None
+    if abs(maps.times[index] - time) > SAME_TIME_S:
+        return None
+    deviation = None if maps.deviation is None else maps.deviation[index]
+    return plume_alone(maps[index], maps.grid, deviation)
 
 
 def _write(output: Path, rows: list[dict[str, Any]]) -> None:

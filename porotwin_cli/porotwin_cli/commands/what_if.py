@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
+from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
     from porotwin_cli.what_if_study import WhatIfStudy
@@ -31,7 +32,10 @@ def command(
     ],
     horizon: Annotated[
         str,
-        typer.Option(help='How far to look, such as 60min. Default: to the end of the recording.'),
+        typer.Option(
+            help='How far to look, such as 60min. Default: to the end of the recording, but at '
+            'least 30min.'
+        ),
     ] = '',
     rig: Annotated[Path | None, typer.Option(help='rig.yaml. Default: from the recording.')] = None,
     siblings: Annotated[int, typer.Option(help='Number of siblings.', min=24)] = 32,
@@ -52,7 +56,7 @@ def command(
 
     Example: ./porotwin what-if runs/monday/bag --at 35min --rates control1=300,control2=0
 
-    Example: ./porotwin what-if sample --at 600 --rates control1=300 --rates 15min:control1=0
+    Example: ./porotwin what-if sample --at 3min --rates control1=300 --rates 10min:control1=0
     """
     import os
     from concurrent.futures import ThreadPoolExecutor
@@ -60,9 +64,13 @@ def command(
     from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
-    from porotwin_core.errors import InputError
     from porotwin_recording.recording import open_recording
 
+    if recording.suffix == '.nc':
+        raise InputError(
+            f'{recording}: maps alone tell no rates; give the experiment folder, and put the maps '
+            'into it as concentration.nc'
+        )
     if output.exists() and not output.is_dir():
         raise InputError(f'--output {output}: is a file; give a folder for the picture')
     output.mkdir(parents=True, exist_ok=True)
@@ -99,12 +107,16 @@ def _show(found: 'WhatIfStudy') -> None:
     import numpy as np
 
     from porotwin_cli.run_account import ML
+    from porotwin_cli.what_if_study import NO_ZONE
 
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
         for step in outlook.plan:
             minute = (found.start + step.start) / 60.0
             print(f'{name}, from {minute:.4g} min [ml/h]: {_in_words(step.rates)}')
     plans = (found.present, found.proposed)
+    if np.isnan(found.seen_tracer[0]):
+        print(f'{NO_ZONE} ({found.seconds:.2f} s)')
+        return
     rows = []
     for index in np.linspace(0, len(plans[0].times) - 1, TABLE_ROWS).round().astype(int):
         row = [f'{(found.start + plans[0].times[index]) / 60.0:.4g}']

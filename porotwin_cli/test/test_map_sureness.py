@@ -1,0 +1,20 @@
+"""How sure maps are, in words."""
+
+import numpy as np
+import pytest
+
+from porotwin_cli.map_sureness import plume_doubt, sureness_words
+
+
+def test_the_doubt_is_that_of_the_plume() -> None:
+    values = np.array([[0.0, 0.5, np.nan]])
+    deviation, systematic = np.array([[0.9, 0.05, np.nan]]), np.array([[0.9, 0.03, np.nan]])
+    assert plume_doubt(values, deviation, systematic) == pytest.approx((0.04, 0.03))
+    assert np.isnan(plume_doubt(0.0 * values, deviation, systematic)).all()
+
+
+def test_guessed_factors_are_counted() -> None:
+    doubt, guessed = sureness_words([(0.04, 0.03), (np.nan, np.nan)], (0.01, 0.2, 0.19))
+    assert '0.040 random, 0.030 systematic' in doubt
+    assert guessed.startswith('2 of 3 sands')
+    assert sureness_words([(np.nan, np.nan)], ()) == []
