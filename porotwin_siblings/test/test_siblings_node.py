@@ -119,7 +119,7 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     np.testing.assert_allclose(answer.present.zone_tracer, forecast.zone_tracer)
     assert answer.proposed.zone_tracer[-1] != answer.present.zone_tracer[-1]
     wrong = beside.ask([RateStep(0.0, {'absent': WellRate(1e-9)})], 600.0)
-    assert "well 'absent' is not in rig.yaml" in wrong.outcome.message
+    assert "well 'absent' is not in the rig" in wrong.outcome.message
 
     beside.photograph(300.0, plume)
     beside.wait(lambda: len(beside.forecasts) == 2)
