@@ -132,8 +132,7 @@ def plume_measures(
 
 
 _NOTHING_SEEN = PlumeMeasures(
-    *(np.nan for _ in range(9)),
-    seen=0.0,
+    np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, fingers=np.nan, seen=0.0
 )
 
 
