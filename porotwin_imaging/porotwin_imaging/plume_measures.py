@@ -146,7 +146,9 @@ def plume_measures(
     )
 
 
-_NOTHING_SEEN = PlumeMeasures(*(np.nan for _ in range(9)), 0.0)
+_NOTHING_SEEN = PlumeMeasures(
+    np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, fingers=np.nan, seen=0.0
+)
 
 
 def _known(deviation: Array, seen: Array) -> bool:
