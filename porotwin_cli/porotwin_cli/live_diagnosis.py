@@ -56,7 +56,7 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     threading.Thread(target=_spin, args=(executor,), daemon=True).start()
     client = ActionClient(node, Diagnose, 'diagnosis/diagnose')
     try:
-        result = _result(client, output, progress)
+        result = _result(client, executor, output, progress)
     finally:
         client.destroy()
         rclpy.try_shutdown(context=context)
@@ -67,7 +67,12 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     return result
 
 
-def _result(client: ActionClient, output: Path, progress: Callable[[str, float], None]) -> Any:
+def _result(
+    client: ActionClient,
+    executor: SingleThreadedExecutor,
+    output: Path,
+    progress: Callable[[str, float], None],
+) -> Any:
     """Send the goal and return its result."""
     if not client.wait_for_server(SEARCH_S):
         raise WorkFailed(
@@ -75,15 +80,27 @@ def _result(client: ActionClient, output: Path, progress: Callable[[str, float],
             'and with the same ROS_DOMAIN_ID'
         )
     goal = Diagnose.Goal(output=str(output.resolve()))
-    sent = client.send_goal_async(
-        goal, lambda message: progress(message.feedback.stage, message.feedback.fraction)
-    )
-    handle = answer_of(client, sent)
+
+    def told(message: Any) -> None:
+        progress(message.feedback.stage, message.feedback.fraction)
+
+    handle = _asked(client, executor, lambda: client.send_goal_async(goal, told))
     try:
-        return answer_of(client, handle.get_result_async()).result
+        return _asked(client, executor, handle.get_result_async).result
     except KeyboardInterrupt:
-        answer_of(client, handle.cancel_goal_async())
+        _asked(client, executor, handle.cancel_goal_async)
         raise
+
+
+def _asked(
+    client: ActionClient, executor: SingleThreadedExecutor, request: Callable[[], Any]
+) -> Any:
+    """Return the answer to `request`, which is sent in the thread that takes the answers.
+
+    rclpy sends a request before it notes that an answer is due. In another thread an answer that
+    comes at once is dropped ("Ignoring unexpected result response").
+    """
+    return answer_of(client, answer_of(client, executor.create_task(request)))
 
 
 def _spin(executor: SingleThreadedExecutor) -> None:
