@@ -206,6 +206,8 @@ def test_real_photographs_become_maps_predictions_and_setpoints(
     began = time.time()
     with running_graph(live_graph(settings), tmp_path, domain) as graph:
         graph.wait_for_log('solver', 'ready', timeout=START_S)
+        # files that are there before the camera looks may be old, and get no setpoint
+        graph.wait_for_log('camera', 'looking for new photographs', timeout=START_S)
         for name in ('tracer_1.jpg', 'tracer_0.jpg', 'tracer_2.jpg'):  # out of order
             data = (real_photographs / name).read_bytes()
             half = len(data) // 2

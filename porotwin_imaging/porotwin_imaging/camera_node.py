@@ -78,6 +78,8 @@ class CameraNode(Node):
         self._diagnostics = Diagnostics(self)
         self._schedule = PollSchedule(kind.poll_interval_s or interval)
         self._takes_photographs = kind.poll_interval_s is None
+        self._source = source
+        self._has_looked = False
         self._last_sent = time.monotonic()
         self._next_warning_s = SILENT_INTERVALS * interval
         self._forwarder.send_baselines_again()
@@ -156,8 +158,12 @@ class CameraNode(Node):
         self._schedule.polled(failed=bool(self._forwarder.absent))
         if self._forwarder.absent:
             self._diagnostics.report(DiagnosticStatus.ERROR, self._forwarder.absent)
-        else:
-            self._warn_of_silence()
+            return
+        if not self._has_looked:
+            # photographs that were there before may be old, those from now on are new
+            self._say(one_line(f'looking for new photographs at {self._source}'))
+            self._has_looked = True
+        self._warn_of_silence()
 
     def _warn_of_silence(self) -> None:
         """Report once per interval that no photograph came for two of them."""
