@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, progress, say
 
 
@@ -14,6 +15,8 @@ def command(
     ],
     cases: Annotated[int, typer.Option(help='Number of recordings.', min=1)] = 20,
     seed: Annotated[int, typer.Option(help='Seed of the random effects and rigs.')] = 1,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Score the diagnosis on recordings with hidden effects.
@@ -22,7 +25,7 @@ def command(
     hashes of all hidden effects are written before the first diagnosis. The process that diagnoses
     gets the folder of a recording and nothing else.
 
-    Example: ./porotwin blind-check --cases 100 --output blind
+    Example: ./porotwin blind-check --cases 100 --output blind --workers 8
     """
     from porotwin_validation.blind_study import blind_check
 
@@ -32,6 +35,9 @@ def command(
             output,
             cases=cases,
             seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            tell=say,
             progress=lambda done, _, stage: bar.update(task, completed=done, description=stage),
         )
     if as_json:
