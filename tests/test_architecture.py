@@ -53,7 +53,7 @@ MAY_IMPORT = {
 
 DIAGNOSIS_ORDER = (
     'thresholds', 'progress', 'data', 'model', 'search', 'decision', 'advice', 'diagnosis',
-    'report', 'examine', 'diagnosis_node',
+    'report', 'examine', 'archive', 'diagnosis_node',
 )  # fmt: skip
 """Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
 

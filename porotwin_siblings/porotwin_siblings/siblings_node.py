@@ -20,6 +20,7 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.parallel import crew
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
@@ -415,12 +416,7 @@ def _learning_executor(scheduler: str, workers: int) -> Executor:
     """
     if not scheduler:
         return ThreadPoolExecutor(workers, initializer=_be_patient)
-    from distributed import Client
-
-    try:
-        return Client(scheduler).get_executor()
-    except OSError as error:
-        raise InputError(f"scheduler '{scheduler}': {error}; start dask-scheduler") from None
+    return crew(scheduler=scheduler)
 
 
 def _be_patient() -> None:
