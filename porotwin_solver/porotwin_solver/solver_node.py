@@ -27,6 +27,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S
 from porotwin_msgs.msg import Outcome, SourceField, TracerField
 from porotwin_msgs.srv import (
     Correct,
@@ -54,9 +55,6 @@ MOST_WAITING = 4
 
 THREADS = MOST_WAITING + 3
 """One thread works, some wait, one answers `solver/cancel`, and one refuses a request too many."""
-
-DAY_S = 86400.0
-"""Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""
 
 MOST_CELL_UPDATES = 2e8
 """Most cell updates of a prediction, unless a parameter changes it: about 20 s beside a busy
