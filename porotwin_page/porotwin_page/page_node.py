@@ -241,6 +241,7 @@ class PageNode(Node):
             time=conversions.time_from_msg(message.header.stamp),
             prediction_error=message.prediction_error,
             corrected_error=message.corrected_error,
+            expected_error=message.expected_error,
             disallowed_tracer=message.disallowed_tracer,
             cycle_duration=message.cycle_duration,
             objective=message.objective,

@@ -18,6 +18,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from porotwin_core import conversions, qos
+from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
@@ -26,6 +27,7 @@ from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
@@ -43,14 +45,8 @@ from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 NICENESS = 10
 """Nice value of the threads that learn: they use only time that the twin leaves."""
 
-DEFAULT_CELL_M = 0.015
-"""Cell size of the siblings [m]: three cells of the maps; see docs/siblings.md."""
-
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
-
-MINUTE_S = 60.0
-"""Length of a minute [s]."""
 
 TIMES = 24
 """Times of a forecast: enough for a smooth curve."""
@@ -135,21 +131,16 @@ class SiblingsNode(Node):
         threading.Thread(target=self._work, daemon=True).start()
 
     def _declare_grid(self) -> Grid:
-        """Return the grid of the siblings, which is never finer than the maps.
-
-        Raises:
-            InputError: the parameter is no length.
-        """
-        cell = declare(
+        """Return the grid of the siblings, which is never finer than the maps."""
+        cells = declare(
             self,
-            'cell_m',
-            DEFAULT_CELL_M,
-            'cell size of the siblings [m]; smaller takes the cube of time',
-            at_least=1e-4,
-            at_most=1.0,
+            'cells',
+            COARSE_CELLS,
+            'cells of the grid of the siblings; four times as many take eight times as long',
+            at_least=100,
+            at_most=1_000_000,
         )
-        wanted, maps = self._rig.default_grid(cell), self._map_grid
-        return self._rig.grid(min(wanted.nx, maps.nx), min(wanted.nz, maps.nz))
+        return coarse_grid(self._rig, self._map_grid, cells)
 
     def _declare_scheduler(self) -> str:
         return str(
