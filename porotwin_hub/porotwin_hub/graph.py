@@ -13,6 +13,7 @@ __all__ = [
     'GraphSettings',
     'NodeDescription',
     'Parameter',
+    'Parameters',
     'camera_node',
     'description_of',
     'live_graph',
