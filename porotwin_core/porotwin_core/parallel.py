@@ -89,6 +89,10 @@ class Crew(Executor):
             InputError: a worker is on a machine without it.
         """
 
+    def threads(self, count: int) -> Executor:
+        """Return `count` threads here for work that waits for tasks of this crew."""
+        return ThreadPoolExecutor(count)
+
     def __exit__(
         self,
         kind: type[BaseException] | None,
