@@ -24,7 +24,7 @@ class CaseScore:
         name: name of the case.
         kind: `none`, `single`, `pair`, `outside` or `left out`.
         truth: names of its effects, or `none`.
-        verdict: the verdict, or `failed`.
+        verdict: the verdict, or `failed`, or `refused` for a refused calibration.
         confidence: confidence of the verdict.
         right: whether the verdict is right.
         imitated: whether it is right only because it looks the same as the truth to the camera.
@@ -79,13 +79,16 @@ def score_case(case: BlindCase, result: Path, truth: CaseTruth) -> CaseScore:
     )
 
 
-def failed_score(case: BlindCase) -> CaseScore:
-    """Return the score of a `case` whose diagnosis ended without a verdict: wrong, confidence 0."""
+def failed_score(case: BlindCase, verdict: str = 'failed') -> CaseScore:
+    """Return the score of a `case` that has no verdict: wrong, confidence 0.
+
+    `verdict` says what happened: `failed`, or `refused` where the calibration was refused.
+    """
     return CaseScore(
         name=case.name,
         kind=case.kind,
         truth=_truth_names(case),
-        verdict='failed',
+        verdict=verdict,
         confidence=0.0,
         right=False,
         both_found=False if case.kind == 'pair' else None,

@@ -41,7 +41,13 @@ def command(
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
-    from porotwin_cli.map_sureness import plume_doubt, sureness_words
+    from porotwin_cli.map_sureness import (
+        doubt_entry,
+        guessed_sands,
+        plume_doubt,
+        sureness_words,
+        typical_doubt,
+    )
     from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_core.parallel import crew, in_order
@@ -67,6 +73,7 @@ def command(
         )
     memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
+    known_factors = used.factor_deviations if used else ()
     baseline = make_baseline(
         rig,
         map_grid,
@@ -98,7 +105,14 @@ def command(
                 say(refused[-1])
             else:
                 doubts.append(plume_doubt(found.values, found.deviation, found.systematic))
-                imaged.append({'time_s': photo.time, 'photo': photo.name, 'remarks': found.status})
+                imaged.append(
+                    {
+                        'time_s': photo.time,
+                        'photo': photo.name,
+                        'remarks': found.status,
+                        'plume': doubt_entry(doubts[-1]),
+                    }
+                )
             bar.advance(task)
         if not imaged:
             raise WorkFailed('no photograph could be used')
@@ -110,13 +124,15 @@ def command(
                 'picture': picture,
                 'grid': str(map_grid),
                 'calibrated': calibration is not None,
+                'plume': doubt_entry(typical_doubt(doubts)),
+                'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': imaged,
                 'refused': refused,
             }
         )
         return
     print(f'{len(imaged)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
-    for line in sureness_words(doubts, used.factor_deviations if used else ()):
+    for line in sureness_words(doubts, known_factors):
         print(line)
     print(f'picture: {picture}')
     if calibration is None:
