@@ -6,7 +6,7 @@ the forecast. A proposed schedule is answered beside it. Nothing here is ever pu
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.parallel import crew
+from porotwin_core.parallel import LastingCrew, crew
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.safe_rates import safe_rates
@@ -112,7 +112,9 @@ class SiblingsNode(Node):
             Siblings,
             grid=self._declare_grid(),
             map_grid=self._map_grid,
-            executor=_learning_executor(self._declare_scheduler(), workers),
+            executor=_learning_executor(
+                self._declare_scheduler(), workers, self.get_logger().warning
+            ),
             count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
         )
@@ -434,15 +436,21 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
 
 
-def _learning_executor(scheduler: str, workers: int) -> Executor:
+def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:
     """Return the executor of the siblings: the cluster of a `scheduler`, or patient threads.
+
+    Threads also follow a scheduler that goes away; `tell` then gets a line.
 
     Raises:
         InputError: there is no scheduler at that address.
     """
-    if not scheduler:
+
+    def patient_threads() -> Executor:
         return ThreadPoolExecutor(workers, initializer=_be_patient)
-    return crew(scheduler=scheduler)
+
+    if not scheduler:
+        return patient_threads()
+    return LastingCrew(crew(scheduler=scheduler), patient_threads, tell)
 
 
 def _be_patient() -> None:

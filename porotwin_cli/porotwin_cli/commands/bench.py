@@ -23,6 +23,7 @@ LONG = {
     'loop': 'porotwin_cli.bench_loop',
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
+    'scaling': 'porotwin_cli.bench_scaling',
 }
 """Parts that take long or need data: measured only by name. `loop` has a table of its own."""
 
@@ -32,7 +33,8 @@ def command(
         list[str] | None,
         typer.Argument(
             help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop and faults, which '
-            'take an hour or more, and calibration, which needs --baseline. Default: all but these.'
+            'take an hour or more, calibration, which needs --baseline, and scaling. '
+            'Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -73,6 +75,8 @@ def command(
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
 
     Example: ./porotwin bench calibration --baseline experiment --cases 20
+
+    Example: ./porotwin bench scaling
     """
     modules = {**BENCHES, **LONG}
     many = {'workers': workers, 'scheduler': scheduler}
