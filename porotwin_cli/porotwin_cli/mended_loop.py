@@ -105,7 +105,7 @@ def mended_figures(
     truth = TrueTracer(maps.times, maps.grid, maps)
     say('the same experiment with a twin that knew, and with one that never finds out ...')
     beside = runs_beside(rig, hidden, truth, preset)
-    forecasts = _forecast_errors(rig, truth, mending, hidden, preset)
+    forecasts = forecast_errors(rig, truth, mending, hidden, preset)
     figures = {
         'hidden_effect': as_text(hidden),
         'found': [as_text(effect) for effect in mending.last],
@@ -194,7 +194,7 @@ def models(
     }
 
 
-def _forecast_errors(
+def forecast_errors(
     rig: Rig, truth: TrueTracer, mending: Mending, hidden: EffectDescription, preset: str
 ) -> dict[str, float]:
     """Return the errors of forecasts over `FORECAST_S` from true maps after the verdict, medians.

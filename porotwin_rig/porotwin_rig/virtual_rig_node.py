@@ -121,8 +121,7 @@ class VirtualRigNode(Node):
         self._photo = self.create_publisher(CompressedImage, 'camera/image/compressed', qos.PHOTO)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
-        if self._waits_for_mend:
-            self.create_subscription(Header, 'mend/seen', self._on_seen, qos.FIELD)
+        self.create_subscription(Header, 'mend/seen', self._on_seen, qos.FIELD)
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
