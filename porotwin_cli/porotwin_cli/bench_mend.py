@@ -30,24 +30,27 @@ from porotwin_cli.workspace import run_folder, small_rig
 from porotwin_core.grid import FloatArray
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import EffectDescription, Rig, load_rig
+from porotwin_core.wells import WellRates
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.mending.finding import finding_of
 from porotwin_diagnosis.mending.mender import Effects, Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Cycle, Observation
 from porotwin_recording.recording import open_recording
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.grid_models import GridModels
 
-MINUTES = 60.0
-"""Length of an experiment [min]."""
+START_S, END_S = 1200.0, 3600.0
+"""Time when the twin takes over, and end of an experiment [s]: the tracer then approaches the zone,
+as in the demo."""
 
 INTERVAL_S = 60.0
 """Time between photographs [s]: half as many as in the demo take half the time."""
 
-EVERY_S = 900.0
+EVERY_S = 600.0
 """Time between two diagnoses [s]."""
 
 RUNS = ('never told', 'knew', 'mended')
@@ -167,6 +170,11 @@ class _MendedRun:
     def _note(self, offer: Offer) -> None:
         self.mending.offers.append({'minute': self._now / 60.0, 'state': offer.state.value})
 
+    def pumped(self, begin: float, end: float, rates: WellRates) -> None:
+        """Keep the rates from `begin` to `end` [s]."""
+        self.live.add_measured_rates(begin, end, rates)
+        self.mending.rates.append((begin, rates))
+
     def look(self, asset: VirtualRig) -> None:
         """Keep the truth that nobody in the loop sees."""
         self.times.append(asset.time)
@@ -203,6 +211,7 @@ def run_mended(scenario: LoopScenario, settings: LoopSettings) -> MendFigures:
             return eyes(asset)
 
         known: list[KnownRates] = []
+        run.pumped(0.0, rig.time, Limits.of(scenario.rig).safe())
         while not rig.is_over:
             seen = rig.seen(watched)
             cycle = run.twin.cycle(seen, known)
@@ -211,8 +220,7 @@ def run_mended(scenario: LoopScenario, settings: LoopSettings) -> MendFigures:
             begin = rig.time
             delivered = rig.advance(cycle.setpoint.rates)
             known = [KnownRates(begin, rig.time, delivered)]
-            run.live.add_measured_rates(begin, rig.time, delivered)
-            run.mending.rates.append((begin, delivered))
+            run.pumped(begin, rig.time, delivered)
         rig.seen(watched)
     truth = TrueTracer(np.array(run.times), run.grid, np.array(run.truth))
     return MendFigures(
@@ -250,7 +258,7 @@ def run(
     for number in range(scenarios):
         hidden = case_effect(number, rig, seed)
         scenario = replace(
-            scenario_of(rig, (hidden,), 60.0 * MINUTES, INTERVAL_S),
+            scenario_of(rig, (hidden,), START_S, END_S, INTERVAL_S),
             name=f'case_{number + 1:02d}',
             seed=seed * 1000 + number,
         )

@@ -33,7 +33,8 @@ def command(
         list[str] | None,
         typer.Argument(
             help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend and faults, '
-            'which take an hour or more, and calibration, which needs --baseline. Default: all but these.'
+            'which take an hour or more, and calibration, which needs --baseline. Default: all but '
+            'these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
