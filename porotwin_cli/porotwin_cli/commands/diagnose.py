@@ -6,8 +6,11 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.errors import InputError
+from porotwin_core.ros_environment import enter_domain, namespace_of
+from porotwin_hub.graph import NAMESPACE
 
 
 def command(
@@ -27,6 +30,8 @@ def command(
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,
+    namespace: Namespace = NAMESPACE,
+    domain: Domain = None,
     as_json: Json = False,
 ) -> None:
     """Find the cause of the gap between model and rig.
@@ -50,7 +55,8 @@ def command(
             raise InputError(
                 '--live diagnoses the twin as it runs; leave out --rig, --preset and --apply'
             )
-        _live(output, as_json=as_json)
+        enter_domain(domain)
+        _live(output, namespace_of(namespace), as_json=as_json)
         return
     own = load_rig(rig) if rig is not None else None
     opened = [open_recording(recording, rig=own) for recording in recordings]
@@ -78,7 +84,7 @@ def command(
         )
 
 
-def _live(output: Path, *, as_json: bool) -> None:
+def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     """Print the diagnosis of the run so far."""
     from porotwin_cli.live_diagnosis import diagnose_run_so_far
 
@@ -87,6 +93,7 @@ def _live(output: Path, *, as_json: bool) -> None:
         result = diagnose_run_so_far(
             output,
             lambda stage, share: bar.update(task, completed=round(100 * share), description=stage),
+            namespace=namespace,
         )
     if as_json:
         print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})
