@@ -18,19 +18,21 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import conversions
+from porotwin_core import conversions, qos
+from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.corrective_source import corrective_source
+from porotwin_costa.corrective_source import WITHHELD, corrective_source
 from porotwin_costa.dataset import load_dataset
 from porotwin_costa.networks import Architecture, architecture
 from porotwin_costa.networks.network_registry import ARCHITECTURES
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import Outcome
+from porotwin_msgs.msg import ModelEffects, Outcome
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
 
 MOST_THREADS = 64
@@ -56,7 +58,7 @@ class CostaNode(Node):
         super().__init__('costa', **kwargs)
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
-        self._rig = rig
+        self._rig = self._present_rig = rig
         self._preset = declare(
             self, 'preset', '', 'numerical scheme of the solver; empty: not checked'
         )
@@ -85,8 +87,9 @@ class CostaNode(Node):
             self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
         )
         if trained and Path(trained).is_file():
-            model = trained
-        if model:
+            # it may correct the model with effects that are not told yet
+            self._keep(CorrectiveModel.load(Path(trained)), trained)
+        elif model:
             self._use(CorrectiveModel.load(Path(model)), model)
         self._diagnostics = Diagnostics(self)
         self._offer()
@@ -102,6 +105,7 @@ class CostaNode(Node):
             (SaveModel, 'save', self._save),
         ):
             self.create_service(service, f'costa/{name}', answer, callback_group=group)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self._action = ActionServer(
             self,
             Train,
@@ -112,8 +116,41 @@ class CostaNode(Node):
             callback_group=group,
         )
 
+    def _on_effects(self, message: ModelEffects) -> None:
+        """Follow the effects of the solver; a model that corrects other physics is withheld."""
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        self._present_rig = self._rig.with_effects(effects)
+        if objection := self._objection():
+            self.get_logger().warning(f'no corrections: {objection}')
+
+    def _objection(self) -> str:
+        """Return why the model does not correct the physics in force, or an empty string."""
+        if self._model is None:
+            return ''
+        present = PhysicsId.of(self._present_rig, self._preset)
+        if not self._model.physics.difference(present):
+            return ''
+        return 'the effects of the solver have changed; COSTA must learn the remainder first'
+
     def _use(self, model: CorrectiveModel, path: str) -> None:
-        self._model = model.for_physics(self._rig, self._grid, self._preset)
+        """Use a model that corrects the physics in force.
+
+        Raises:
+            InputError: it corrects another one.
+        """
+        self._keep(model.for_physics(self._present_rig, self._grid, self._preset), path)
+
+    def _keep(self, model: CorrectiveModel, path: str) -> None:
+        """Keep a model; it is withheld while other physics are in force.
+
+        Raises:
+            InputError: it is on another grid, or for other wells.
+        """
+        self._model = model.for_wells(tuple(self._rig.wells), self._grid)
         self._path = path
         if model.doubt:
             self.get_logger().warning(model.doubt)
@@ -148,7 +185,11 @@ class CostaNode(Node):
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
             self._refuse_impossible(rates, request.time_step)
-            answer = corrective_source(self._model, predicted, rates, request.time_step)
+            answer = (
+                Correction(None, f'{WITHHELD}{reason}')
+                if (reason := self._objection())
+                else (corrective_source(self._model, predicted, rates, request.time_step))
+            )
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
@@ -256,7 +297,7 @@ class CostaNode(Node):
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
-        model.for_physics(self._rig, self._grid, self._preset)
+        model.for_physics(self._present_rig, self._grid, self._preset)
         if goal.output:
             model.save(Path(goal.output))
         self._use(model, goal.output)

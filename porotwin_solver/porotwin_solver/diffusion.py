@@ -17,7 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import FloatArray
-from porotwin_solver.diffusion_kernels import exchange, pair_cells
+from porotwin_solver.cell_threads import BLOCK_CELLS, THREADED_CELLS, side_by_side
+from porotwin_solver.diffusion_kernels import (
+    add_gains,
+    exchange,
+    exchange_once,
+    farthest_pair,
+    pair_cells,
+)
 from porotwin_solver.face_field import FaceField
 from porotwin_solver.local_time_steps import NO_TAPE, TimeStepLevels
 from porotwin_solver.physics import Physics
@@ -138,6 +145,17 @@ def diffuse(
     """Advance `concentration` (nz, nx) in place by `exchanges.levels.duration`.
 
     `storage` (nz, nx) [m^3] is the volume of every cell that stores tracer. `tape`, of length
-    `tape_length(exchanges.levels)`, records the values that the adjoint needs.
+    `tape_length(exchanges.levels)`, records the values that the adjoint needs. Threads share the
+    cells of a large grid if all of them take the same step, unless a tape is recorded.
     """
-    exchange(concentration.ravel(), storage.ravel(), exchanges, tape)
+    c, volume = concentration.ravel(), storage.ravel()
+    if len(tape) or c.size < THREADED_CELLS or len(exchanges.levels.count_at_least) > 1:
+        exchange(c, volume, exchanges, tape)
+        return
+    gain = np.zeros(c.size)
+    # a strip reaches into its neighbours; every second one can be worked on at the same time
+    strip = max(BLOCK_CELLS, 2 * farthest_pair(exchanges))
+    strips = [(start, min(start + strip, c.size)) for start in range(0, c.size, strip)]
+    for chosen in (strips[::2], strips[1::2]):
+        side_by_side(exchange_once, [(c, gain, exchanges, *ends) for ends in chosen])
+    side_by_side(add_gains, [(c, gain, volume, *ends) for ends in strips])

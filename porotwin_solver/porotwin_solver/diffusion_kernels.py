@@ -184,3 +184,40 @@ def exchange(c, storage, exchanges, tape):
             if gain[k] != 0.0:
                 c[k] += gain[k] / storage[k]
                 gain[k] = 0.0
+
+
+@compiled
+def farthest_pair(exchanges):
+    """Return the largest difference of the flat indices of a pair."""
+    _, start, other, _ = exchanges
+    farthest = 0
+    for k in range(len(start) - 1):
+        for pair in range(start[k], start[k + 1]):
+            farthest = max(farthest, abs(other[pair] - k))
+    return farthest
+
+
+@compiled
+def exchange_once(c, gain, exchanges, first, last):
+    """Add to the flat `gain` what the pairs of the cells `first` to `last` - 1 exchange.
+
+    All cells take one step, of the duration of the levels.
+    """
+    levels, start, other, weight = exchanges
+    for k in range(first, last):
+        here = c[k]
+        for pair in range(start[k], start[k + 1]):
+            partner = other[pair]
+            difference = c[partner] - here
+            if abs(difference) > NEGLIGIBLE:
+                moved = levels.duration * weight[pair] * difference
+                gain[k] += moved
+                gain[partner] -= moved
+
+
+@compiled
+def add_gains(c, gain, storage, first, last):
+    """Add `gain` to the cells `first` to `last` - 1 of the flat `c`."""
+    for k in range(first, last):
+        if gain[k] != 0.0:
+            c[k] += gain[k] / storage[k]

@@ -44,6 +44,7 @@ PRESETS: dict[str, Preset] = {
     for preset in (
         Preset('fast', Scheme.SUPERBEE, refines=False),
         Preset('accurate', Scheme.THIRD_ORDER, refines=True),
+        Preset('ultra', Scheme.ULTRABEE, refines=False),
         Preset('upwind', Scheme.UPWIND, refines=False),
     )
 }

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
@@ -53,9 +54,8 @@ def command(
     maps: Annotated[
         bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
     ] = False,
-    workers: Annotated[
-        int | None, typer.Option(help='loop: runs at a time; default: all cores.', min=1)
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     output: Annotated[
         Path | None,
         typer.Option(help='loop: folder of its runs; one with earlier runs is continued.'),
@@ -75,12 +75,12 @@ def command(
     Example: ./porotwin bench calibration --baseline experiment --cases 20
     """
     modules = {**BENCHES, **LONG}
+    many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, **many},
         'loop': {
-            'scenarios': scenarios, 'seed': seed, 'workers': workers, 'output': output,
-            'photographs': not maps,
+            'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
         },
     }  # fmt: skip
     results: dict[str, Any] = {}

@@ -51,7 +51,7 @@ class Fitter:
         forwards: one forward model per recording.
         point_spread_width: width [cells] of the point spread that simulated maps lack.
         rough_sands: models on rough sands, for effects that destabilise fronts.
-        pool: runs the simulations of a finite difference at the same time; None for one at a time.
+        pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
