@@ -8,6 +8,7 @@ import math
 import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -20,17 +21,19 @@ from rclpy.node import Node
 
 from porotwin_core import conversions
 from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_solver import solver_named
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.corrective_source import corrective_source
+from porotwin_costa.corrective_source import LearntStep, corrective_source
 from porotwin_costa.dataset import load_dataset
 from porotwin_costa.networks import Architecture, architecture
 from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import Outcome
+from porotwin_msgs.msg import Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
 
 MOST_THREADS = 64
@@ -77,6 +80,14 @@ class CostaNode(Node):
                 at_most=MOST_THREADS,
             )
         )
+        self._solver = declare(
+            self,
+            'solver',
+            'porotwin_solver.learnt_coefficients:LearntModels',
+            'class that runs learnt physics, as package.module:Class',
+        )
+        self._physics: LearntStep | None = None
+        self._one_at_a_time = Lock()
         self._model: CorrectiveModel | None = None
         self._path = ''
         self._training = False
@@ -113,8 +124,13 @@ class CostaNode(Node):
         )
 
     def _use(self, model: CorrectiveModel, path: str) -> None:
-        self._model = model.for_physics(self._rig, self._grid, self._preset)
-        self._path = path
+        checked = model.for_physics(self._rig, self._grid, self._preset)
+        physics = None
+        if model.learnt is not None:
+            solver = solver_named(self._solver)(self._rig, self._grid, self._preset or 'fast', ())
+            physics = LearntStep(model.learnt, solver)
+        with self._one_at_a_time:
+            self._model, self._physics, self._path = checked, physics, path
         if model.doubt:
             self.get_logger().warning(model.doubt)
 
@@ -148,7 +164,16 @@ class CostaNode(Node):
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
             self._refuse_impossible(rates, request.time_step)
-            answer = corrective_source(self._model, predicted, rates, request.time_step)
+            previous = _known_map(request.previous)
+            with self._one_at_a_time:
+                answer = corrective_source(
+                    self._model,
+                    predicted,
+                    rates,
+                    request.time_step,
+                    previous,
+                    physics=self._physics,
+                )
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
@@ -269,6 +294,11 @@ class CostaNode(Node):
         if not name and self._model is not None:
             return self._model.architecture
         return architecture(name)
+
+
+def _known_map(message: TracerField) -> FloatArray | None:
+    """Return the map (nz, nx) in a message, or None if it has no values."""
+    return conversions.tracer_from_msg(message)[0] if len(message.concentration) else None
 
 
 def main() -> None:
