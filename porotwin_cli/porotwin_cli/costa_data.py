@@ -7,18 +7,19 @@ import numpy as np
 
 from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames, resampled
 from porotwin_costa.networks import Architecture
+from porotwin_costa.rollout_training import CURRICULUM, Stage
 from porotwin_costa.run_training import Experiments, train_from_runs
 from porotwin_costa.training import TrainingProgress, train
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.effects import parse_effect
 from porotwin_solver.learnt_coefficients import LearntModels
-from porotwin_solver.model import Model
 
 
 def source_name(recording: Recording) -> str:
@@ -65,7 +66,7 @@ def dataset_of(
     Raises:
         InputError: no pair of frames is `time_step` apart.
     """
-    model = Model(rig, grid, preset=preset)
+    model = LearntModels(rig, grid, preset).model(LearntPhysics())
     total = sum(len(frames.times) - 1 for frames in experiments)
     with progress() as bar:
         task = bar.add_task('training pairs', total=total)
@@ -92,6 +93,7 @@ def train_on_runs(
     epochs: int = 0,
     seed: int,
     workers: int = 1,
+    curriculum: Sequence[Stage] = CURRICULUM,
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
@@ -111,6 +113,7 @@ def train_on_runs(
             seed=seed,
             epochs=epochs,
             workers=workers,
+            curriculum=curriculum,
             progress=lambda state: bar.update(
                 task, total=state.epochs, completed=state.epoch, description='training the network'
             ),

@@ -28,13 +28,17 @@ from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import LearntStep, corrective_source
-from porotwin_costa.dataset import load_dataset
+from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
+from porotwin_costa.live_training import LiveTraining, not_used
 from porotwin_costa.networks import Architecture, architecture
 from porotwin_costa.networks.network_registry import ARCHITECTURES
-from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
+from porotwin_costa.training import TrainingCancelledError, TrainingProgress
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
+
+DEFAULT_PRESET = 'fast'
+"""Scheme of the solver that judges a training, where the node was told none."""
 
 MOST_THREADS = 64
 """Threads of the network; more than any laboratory machine has cores."""
@@ -127,7 +131,9 @@ class CostaNode(Node):
         checked = model.for_physics(self._rig, self._grid, self._preset)
         physics = None
         if model.learnt is not None:
-            solver = solver_named(self._solver)(self._rig, self._grid, self._preset or 'fast', ())
+            solver = solver_named(self._solver)(
+                self._rig, self._grid, self._preset or DEFAULT_PRESET, ()
+            )
             physics = LearntStep(model.learnt, solver)
         with self._one_at_a_time:
             self._model, self._physics, self._path = checked, physics, path
@@ -273,20 +279,44 @@ class CostaNode(Node):
                 )
             )
 
-        model = train(
-            dataset,
+        model, is_better = self._live_training().retrained(
+            self._with_offline_pairs(dataset),
+            self._model,
             chosen,
-            chosen.training.with_epochs(goal.epochs),
+            epochs=goal.epochs,
             seed=goal.seed,
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
         model.for_physics(self._rig, self._grid, self._preset)
+        output = Path(goal.output) if is_better else not_used(Path(goal.output))
         if goal.output:
-            model.save(Path(goal.output))
-        self._use(model, goal.output)
-        self.get_logger().info(f'trained in {time.perf_counter() - begun:.1f} s: {self._status()}')
+            model.save(output)
+        if is_better:
+            self._use(model, goal.output)
+        verdict = 'in use' if is_better else 'not better on the newest pairs, the old one stays'
+        seconds = time.perf_counter() - begun
+        self.get_logger().info(f'trained in {seconds:.1f} s, {verdict}: {model.summary}')
         return model
+
+    def _live_training(self) -> LiveTraining:
+        preset = self._preset or DEFAULT_PRESET
+        solver = solver_named(self._solver)(self._rig, self._grid, preset, ())
+        return LiveTraining(self._rig, preset, solver)
+
+    def _with_offline_pairs(self, live: Dataset) -> Dataset:
+        """Return the pairs that the loaded model was trained on, if it has some, and the new ones.
+
+        The new ones come last, so that the newest part is kept to judge.
+        """
+        offline = pairs_beside(Path(self._path)) if self._path else None
+        if offline is None or not offline.is_file():
+            return live
+        try:
+            return join_datasets([load_dataset(offline), live])
+        except InputError as error:
+            self.get_logger().warning(f'{offline}: left out ({error})')
+            return live
 
     def _chosen_architecture(self, name: str) -> Architecture:
         """Return the architecture of the goal, the parameter, the loaded model, or the default."""

@@ -6,6 +6,7 @@ model without any correction. The one in use stays unless the new one is better 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from porotwin_costa.frames import Frames
 from porotwin_costa.free_run_gate import Judge, gated, kept_runs
 from porotwin_costa.networks import Architecture
 from porotwin_costa.training import ProgressFn, train
+
+NOT_USED = '_not_used'
+"""Ending of the name of a file with weights that did not replace those in use."""
 
 JUDGED_PAIRS = 20
 """Fewest pairs that a free run can judge: ten minutes of photographs every 30 s."""
@@ -82,6 +86,11 @@ class LiveTraining:
             residual=step.residual,
             preset=self.preset,
         )
+
+
+def not_used(output: Path) -> Path:
+    """Return the file for weights that did not replace those in `output`."""
+    return output.with_name(f'{output.stem}{NOT_USED}{output.suffix}')
 
 
 def frames_of_pairs(pairs: Dataset, solver: LearntSolver) -> list[Frames]:

@@ -45,7 +45,7 @@ SCANNED_RUNS = 2
 """Runs in which places are tried: those with the largest errors."""
 
 MOST_FITTED = 4
-"""Most runs to which parts are fitted before the last fit: the ones with most frames."""
+"""Most runs to which parts are fitted: the ones with most frames."""
 
 KEPT_SHARE = 0.25
 """Share of a single experiment, its end, that is kept to judge parts."""
@@ -185,7 +185,10 @@ def _fitted(part: PhysicsPart, best: Trial, share: Share, workers: int) -> Trial
     start = np.concatenate([best.learnt.values, part.first])
     values = fit(parts, share.fitted, start, iterations=ITERATIONS, workers=workers)
     learnt = Learnt(parts, values)
-    return Trial(learnt, *share.cost(learnt.physics))
+    try:
+        return Trial(learnt, *share.cost(learnt.physics))
+    except InputError:  # a model that cannot have this part
+        return Trial(learnt, np.inf, np.inf)
 
 
 def _candidates(maker: PartMaker, share: Share, best: Trial, workers: int) -> list[PhysicsPart]:

@@ -33,7 +33,7 @@ class Stage(NamedTuple):
     batch: int = 2
 
 
-CURRICULUM = (Stage(5, 60), Stage(20, 40), Stage(40, 20))
+CURRICULUM = (Stage(5, 40), Stage(20, 20), Stage(40, 10))
 """The roll-outs grow; a few long ones are enough after many short ones."""
 
 LEARNING_RATE = 5e-4

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.learnt_solver import LearntSolver
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
@@ -14,12 +13,9 @@ from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames
 from porotwin_costa.free_run_gate import Judge, gated, kept_runs
 from porotwin_costa.networks import Architecture
-from porotwin_costa.physics_learning import learn_physics
+from porotwin_costa.physics_learning import SolverOn, learn_physics
 from porotwin_costa.rollout_training import CURRICULUM, Stage, train_through_runs
 from porotwin_costa.training import ProgressFn, train
-
-SolverOn = Callable[[Grid], LearntSolver]
-"""Returns a solver on a grid of the rig."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Models with learnt physics, for training COSTA through free runs and for its corrections."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -12,8 +12,10 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
 from porotwin_solver.engine import State
+from porotwin_solver.implicit_model import ImplicitModel
 from porotwin_solver.model import Model
 from porotwin_solver.physics import Leak, Physics, SourceSink, check
+from porotwin_solver.presets import IMPLICIT
 from porotwin_solver.refinement import coarsen_adjoint, refine
 from porotwin_solver.simulation import maps_of
 
@@ -88,13 +90,14 @@ class LearntModels:
         self._rig, self._grid, self._preset = rig, grid, preset
         self._effects = tuple(effects)
 
-    def model(self, learnt: LearntPhysics) -> AdjointModel:
+    def model(self, learnt: LearntPhysics) -> AdjointModel | ImplicitModel:
         """Return the model with the `learnt` physics.
 
         Raises:
             InputError: as `Model`.
         """
-        return AdjointModel(
+        kind = ImplicitModel if self._preset == IMPLICIT else AdjointModel
+        return kind(
             self._rig,
             self._grid,
             preset=self._preset,
@@ -118,5 +121,19 @@ class LearntModels:
         Raises:
             InputError: as `Model`, or the rates do not balance in a closed rig.
         """
-        maps = maps_of(self.model(learnt), schedule, times, initial=initial, start=start)
+        model = self.model(learnt)
+        if isinstance(model, ImplicitModel):
+            maps = _steps(model, schedule, times, initial, start)
+        else:
+            maps = maps_of(model, schedule, times, initial=initial, start=start)
         return np.array(list(maps)).reshape(-1, *self._grid.shape)
+
+
+def _steps(
+    model: ImplicitModel, schedule: Schedule, times: FloatArray, state: FloatArray, start: float
+) -> Iterator[FloatArray]:
+    """Yield the maps at `times` [s]; one implicit step leads to each of them."""
+    for before, time in zip([start, *times], times, strict=False):
+        for low, high, rates in schedule.intervals(float(before), float(time)):
+            state = model.predict(state, rates, high - low)
+        yield state

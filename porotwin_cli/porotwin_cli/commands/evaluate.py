@@ -32,13 +32,13 @@ def command(
     Example: ./porotwin evaluate models/monday run3 --output evaluation
     """
     from porotwin_cli.costa_data import frames_of, open_all, source_name, with_effects
+    from porotwin_core.learnt_physics import LearntPhysics
     from porotwin_core.rig import load_rig
     from porotwin_costa.corrective_model import CorrectiveModel
     from porotwin_costa.corrective_source import LearntStep, corrective_source
     from porotwin_costa.evaluation import evaluate
     from porotwin_costa.evaluation_pictures import write_pictures
     from porotwin_solver.learnt_coefficients import LearntModels
-    from porotwin_solver.model import Model
 
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
@@ -49,8 +49,8 @@ def command(
     for recording in experiments:
         if source_name(recording) in learned.provenance['sources']:
             say(f'{recording.source}: the model learned from it; expect larger errors on others')
-    physics = Model(nominal, learned.grid, preset=preset)
     solver = LearntModels(nominal, learned.grid, preset)
+    physics = solver.model(LearntPhysics())
     step = None if learned.learnt is None else LearntStep(learned.learnt, solver)
     result = evaluate(
         [frames_of(recording, learned.grid) for recording in experiments],

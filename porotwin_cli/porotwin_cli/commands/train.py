@@ -8,6 +8,9 @@ import typer
 
 from porotwin_cli.terminal import Json, print_json, refuse_existing
 
+PAIRS_KEPT = 300
+"""Most pairs that are kept beside a model for training beside the twin; 8 B a cell and pair."""
+
 
 def command(
     recordings: Annotated[list[Path], typer.Argument(help='Experiment folders or MCAP bags.')],
@@ -44,9 +47,10 @@ def command(
     """
     import numpy as np
 
-    from porotwin_cli.costa_data import frames_of, open_all, train_on_runs, with_effects
+    from porotwin_cli.costa_data import dataset_of, frames_of, open_all, train_on_runs, with_effects
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
+    from porotwin_costa.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
     from porotwin_solver.prediction_cost import prediction_cost
 
@@ -71,6 +75,8 @@ def command(
         workers=workers or os.cpu_count() or 1,
     )
     model.save(output)
+    pairs = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
+    newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
     if as_json:
         learnt = None if model.learnt is None else model.learnt.description()
         print_json({'output': output, 'learnt_physics': learnt, **model.provenance})
