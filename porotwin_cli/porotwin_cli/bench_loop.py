@@ -5,15 +5,11 @@ where it stopped. All figures follow from the seed, except the wall-clock times.
 """
 
 import json
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
-
-import cv2
 
 from porotwin_cli import bench_loop_table
 from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
@@ -22,12 +18,17 @@ from porotwin_cli.bench_loop_scenarios import LoopScenario, draw_scenario
 from porotwin_cli.terminal import duration_in_words, progress, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
+from porotwin_core.parallel import crew
 
 SETTINGS = 'settings.json'
 """File in the folder of a bench with everything that its figures follow from."""
 
 SECONDS_PER_RUN = 75.0
 """One run of a scenario on one core, the mean over all kinds of runs [s]."""
+
+
+RUN_BYTES = 8e8
+"""Memory of one run [B]."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ def run(
     scenarios: int = 20,
     seed: int = 1,
     workers: int | None = None,
+    scheduler: str = '',
     output: Path | None = None,
     photographs: bool = True,
     settings: LoopSettings | None = None,
@@ -75,7 +77,8 @@ def run(
     Args:
         scenarios: number of scenarios.
         seed: of the scenarios.
-        workers: runs at a time; None: the number of cores.
+        workers: runs at a time; None: one per core, as far as the memory holds.
+        scheduler: address of a Dask scheduler that does the runs instead of this machine.
         output: folder of the runs; one with runs of the same settings is continued.
         photographs: whether the twin sees photographs, or maps with noise.
         settings: how exactly the bench looks; None: the defaults.
@@ -84,16 +87,17 @@ def run(
 
     Raises:
         InputError: the folder holds another bench, or a camera could not be calibrated.
+        SchedulerLost: the scheduler went away; the same call goes on.
     """
     settings = settings or LoopSettings(photographs=photographs)
     chosen = list(drawn) or [draw_scenario(number, seed) for number in range(scenarios)]
-    folder = _folder(output, {'seed': seed, **asdict(settings)})
+    folder = _folder(output and output.resolve(), {'seed': seed, **asdict(settings)})
     jobs = [
         LoopJob(scenario, name, settings, folder / f'{scenario.name}_{name}.json')
         for scenario in chosen
         for name in runs
     ]
-    _work([job for job in jobs if not job.file.exists()], workers or os.cpu_count() or 1)
+    _work([job for job in jobs if not job.file.exists()], workers, scheduler)
     figures = {
         scenario.name: {
             job.run: LoopFigures(**json.loads(job.file.read_text(encoding='utf-8')))
@@ -123,29 +127,20 @@ def _folder(output: Path | None, content: dict[str, Any]) -> Path:
     return folder
 
 
-def _work(jobs: Sequence[LoopJob], workers: int) -> None:
-    """Do all jobs in `workers` processes; the long ones are begun first."""
+def _work(jobs: Sequence[LoopJob], workers: int | None, scheduler: str) -> None:
+    """Do all jobs, each in a process of its own; the long ones are begun first."""
     if not jobs:
         return
-    say(
-        f'{len(jobs)} runs in {workers} processes, about '
-        f'{duration_in_words(SECONDS_PER_RUN * len(jobs) / workers)}; '
-        f'files in {jobs[0].file.parent}'
-    )
-    pool = ProcessPoolExecutor(workers, mp_context=get_context('spawn'), initializer=_one_thread)
-    with progress() as bar:
+    pool = crew(workers=workers, scheduler=scheduler, task_bytes=RUN_BYTES, tell=say)
+    with pool, progress() as bar:
+        folder = jobs[0].file.parent
+        pool.needs_folder(folder)
+        left = SECONDS_PER_RUN * len(jobs) / pool.workers
+        say(f'{len(jobs)} runs, about {duration_in_words(left)}; files in {folder}')
         task = bar.add_task('runs', total=len(jobs))
-        try:
-            for done in as_completed([pool.submit(job.work) for job in jobs]):
-                done.result()
-                bar.advance(task)
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _one_thread() -> None:
-    """Keep a process to its core: the processes share the machine."""
-    cv2.setNumThreads(1)
+        for done in as_completed([pool.submit(job.work) for job in jobs]):
+            done.result()
+            bar.advance(task)
 
 
 show = bench_loop_table.show

@@ -19,7 +19,8 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import conversions
+from porotwin_core import conversions, qos
+from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_solver import solver_named
@@ -27,6 +28,7 @@ from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, 
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
+<<<<<<< HEAD
 from porotwin_costa.corrective_source import LearntStep, corrective_source
 from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
 from porotwin_costa.live_training import LiveTraining, not_used
@@ -35,6 +37,16 @@ from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.training import TrainingCancelledError, TrainingProgress
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import Outcome, TracerField
+=======
+from porotwin_costa.corrective_source import WITHHELD, corrective_source
+from porotwin_costa.dataset import load_dataset
+from porotwin_costa.networks import Architecture, architecture
+from porotwin_costa.networks.network_registry import ARCHITECTURES
+from porotwin_costa.physics_id import PhysicsId
+from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
+from porotwin_msgs.action import Train
+from porotwin_msgs.msg import ModelEffects, Outcome
+>>>>>>> main
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
 
 DEFAULT_PRESET = 'fast'
@@ -63,7 +75,7 @@ class CostaNode(Node):
         super().__init__('costa', **kwargs)
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
-        self._rig = rig
+        self._rig = self._present_rig = rig
         self._preset = declare(
             self, 'preset', '', 'numerical scheme of the solver; empty: not checked'
         )
@@ -100,8 +112,9 @@ class CostaNode(Node):
             self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
         )
         if trained and Path(trained).is_file():
-            model = trained
-        if model:
+            # it may correct the model with effects that are not told yet
+            self._keep(CorrectiveModel.load(Path(trained)), trained)
+        elif model:
             self._use(CorrectiveModel.load(Path(model)), model)
         self._diagnostics = Diagnostics(self)
         self._offer()
@@ -117,6 +130,7 @@ class CostaNode(Node):
             (SaveModel, 'save', self._save),
         ):
             self.create_service(service, f'costa/{name}', answer, callback_group=group)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self._action = ActionServer(
             self,
             Train,
@@ -127,7 +141,28 @@ class CostaNode(Node):
             callback_group=group,
         )
 
+    def _on_effects(self, message: ModelEffects) -> None:
+        """Follow the effects of the solver; a model that corrects other physics is withheld."""
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        self._present_rig = self._rig.with_effects(effects)
+        if objection := self._objection():
+            self.get_logger().warning(f'no corrections: {objection}')
+
+    def _objection(self) -> str:
+        """Return why the model does not correct the physics in force, or an empty string."""
+        if self._model is None:
+            return ''
+        present = PhysicsId.of(self._present_rig, self._preset)
+        if not self._model.physics.difference(present):
+            return ''
+        return 'the effects of the solver have changed; COSTA must learn the remainder first'
+
     def _use(self, model: CorrectiveModel, path: str) -> None:
+<<<<<<< HEAD
         checked = model.for_physics(self._rig, self._grid, self._preset)
         physics = None
         if model.learnt is not None:
@@ -137,6 +172,23 @@ class CostaNode(Node):
             physics = LearntStep(model.learnt, solver)
         with self._one_at_a_time:
             self._model, self._physics, self._path = checked, physics, path
+=======
+        """Use a model that corrects the physics in force.
+
+        Raises:
+            InputError: it corrects another one.
+        """
+        self._keep(model.for_physics(self._present_rig, self._grid, self._preset), path)
+
+    def _keep(self, model: CorrectiveModel, path: str) -> None:
+        """Keep a model; it is withheld while other physics are in force.
+
+        Raises:
+            InputError: it is on another grid, or for other wells.
+        """
+        self._model = model.for_wells(tuple(self._rig.wells), self._grid)
+        self._path = path
+>>>>>>> main
         if model.doubt:
             self.get_logger().warning(model.doubt)
 
@@ -170,6 +222,7 @@ class CostaNode(Node):
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
             self._refuse_impossible(rates, request.time_step)
+<<<<<<< HEAD
             previous = _known_map(request.previous)
             with self._one_at_a_time:
                 answer = corrective_source(
@@ -180,6 +233,13 @@ class CostaNode(Node):
                     previous,
                     physics=self._physics,
                 )
+=======
+            answer = (
+                Correction(None, f'{WITHHELD}{reason}')
+                if (reason := self._objection())
+                else (corrective_source(self._model, predicted, rates, request.time_step))
+            )
+>>>>>>> main
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
@@ -288,8 +348,12 @@ class CostaNode(Node):
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
+<<<<<<< HEAD
         model.for_physics(self._rig, self._grid, self._preset)
         output = Path(goal.output) if is_better else not_used(Path(goal.output))
+=======
+        model.for_physics(self._present_rig, self._grid, self._preset)
+>>>>>>> main
         if goal.output:
             model.save(output)
         if is_better:

@@ -13,6 +13,7 @@ __all__ = [
     'GraphSettings',
     'NodeDescription',
     'Parameter',
+    'Parameters',
     'camera_node',
     'description_of',
     'live_graph',
@@ -57,6 +58,7 @@ class GraphSettings:
     training: Path | None = _option(None, 'folder for training pairs and weights of retraining')
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
+    mend: str = _option('off', 'offer what a diagnosis of the running twin found: ask or off')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
     page_token: Path | None = _option(
         None, 'file with the token of confirmations on the page, made if missing; none: a new token'
@@ -93,6 +95,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
+        *_mend_node(settings, modelled),
         *page_node(settings),
     ]
 
@@ -172,6 +175,13 @@ def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeD
         return []
     parameters = {**modelled, 'output': str(settings.diagnoses)}
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
+
+
+def _mend_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
+    """Return the node that lets the twin get better; it needs the diagnosis."""
+    if settings.diagnoses is None or settings.mend != 'ask':
+        return []
+    return [NodeDescription('mend', 'porotwin_diagnosis', 'mend_node', modelled)]
 
 
 def page_node(settings: GraphSettings) -> list[NodeDescription]:
@@ -269,6 +279,7 @@ def parameter_template() -> str:
         training=somewhere,
         record=somewhere,
         diagnoses=somewhere,
+        mend='ask',
         siblings=True,
         page='HOST:PORT',
         pumps=somewhere,

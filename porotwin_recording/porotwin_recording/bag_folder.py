@@ -73,7 +73,7 @@ def bag_folder(path: Path) -> BagFolder:
             raise InputError(f'{path}: not a bag; it has neither {METADATA} nor an .mcap file')
         return BagFolder(found)
     try:
-        information = _information(path / METADATA)
+        information = metadata_of(path / METADATA)
     except InputError as error:
         if not found:
             raise
@@ -149,7 +149,7 @@ def _count_in(information: dict[str, Any], file: Path) -> str:
     return '; its messages are missing'
 
 
-def _information(path: Path) -> dict[str, Any]:
+def metadata_of(path: Path) -> dict[str, Any]:
     """Return the description of a bag in the metadata at `path`.
 
     Raises:

@@ -3,6 +3,7 @@
 preset    scheme       refines  purpose
 fast      superbee     no       the live loop and the optimiser
 accurate  third order  yes      simulation and diagnosis
+sharp     superbee     yes      simulation of sharp fronts
 upwind    upwind       no       the diffusive model of the paper (sec. 2.2)
 implicit  upwind       no       the same with one implicit step an interval: sigma acts within it
 """
@@ -49,6 +50,7 @@ PRESETS: dict[str, Preset] = {
     for preset in (
         Preset('fast', Scheme.SUPERBEE, refines=False),
         Preset('accurate', Scheme.THIRD_ORDER, refines=True),
+        Preset('sharp', Scheme.SUPERBEE, refines=True),
         Preset('upwind', Scheme.UPWIND, refines=False),
         Preset(IMPLICIT, Scheme.UPWIND, refines=False),
     )

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
@@ -22,6 +23,7 @@ LONG = {
     'loop': 'porotwin_cli.bench_loop',
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
+    'scaling': 'porotwin_cli.bench_scaling',
 }
 """Parts that take long or need data: measured only by name. `loop` has a table of its own."""
 
@@ -31,7 +33,8 @@ def command(
         list[str] | None,
         typer.Argument(
             help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop and faults, which '
-            'take an hour or more, and calibration, which needs --baseline. Default: all but these.'
+            'take an hour or more, calibration, which needs --baseline, and scaling. '
+            'Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -53,9 +56,8 @@ def command(
     maps: Annotated[
         bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
     ] = False,
-    workers: Annotated[
-        int | None, typer.Option(help='loop: runs at a time; default: all cores.', min=1)
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     output: Annotated[
         Path | None,
         typer.Option(help='loop: folder of its runs; one with earlier runs is continued.'),
@@ -73,14 +75,16 @@ def command(
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
 
     Example: ./porotwin bench calibration --baseline experiment --cases 20
+
+    Example: ./porotwin bench scaling
     """
     modules = {**BENCHES, **LONG}
+    many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, **many},
         'loop': {
-            'scenarios': scenarios, 'seed': seed, 'workers': workers, 'output': output,
-            'photographs': not maps,
+            'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
         },
     }  # fmt: skip
     results: dict[str, Any] = {}

@@ -6,7 +6,7 @@ residuals: fronts that lie cells apart have no gradient at the resolution of the
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -51,13 +51,13 @@ class Fitter:
         forwards: one forward model per recording.
         point_spread_width: width [cells] of the point spread that simulated maps lack.
         rough_sands: models on rough sands, for effects that destabilise fronts.
-        pool: runs the simulations of a finite difference at the same time; None for one at a time.
+        pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
     point_spread_width: float = field(default=0.0, kw_only=True)
     rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
-    pool: ThreadPoolExecutor | None = field(default=None, kw_only=True)
+    pool: Executor | None = field(default=None, kw_only=True)
 
     @property
     def samples(self) -> list[Sample]:
