@@ -127,8 +127,7 @@ def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:
     Raises:
         InputError: an unknown effect or parameter.
     """
-    added = tuple(parse_effect(text) for text in effects)
-    return rig.model_copy(update={'effects': (*rig.effects, *added)})
+    return rig.with_effects([parse_effect(text) for text in effects])
 
 
 def train_with_progress(

@@ -23,30 +23,20 @@ from porotwin_core import conversions, qos
 from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
-from porotwin_core.learnt_solver import solver_named
+from porotwin_core.learnt_solver import LearntSolver, solver_named
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
-<<<<<<< HEAD
-from porotwin_costa.corrective_source import LearntStep, corrective_source
+from porotwin_costa.corrective_source import WITHHELD, LearntStep, corrective_source
 from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
 from porotwin_costa.live_training import LiveTraining, not_used
 from porotwin_costa.networks import Architecture, architecture
 from porotwin_costa.networks.network_registry import ARCHITECTURES
+from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.training import TrainingCancelledError, TrainingProgress
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import Outcome, TracerField
-=======
-from porotwin_costa.corrective_source import WITHHELD, corrective_source
-from porotwin_costa.dataset import load_dataset
-from porotwin_costa.networks import Architecture, architecture
-from porotwin_costa.networks.network_registry import ARCHITECTURES
-from porotwin_costa.physics_id import PhysicsId
-from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
-from porotwin_msgs.action import Train
-from porotwin_msgs.msg import ModelEffects, Outcome
->>>>>>> main
+from porotwin_msgs.msg import ModelEffects, Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
 
 DEFAULT_PRESET = 'fast'
@@ -151,6 +141,8 @@ class CostaNode(Node):
         self._present_rig = self._rig.with_effects(effects)
         if objection := self._objection():
             self.get_logger().warning(f'no corrections: {objection}')
+        elif self._model is not None:
+            self._keep(self._model, self._path)
 
     def _objection(self) -> str:
         """Return why the model does not correct the physics in force, or an empty string."""
@@ -162,17 +154,6 @@ class CostaNode(Node):
         return 'the effects of the solver have changed; COSTA must learn the remainder first'
 
     def _use(self, model: CorrectiveModel, path: str) -> None:
-<<<<<<< HEAD
-        checked = model.for_physics(self._rig, self._grid, self._preset)
-        physics = None
-        if model.learnt is not None:
-            solver = solver_named(self._solver)(
-                self._rig, self._grid, self._preset or DEFAULT_PRESET, ()
-            )
-            physics = LearntStep(model.learnt, solver)
-        with self._one_at_a_time:
-            self._model, self._physics, self._path = checked, physics, path
-=======
         """Use a model that corrects the physics in force.
 
         Raises:
@@ -186,9 +167,10 @@ class CostaNode(Node):
         Raises:
             InputError: it is on another grid, or for other wells.
         """
-        self._model = model.for_wells(tuple(self._rig.wells), self._grid)
-        self._path = path
->>>>>>> main
+        checked = model.for_wells(tuple(self._rig.wells), self._grid)
+        physics = None if model.learnt is None else LearntStep(model.learnt, self._make_solver())
+        with self._one_at_a_time:
+            self._model, self._physics, self._path = checked, physics, path
         if model.doubt:
             self.get_logger().warning(model.doubt)
 
@@ -222,24 +204,7 @@ class CostaNode(Node):
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
             self._refuse_impossible(rates, request.time_step)
-<<<<<<< HEAD
-            previous = _known_map(request.previous)
-            with self._one_at_a_time:
-                answer = corrective_source(
-                    self._model,
-                    predicted,
-                    rates,
-                    request.time_step,
-                    previous,
-                    physics=self._physics,
-                )
-=======
-            answer = (
-                Correction(None, f'{WITHHELD}{reason}')
-                if (reason := self._objection())
-                else (corrective_source(self._model, predicted, rates, request.time_step))
-            )
->>>>>>> main
+            answer = self._answer(predicted, rates, request.time_step, _known_map(request.previous))
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
@@ -251,6 +216,25 @@ class CostaNode(Node):
         response.active = answer.applied
         response.status = answer.status
         return response
+
+    def _answer(
+        self,
+        predicted: FloatArray,
+        rates: WellRates,
+        time_step: float,
+        previous: FloatArray | None,
+    ) -> Correction:
+        """Return sigma, or why there is none; the learnt physics serves one request at a time."""
+        if reason := self._objection():
+            return Correction(None, f'{WITHHELD}{reason}')
+        with self._one_at_a_time:
+            return corrective_source(
+                self._model, predicted, rates, time_step, previous, physics=self._physics
+            )
+
+    def _make_solver(self) -> LearntSolver:
+        preset = self._preset or DEFAULT_PRESET
+        return solver_named(self._solver)(self._present_rig, self._grid, preset, ())
 
     def _refuse_impossible(self, rates: WellRates, time_step: float) -> None:
         if not (math.isfinite(time_step) and time_step > 0.0):
@@ -341,19 +325,15 @@ class CostaNode(Node):
 
         model, is_better = self._live_training().retrained(
             self._with_offline_pairs(dataset),
-            self._model,
+            None if self._objection() else self._model,
             chosen,
             epochs=goal.epochs,
             seed=goal.seed,
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
-<<<<<<< HEAD
-        model.for_physics(self._rig, self._grid, self._preset)
-        output = Path(goal.output) if is_better else not_used(Path(goal.output))
-=======
         model.for_physics(self._present_rig, self._grid, self._preset)
->>>>>>> main
+        output = Path(goal.output) if is_better else not_used(Path(goal.output))
         if goal.output:
             model.save(output)
         if is_better:
@@ -364,9 +344,7 @@ class CostaNode(Node):
         return model
 
     def _live_training(self) -> LiveTraining:
-        preset = self._preset or DEFAULT_PRESET
-        solver = solver_named(self._solver)(self._rig, self._grid, preset, ())
-        return LiveTraining(self._rig, preset, solver)
+        return LiveTraining(self._present_rig, self._preset or DEFAULT_PRESET, self._make_solver())
 
     def _with_offline_pairs(self, live: Dataset) -> Dataset:
         """Return the pairs that the loaded model was trained on, if it has some, and the new ones.
