@@ -32,6 +32,12 @@ _ORB_FEATURES, _ORB_FAST_THRESHOLD = 4000, 10
 _ORB_TOLERANCE_PX, _ORB_ITERATIONS = 4.0, 5000
 _FEWEST_MATCHES = 20
 """ORB matches below which the start value is unreliable."""
+_TURNS = {
+    'turned by 180 degrees': (slice(None, None, -1), slice(None, None, -1)),
+    'mirrored': (slice(None), slice(None, None, -1)),
+    'mirrored upside down': (slice(None, None, -1), slice(None)),
+}
+"""Ways in which software turns photographs, and the order of rows and columns that undoes them."""
 _MIDDLE_GREY, _GREY_PER_SPREAD = 128, 40
 """Normalised brightness in grey levels: three spreads on either side fit into 8 bits."""
 
@@ -108,17 +114,40 @@ def align(
         InputError: the photograph does not show the scene of the baseline.
     """
     picture = _normalised(_reduced(pixels, reference.reduction), settings)
-    found = _tracked(picture, reference, reference.points, settings)
+    found = _found(picture, reference, settings)
     if found is None:
-        start = _matched(picture, reference)
-        if start is not None:
-            found = _tracked(picture, reference, _moved(reference.points, start), settings)
-    if found is None:
+        _refuse_turned(picture, reference, settings)
         raise InputError(
             'photograph does not match the baseline: another rig, or the camera has moved too '
             'far; take a new baseline'
         )
     return _in_decoded_pixels(found, reference.reduction)
+
+
+def _refuse_turned(
+    picture: GreyImage, reference: ReferenceFeatures, settings: AlignmentSettings
+) -> None:
+    """Raise InputError if the picture shows the scene of the baseline turned or mirrored."""
+    for words, order in _TURNS.items():
+        back = np.ascontiguousarray(picture[order])
+        if _found(back, reference, settings) is not None:
+            raise InputError(
+                f'photograph is {words} against the baseline; turn it back, or take a baseline '
+                'with the same setting of the camera'
+            )
+
+
+def _found(
+    picture: GreyImage, reference: ReferenceFeatures, settings: AlignmentSettings
+) -> Alignment | None:
+    """Return the alignment of a normalised picture, None if it does not show the scene."""
+    found = _tracked(picture, reference, reference.points, settings)
+    if found is not None:
+        return found
+    start = _matched(picture, reference)
+    if start is None:
+        return None
+    return _tracked(picture, reference, _moved(reference.points, start), settings)
 
 
 def alignment_remarks(
