@@ -32,7 +32,7 @@ _ORB_FEATURES, _ORB_FAST_THRESHOLD = 4000, 10
 _ORB_TOLERANCE_PX, _ORB_ITERATIONS = 4.0, 5000
 _FEWEST_MATCHES = 20
 """ORB matches below which the start value is unreliable."""
-_TURNS = {
+TURNS = {
     'turned by 180 degrees': (slice(None, None, -1), slice(None, None, -1)),
     'mirrored': (slice(None), slice(None, None, -1)),
     'mirrored upside down': (slice(None, None, -1), slice(None)),
@@ -114,9 +114,14 @@ def align(
         InputError: the photograph does not show the scene of the baseline.
     """
     picture = _normalised(_reduced(pixels, reference.reduction), settings)
-    found = _found(picture, reference, settings)
+    found = _tracked(picture, reference, reference.points, settings)
+    start = None
     if found is None:
-        _refuse_turned(picture, reference, settings)
+        start = _matched(picture, reference)
+        if start is not None:
+            found = _tracked(picture, reference, _moved(reference.points, start), settings)
+    if found is None:
+        _refuse_turned(picture, start, reference, settings)
         raise InputError(
             'photograph does not match the baseline: another rig, or the camera has moved too '
             'far; take a new baseline'
@@ -125,29 +130,38 @@ def align(
 
 
 def _refuse_turned(
-    picture: GreyImage, reference: ReferenceFeatures, settings: AlignmentSettings
+    picture: GreyImage,
+    start: Array | None,
+    reference: ReferenceFeatures,
+    settings: AlignmentSettings,
 ) -> None:
-    """Raise InputError if the picture shows the scene of the baseline turned or mirrored."""
-    for words, order in _TURNS.items():
-        back = np.ascontiguousarray(picture[order])
-        if _found(back, reference, settings) is not None:
+    """Raise InputError if the picture shows the scene of the baseline turned or mirrored.
+
+    `start` is the rough homography of the picture. Its features match in any direction, but not in
+    a mirror.
+    """
+    mirrored = np.ascontiguousarray(picture[TURNS['mirrored']])
+    mirrored_start = None if start is not None else _matched(mirrored, reference)
+    likely = {
+        'turned by 180 degrees': _is_upside_down(start),
+        'mirrored': mirrored_start is not None,
+        'mirrored upside down': _is_upside_down(mirrored_start),
+    }
+    for words in (words for words in TURNS if likely[words]):
+        back = np.ascontiguousarray(picture[TURNS[words]])
+        near = _matched(back, reference)
+        if near is None:
+            continue
+        if _tracked(back, reference, _moved(reference.points, near), settings) is not None:
             raise InputError(
                 f'photograph is {words} against the baseline; turn it back, or take a baseline '
                 'with the same setting of the camera'
             )
 
 
-def _found(
-    picture: GreyImage, reference: ReferenceFeatures, settings: AlignmentSettings
-) -> Alignment | None:
-    """Return the alignment of a normalised picture, None if it does not show the scene."""
-    found = _tracked(picture, reference, reference.points, settings)
-    if found is not None:
-        return found
-    start = _matched(picture, reference)
-    if start is None:
-        return None
-    return _tracked(picture, reference, _moved(reference.points, start), settings)
+def _is_upside_down(homography: Array | None) -> bool:
+    """Return whether a homography turns a picture by more than 90 degrees."""
+    return homography is not None and homography[0, 0] < 0.0 and homography[1, 1] < 0.0
 
 
 def alignment_remarks(

@@ -58,6 +58,8 @@ OTHER_FORMATS = {
 _TIFF_SIZE_TAGS = (256, 257)
 _SUBFILE_TAG, _PREVIEW, _DNG_VERSION_TAG = 254, 1, 50706
 """Raw files of cameras are TIFFs that begin with a preview."""
+_BITS, _BITS_TAG, _PNG_DEPTH = 8, 258, 24
+"""Usual bits of a level, and where a TIFF and a PNG tell theirs."""
 _TRAILING_BYTES = 64
 """Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
 MOST_PIXELS = 175_000_000
@@ -241,6 +243,11 @@ def photo_size(data: bytes) -> tuple[int, int]:
     for name, start in OTHER_FORMATS.items():
         if start.match(data[:32]):
             raise InputError(f'photograph is {name}; set the camera to JPEG, or convert it to TIFF')
+    if found is None and data.startswith(TIFF_STARTS):
+        raise InputError(
+            'photograph is a TIFF that cannot be read: damaged, with float levels, or the raw file '
+            'of a camera; save it with 8 or 16 bits, or set the camera to JPEG'
+        )
     if found is None or min(found) < 1:
         raise InputError(
             f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again, '
@@ -271,18 +278,37 @@ def decode(
     pixels = _pixels(data, reduction)
     if pixels is None:
         raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
-    _refuse_without_picture(pixels, settings)
+    _refuse_without_picture(pixels, settings, deep=_bits(data) > _BITS)
     return DecodedPhoto(pixels, width, height, reduction)
 
 
-def _refuse_without_picture(pixels: NDArray[np.uint8], settings: DecodingSettings) -> None:
-    """Raise InputError if the photograph as a whole is black or over-exposed."""
+def _bits(data: bytes) -> int:
+    """Return the bits of a level in the file `data`: 8, or 16 for PNG and TIFF of that depth."""
+    if data.startswith(PNG_START) and len(data) > _PNG_DEPTH:
+        return data[_PNG_DEPTH]
+    if data.startswith(TIFF_STARTS):
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            return int(image.tag_v2.get(_BITS_TAG, (_BITS,))[0])  # type: ignore[attr-defined]
+    return _BITS
+
+
+def _refuse_without_picture(
+    pixels: NDArray[np.uint8], settings: DecodingSettings, *, deep: bool
+) -> None:
+    """Raise InputError if the photograph as a whole is black or over-exposed.
+
+    `deep` tells that the file has more than 8 bits, which may not be used in full.
+    """
     green = pixels[::_CHECKED_EVERY, ::_CHECKED_EVERY, 1]
     brightest = float(np.percentile(green, 99.5))
     if brightest < settings.dark_level:
         raise InputError(
             f'photograph is black: 99.5 % of it below grey level {brightest:.0f} of 255; '
             'check lamp, lens cap and exposure'
+            + (', and that the levels of the file use all of its 16 bits' if deep else '')
         )
     bright = float(np.mean(green >= settings.bright_level))
     if bright > settings.most_bright:

@@ -105,7 +105,7 @@ def test_a_header_with_an_impossible_size_is_refused() -> None:
             entry = struct.pack('<HHII', tag, kind, 1, size)
             data = data.replace(entry, struct.pack('<HHII', tag, 4, 1, 1 << 22))
     assert not photo_file.is_complete(data)
-    with pytest.raises(InputError, match='not a JPEG'):
+    with pytest.raises(InputError, match='TIFF that cannot be read'):
         photo_file.decode(data)
 
 
@@ -147,7 +147,7 @@ def test_a_header_that_claims_any_size_is_refused_before_decoding(kind: str, siz
         for tag in (256, 257):
             at = next(i for i in range(len(data)) if data[i : i + 2] == struct.pack('<H', tag))
             data[at : at + 12] = struct.pack('<HHII', tag, 4, 1, side)
-    with pytest.raises(InputError, match=r'more than any camera has|not a JPEG, PNG or TIFF'):
+    with pytest.raises(InputError, match=r'more than any camera|cannot be read|not a JPEG'):
         photo_file.decode(bytes(data))
     photo_file.is_complete(bytes(data))
 
@@ -187,8 +187,7 @@ def test_the_colour_profile_is_read() -> None:
     plain, adobe, srgb = io.BytesIO(), io.BytesIO(), io.BytesIO()
     picture.save(plain, 'JPEG')
     tags = Image.Exif()
-    tags.get_ifd(0xA005)[1] = 'R03'
-    tags[0xA005] = tags.get_ifd(0xA005)
+    tags.get_ifd(0x8769)[0xA005] = {1: 'R03'}
     picture.save(adobe, 'JPEG', exif=tags)
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile('sRGB')).tobytes()
     picture.save(srgb, 'JPEG', icc_profile=profile)
