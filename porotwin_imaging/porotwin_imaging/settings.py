@@ -27,8 +27,8 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 512
-    """Side of a tile [cells]: its overlap costs a fifth, its arrays stay near a core's cache."""
+    tile_cells: int = 256
+    """Side of a tile [cells]: its overlap costs a third, its arrays nearly fit a core's cache."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -346,6 +346,10 @@ class SandSettings:
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
+    lamp_jump: float = 0.05
+    """Jump of a colour channel at an interface below which it is no edge of a sand [log]."""
+    lamp_texture: float = 0.25
+    """Difference of texture across an interface below which it is no edge of a sand [log]."""
     least_signal: float = 0.3
     """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
     tracer at an interface has often not entered the finer sand."""
