@@ -6,6 +6,7 @@ names, finite numbers.
 """
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
+from porotwin_core.rig import EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h, to_ml_min
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_core.zone_shapes import PictureZone
@@ -170,6 +171,22 @@ def _effect_from_msg(message: Any) -> dict[str, Any]:
     named = _named(message.parameter_names, f"effect '{message.name}'", *columns)
     parameters = {name: text or value for name, value, text in named}
     return {'name': message.name, 'parameters': parameters}
+
+
+def effects_from_msg(messages: Iterable[Any]) -> tuple[EffectDescription, ...]:
+    """Return effects; names and parameters are judged by those who let them act.
+
+    Raises:
+        InputError: a parameter has no value, or a number is not finite.
+    """
+    found = [_effect_from_msg(message) for message in messages]
+    for values in found:
+        for name, value in values['parameters'].items():
+            if not isinstance(value, str) and not math.isfinite(value):
+                raise InputError(
+                    f"effect '{values['name']}': {name} = {value}; send a finite number, or a text"
+                )
+    return tuple(EffectDescription(**values) for values in found)
 
 
 def _pairs(values: Iterable[float], what: str) -> tuple[tuple[float, float], ...]:

@@ -104,6 +104,11 @@ class Twin:
         if self._learner is not None:
             self._learner.begin_anew()
 
+    def forget_rate_factors(self) -> None:
+        """Learn the rate factors anew: those learnt with another model may stand for its error."""
+        if self._learner is not None:
+            self._learner.begin_anew()
+
     @property
     def controls(self) -> bool:
         """Whether setpoints are chosen."""

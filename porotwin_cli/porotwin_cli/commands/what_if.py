@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 from porotwin_core.coarse_grid import COARSE_CELLS
 from porotwin_core.errors import InputError
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 TABLE_ROWS = 6
 """Times in the table."""
+
+SIBLING_BYTES = 1e8
+"""Memory of one sibling while it runs [B]."""
 
 
 def command(
@@ -40,9 +44,8 @@ def command(
     cells: Annotated[
         int, typer.Option(help='Cells of the grid of the siblings.', min=100, max=1_000_000)
     ] = COARSE_CELLS,
-    workers: Annotated[
-        int | None, typer.Option(help='Siblings at a time. Default: all cores.', min=1)
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     output: Annotated[Path, typer.Option(help='Folder for the picture.')] = Path('what-if'),
     as_json: Json = False,
 ) -> None:
@@ -56,12 +59,10 @@ def command(
 
     Example: ./porotwin what-if sample --at 3min --rates control1=300 --rates 10min:control1=0
     """
-    import os
-    from concurrent.futures import ThreadPoolExecutor
-
     from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
+    from porotwin_core.parallel import crew
     from porotwin_recording.recording import open_recording
 
     if recording.suffix == '.nc':
@@ -78,14 +79,17 @@ def command(
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
     ahead = seconds_of(horizon) if horizon else None
-    with ThreadPoolExecutor(workers or os.cpu_count()) as executor, progress() as bar:
+    pool = crew(
+        workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
+    )
+    with pool, progress() as bar:
         task = bar.add_task('learning from the maps', total=None)
         found = study_what_if(
             opened,
             start,
             steps,
             cells=cells,
-            executor=executor,
+            executor=pool,
             horizon=ahead,
             siblings=siblings,
             learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
