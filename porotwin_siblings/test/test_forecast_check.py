@@ -32,7 +32,8 @@ def test_what_was_learnt_of_a_small_plume_holds_for_a_large_one() -> None:
     for _ in range(30):
         check.compare(4e-4, 5e-4)
     added = check.widened(np.full((3, 1), 400e-4), SOON)
-    assert added[2, 0] - 400e-4 == pytest.approx(1.645 * 10.0 * 0.9e-4, rel=0.1)
+    assert check.error == pytest.approx(1e-4 / np.sqrt(5e-4), rel=0.15)
+    assert added[2, 0] - 400e-4 == pytest.approx(1.645 * np.sqrt(400e-4) * check.error)
 
 
 def test_an_empty_zone_and_no_zone_tell_nothing() -> None:
