@@ -82,7 +82,7 @@ def command(
     many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, **many},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
         'loop': {
             'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
         },
