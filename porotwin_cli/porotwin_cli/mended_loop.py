@@ -105,7 +105,7 @@ def mended_figures(
     truth = TrueTracer(maps.times, maps.grid, maps)
     say('the same experiment with a twin that knew, and with one that never finds out ...')
     beside = runs_beside(rig, hidden, truth, preset)
-    forecasts = _forecast_errors(rig, truth, mending, hidden, preset)
+    forecasts = forecast_errors(rig, truth, mending, hidden, preset)
     figures = {
         'hidden_effect': as_text(hidden),
         'found': [as_text(effect) for effect in mending.last],
@@ -135,7 +135,9 @@ def runs_beside(
     They see maps with the noise of an image analysis instead of photographs, which is quicker. A
     twin cannot know an effect that the solver lacks.
     """
-    scenario = scenario_of(rig, (hidden,), float(truth.times[-1]), _interval(truth))
+    scenario = scenario_of(
+        rig, (hidden,), float(truth.times[0]), float(truth.times[-1]), _interval(truth)
+    )
     settings = LoopSettings(photographs=False, preset=preset)
     known = {'never told': scenario.rig}
     if hidden.name in EFFECTS:
@@ -158,8 +160,10 @@ def run_beside(scenario: LoopScenario, settings: LoopSettings, described: Rig) -
     )
 
 
-def scenario_of(rig: Rig, effects: Effects, end: float, interval: float) -> LoopScenario:
-    """Return the experiment of the demo with hidden `effects`, until `end` [s]."""
+def scenario_of(
+    rig: Rig, effects: Effects, start: float, end: float, interval: float
+) -> LoopScenario:
+    """Return the experiment of the demo with hidden `effects`, under control from `start` [s]."""
     return LoopScenario(
         name='demo',
         rig=rig,
@@ -167,7 +171,7 @@ def scenario_of(rig: Rig, effects: Effects, end: float, interval: float) -> Loop
         faults=(PumpFault('producer', PRODUCER_DELIVERY),),
         meters=True,
         operator=Operator(),
-        start=0.0,
+        start=start,
         end=end,
         photo_interval=interval,
         seed=7,
@@ -194,7 +198,7 @@ def models(
     }
 
 
-def _forecast_errors(
+def forecast_errors(
     rig: Rig, truth: TrueTracer, mending: Mending, hidden: EffectDescription, preset: str
 ) -> dict[str, float]:
     """Return the errors of forecasts over `FORECAST_S` from true maps after the verdict, medians.
@@ -246,7 +250,8 @@ def _picture(
         truth.times / MINUTE_S, truth.disallowed(rig) * ML, color='#12502f', label='mended'
     )
     for (name, run), colour in zip(beside.items(), ('#b03a2e', '#2e6db0'), strict=False):
-        times = np.linspace(0.0, truth.times[-1], len(run.course_ml)) / MINUTE_S
+        first, last = truth.times[0], truth.times[-1]
+        times = np.linspace(first, last, len(run.course_ml)) / MINUTE_S
         axes[1].plot(times, run.course_ml, color=colour, linestyle='--', label=name)
     axes[1].set_ylabel('tracer in the zone [ml]')
     axes[1].set_xlabel('time since the start of the injection [min]')

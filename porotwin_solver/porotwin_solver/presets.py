@@ -5,6 +5,7 @@ fast      superbee     no       the live loop and the optimiser
 accurate  third order  yes      simulation and diagnosis
 sharp     superbee     yes      simulation of sharp fronts
 upwind    upwind       no       the diffusive model of the paper (sec. 2.2)
+implicit  upwind       no       the same with one implicit step an interval: sigma acts within it
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ MAX_REFINED_CELLS = 200_000
 
 SHARP_CELLS = 400_000
 """The same for the preset `sharp`: at most four times the time of `accurate`."""
+
+
+IMPLICIT = 'implicit'
+"""Preset whose single steps are those of `implicit_model`; free runs of plans are `upwind`."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ PRESETS: dict[str, Preset] = {
         Preset('accurate', Scheme.THIRD_ORDER, (1, 2, 4)),
         Preset('sharp', Scheme.SUPERBEE, (1, 2, 3), SHARP_CELLS),
         Preset('upwind', Scheme.UPWIND),
+        Preset(IMPLICIT, Scheme.UPWIND),
     )
 }
 """Every preset by name."""

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core.errors import InputError
+from porotwin_core.ros_environment import enter_domain, namespace_of
+from porotwin_hub.graph import NAMESPACE
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
@@ -31,6 +34,8 @@ def command(
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,
+    namespace: Namespace = NAMESPACE,
+    domain: Domain = None,
     each: Annotated[
         bool,
         typer.Option(
@@ -69,7 +74,8 @@ def command(
                 '--live diagnoses the twin as it runs; leave out --rig, --preset, --apply, --each, '
                 '--workers and --scheduler'
             )
-        _live(output, as_json=as_json)
+        enter_domain(domain)
+        _live(output, namespace_of(namespace), as_json=as_json)
         return
     own = load_rig(rig) if rig is not None else None
     if each:
@@ -147,7 +153,7 @@ def _verdict_words(row: dict[str, object]) -> tuple[str, str]:
     return ('refused', '') if row['refused'] else (str(row['verdict']), str(row['confidence']))
 
 
-def _live(output: Path, *, as_json: bool) -> None:
+def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     """Print the diagnosis of the run so far."""
     from porotwin_cli.live_diagnosis import diagnose_run_so_far
 
@@ -156,6 +162,7 @@ def _live(output: Path, *, as_json: bool) -> None:
         result = diagnose_run_so_far(
             output,
             lambda stage, share: bar.update(task, completed=round(100 * share), description=stage),
+            namespace=namespace,
         )
     if as_json:
         print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})

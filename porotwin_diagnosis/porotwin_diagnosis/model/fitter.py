@@ -13,6 +13,7 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import misfit, noise_misfit
 from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, Sample
@@ -20,7 +21,6 @@ from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_diagnosis.model.fit import Fit, effects_at, infeasible_fit, member_slices
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
-from porotwin_diagnosis.model.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_diagnosis.model.rough_sand import RoughSands
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
