@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from porotwin_core.errors import InputError
 from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
 from porotwin_hub.parameter_file import known_rules, template, with_parameters
 
@@ -66,6 +67,7 @@ class GraphSettings:
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
     namespace: str = _option(NAMESPACE, 'namespace of the nodes; each rig has its own')
+    nodes: str = _option('', 'nodes to start on this machine, with commas; empty: all')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
@@ -253,9 +255,28 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
     pumps = pumps_node(settings)
     operator = operator_node(settings, asset=not pumps)
-    nodes = supervised([*twin_nodes(settings), operator, *pumps, *camera])
+    here = on_this_machine([*twin_nodes(settings), operator, *pumps, *camera], settings.nodes)
+    nodes = supervised(here)
     nodes = in_namespace(nodes, settings.namespace)
     return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
+
+
+def on_this_machine(nodes: list[NodeDescription], names: str) -> list[NodeDescription]:
+    """Return the nodes that `names` lists; the others run on other machines.
+
+    Args:
+        nodes: all nodes of the graph.
+        names: names with commas; empty: all.
+
+    Raises:
+        InputError: a name is no node of the graph.
+    """
+    wanted = [name.strip() for name in names.split(',') if name.strip()]
+    known = [node.name for node in nodes]
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        raise InputError(f"--nodes: no node '{unknown[0]}'; this graph has {', '.join(known)}")
+    return [node for node in nodes if not wanted or node.name in wanted]
 
 
 def in_namespace(nodes: list[NodeDescription], namespace: str) -> list[NodeDescription]:

@@ -64,7 +64,8 @@ def command(
         bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
     ] = True,
     siblings: Annotated[bool, typer.Option(help=description_of('siblings'))] = True,
-    namespace: Namespace = GraphSettings.namespace,
+    namespace: Namespace = '',
+    nodes: Annotated[str, typer.Option(help=description_of('nodes'))] = GraphSettings.nodes,
     domain: Domain = None,
     output: Annotated[
         Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
@@ -90,10 +91,13 @@ def command(
         prepare_environment,
     )
     from porotwin_hub.graph import live_graph
+    from porotwin_hub.network import network_of
     from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
+    network = network_of(params)
+    os.environ.update(network.environment())
     enter_domain(domain)
     prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
@@ -132,7 +136,8 @@ def command(
         architecture=architecture,
         page=settled(page) if page else '',
         speak=speak,
-        namespace=namespace_of(namespace),
+        namespace=namespace_of(namespace or network.namespace or GraphSettings.namespace),
+        nodes=nodes,
         use_sim_time=replay,
         params=params,
     )
