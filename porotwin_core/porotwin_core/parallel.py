@@ -89,6 +89,10 @@ class Crew(Executor):
             InputError: a worker is on a machine without it.
         """
 
+    def threads(self, count: int) -> Executor:
+        """Return `count` threads here for work that waits for tasks of this crew."""
+        return ThreadPoolExecutor(count)
+
     def __exit__(
         self,
         kind: type[BaseException] | None,
@@ -122,15 +126,15 @@ class ClusterCrew(Crew):
         """Return the future of `function(*args, **kwargs)`; all of it must be picklable.
 
         Its exception is that of the function, or SchedulerLost.
+
+        Raises:
+            SchedulerLost: the scheduler is not there any more.
         """
         future: Future[Any] = Future()
         call = partial(function, **kwargs) if kwargs else function
-        try:
-            task = self._client.submit(_in_worker, _versions(), call, *args, pure=False)
-        except Exception as error:
-            if self._client.status == 'running':
-                raise
-            raise self._lost() from error
+        if self._client.status != 'running':
+            raise self._lost()
+        task = self._client.submit(_in_worker, _versions(), call, *args, pure=False)
         self._tasks[task] = future
         task.add_done_callback(self._deliver)
         return future
@@ -203,6 +207,32 @@ class ClusterCrew(Crew):
             f'scheduler {self._address}: went away; what is on disk is kept, and the same command '
             'goes on from there'
         )
+
+
+class LastingCrew(Crew):
+    """A crew, and another one from the moment when the scheduler of the first goes away."""
+
+    def __init__(self, first: Crew, second: Callable[[], Executor], tell: Tell) -> None:
+        """Begin with `first`; make the `second` one when it is needed, and `tell` so."""
+        self._present: Executor = first
+        self._second, self._tell = second, tell
+        self.workers = first.workers
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Return the future of `function(*args, **kwargs)`.
+
+        Tasks that the scheduler had when it went away fail with SchedulerLost.
+        """
+        try:
+            return self._present.submit(function, *args, **kwargs)
+        except SchedulerLost as error:
+            self._tell(f'{error}; from now on this machine does the work')
+            self._present = self._second()
+            return self._present.submit(function, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the present crew."""
+        self._present.shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
 def crew(

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from distributed import LocalCluster
 from porotwin_core.errors import InputError
 from porotwin_core.parallel import (
     Crew,
+    LastingCrew,
     SchedulerLost,
+    ThreadCrew,
     crew,
     free_memory,
     in_order,
@@ -123,6 +126,18 @@ def test_a_scheduler_that_goes_away_is_one_line() -> None:
             future.result(timeout=60)
     assert '\n' not in str(caught.value)
     assert isinstance(caught.value, OSError)  # so that commands end with status 1
+
+
+def test_threads_take_over_when_a_scheduler_goes_away() -> None:
+    class Lost(ThreadCrew):
+        def submit(self, *_: object, **__: object) -> Future[object]:
+            raise SchedulerLost('scheduler tcp://head:8786: went away')
+
+    lines: list[str] = []
+    with LastingCrew(Lost(1), lambda: ThreadCrew(1), lines.append) as pool:
+        assert list(pool.map(abs, (-1, 2))) == [1, 2]
+    assert len(lines) == 1
+    assert 'this machine does the work' in lines[0]
 
 
 def test_no_scheduler_is_one_line() -> None:

@@ -14,6 +14,7 @@ __all__ = [
     'GraphSettings',
     'NodeDescription',
     'Parameter',
+    'Parameters',
     'camera_node',
     'description_of',
     'in_namespace',

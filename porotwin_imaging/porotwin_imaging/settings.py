@@ -522,7 +522,7 @@ class TrustSettings:
     most_bow: float = 0.012
     """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
     the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
-    told_bend_deviation: float = 0.05
+    told_bend_deviation: float = 0.028
     """Error of the response at half stock that is told [-]."""
 
 

@@ -101,9 +101,10 @@ class MapSeries:
     def __getitem__(self, index: int | slice) -> Maps:
         if isinstance(index, slice):
             start, stop, step = index.indices(len(self))
-            if step < 0:
-                return self[:][index]
-            return self.read(start, max(start, stop))[::step]
+            if step == 1:
+                return self.read(start, max(start, stop))
+            chosen = [self[number] for number in range(start, stop, step)]  # not those between
+            return np.stack(chosen) if chosen else self.read(0, 0)
         number = range(len(self))[index]
         return self.read(number, number + 1)[0]
 

@@ -28,7 +28,7 @@ ENOUGH = 0.25
 
 
 @dataclass(frozen=True)
-class Level:
+class GridLevel:
     """The two-point matrix of one grid; potentials have a frame of zeros, (nz + 2, nx + 2).
 
     Attributes:
@@ -40,7 +40,7 @@ class Level:
     diagonal: FloatArray
 
     @classmethod
-    def of(cls, matrix: csc_matrix, shape: tuple[int, int]) -> 'Level':
+    def of(cls, matrix: csc_matrix, shape: tuple[int, int]) -> 'GridLevel':
         """Return the level of a two-point `matrix` of (nz, nx) = `shape` cells."""
         nz, nx = shape
         x, z = np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx))
@@ -72,7 +72,7 @@ class Level:
             diags_array(list(lines.values()), offsets=list(lines), shape=(nz * nx,) * 2)
         )
 
-    def coarser(self) -> 'Level':
+    def coarser(self) -> 'GridLevel':
         """Return the matrix of the blocks of 2 x 2 cells; the last ones may have fewer."""
         nz, nx = self.shape
         rows, columns = np.arange(0, nz, 2), np.arange(0, nx, 2)
@@ -85,7 +85,7 @@ class Level:
         outer[:, :-1:2] -= 2.0 * self.trans.x[:, 1:-1:2]
         outer[:-1:2] -= 2.0 * self.trans.z[1:-1:2]
         diagonal = np.add.reduceat(np.add.reduceat(outer, rows, axis=0), columns, axis=1)
-        return Level(FaceField(x, z), diagonal)
+        return GridLevel(FaceField(x, z), diagonal)
 
     def potential(self) -> FloatArray:
         """Return a potential of zero."""
@@ -110,7 +110,7 @@ class Level:
         for colour in (1, 0):
             self._rows(kernels.relax, p, b, *self.trans, self.inverse, colour)
 
-    def block_residuals(self, p: FloatArray, b: FloatArray, coarse: 'Level') -> FloatArray:
+    def block_residuals(self, p: FloatArray, b: FloatArray, coarse: 'GridLevel') -> FloatArray:
         """Return the residual of `p` for the source `b`, summed over the blocks."""
         result = np.empty(coarse.shape)
         where = (p, b, *self.trans, self.diagonal, result)
@@ -137,7 +137,7 @@ class Multigrid:
     """Solver for one two-point matrix; it may serve several threads at once."""
 
     def __init__(
-        self, finest: Level, factorise: Callable[[csc_matrix], Solve], *, largest_factor: int
+        self, finest: GridLevel, factorise: Callable[[csc_matrix], Solve], *, largest_factor: int
     ) -> None:
         """Prepare the coarse grids of `finest`, and `factorise` the matrix of the last one.
 

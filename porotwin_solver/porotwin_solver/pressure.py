@@ -7,7 +7,7 @@ from scipy.sparse.linalg import splu
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
-from porotwin_solver.multigrid import Level, Multigrid
+from porotwin_solver.multigrid import GridLevel, Multigrid
 
 PressureSolver = Callable[[FloatArray], FloatArray]
 """From the source of every cell [m^3/s] to its pressure [Pa], both flat (nz * nx,)."""
@@ -77,7 +77,7 @@ def multigrid(
 
     The solver raises InputError when it does not converge within `max_iterations`.
     """
-    cycles = Multigrid(Level.of(matrix, shape), factorised, largest_factor=largest_factor)
+    cycles = Multigrid(GridLevel.of(matrix, shape), factorised, largest_factor=largest_factor)
 
     def solve(source: FloatArray) -> FloatArray:
         pressure = cycles.solve(

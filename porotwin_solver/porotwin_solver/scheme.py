@@ -15,8 +15,5 @@ class Scheme(IntEnum):
     SUPERBEE = 1
     """Second order: Lax-Wendroff slopes with the superbee limiter."""
 
-    ULTRABEE = 3
-    """Limited downwind."""
-
     THIRD_ORDER = 2
     """QUICKEST slopes, third order where the field is smooth, kept within the superbee region."""

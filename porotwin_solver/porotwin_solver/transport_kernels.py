@@ -50,8 +50,6 @@ def slope(behind, ahead, cfl, scheme):
         return 0.0
     sign = 1.0 if ahead > 0.0 else -1.0
     a, b = abs(ahead), abs(behind)
-    if scheme == Scheme.ULTRABEE:
-        return sign * min(b * (1.0 - cfl) / cfl, a)
     superbee = max(min(a, 2.0 * b), min(2.0 * a, b))
     if scheme == Scheme.THIRD_ORDER:
         third = ((2.0 - cfl) * a + (1.0 + cfl) * b) / 3.0

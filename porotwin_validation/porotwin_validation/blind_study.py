@@ -174,7 +174,7 @@ def _photographs(cases: Sequence[BlindCase], folder: Path) -> Iterator[str]:
             f'{max(errors):.1%} at most.'
         )
         yield ''
-        yield from absorption_table(cases, figures)
+        yield from absorption_table(figures.values())
     for case in cases:
         refused = folder / case.name / REFUSED
         if refused.exists():
@@ -243,4 +243,7 @@ def _score(case: BlindCase, folder: Path, *, failed: bool) -> CaseScore:
     if failed:
         return failed_score(case, 'refused' if (folder / REFUSED).exists() else 'failed')
     open_truth(case, folder)
-    return score_case(case, folder / 'result', CaseTruth.read(folder / COMPARISON))
+    hidden: frozenset[str] = frozenset()
+    if (folder / MAP_FIGURES).exists():
+        hidden = MapFigures.read(folder / MAP_FIGURES).hidden
+    return score_case(case, folder / 'result', CaseTruth.read(folder / COMPARISON), hidden)

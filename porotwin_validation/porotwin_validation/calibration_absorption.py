@@ -2,26 +2,30 @@
 
 A calibration believes that the rig is as described. If tracer fades in the rig, it also faded in
 the known injection, and the calibration takes a pale core for stock: part of the effect is gone
-from the maps. With the maps c of the virtual rig without the effect, e with it, and m from the
-photographs, the part that is left is the projection
+from the maps. With the maps c of the virtual rig without effects, e_i with effect i alone, and m
+from the photographs, the part that is left of each effect is the least squares solution of
 
-    left = <m - c, e - c> / <e - c, e - c>,    absorbed = 1 - left.
+    m - c = sum over i of left_i (e_i - c),    absorbed_i = 1 - left_i.
 """
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from porotwin_core.grid import relative_error
+from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.rig import EffectDescription
 from porotwin_recording.concentration import open_maps
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase
+
+HIDDEN = 0.7
+"""Absorbed part of an effect [-] above which no diagnosis can be asked to find it in the maps."""
 
 LEAST_GAP = 0.02
 """Relative L2 norm of an effect below which the part that is left is mostly an error of maps."""
@@ -51,13 +55,19 @@ class MapFigures:
 
     Attributes:
         error: relative L2 error of the maps.
-        gap: relative L2 norm of the change that the true effects make.
-        absorbed: part of that change that the maps do not show [-]; None without a gap.
+        gaps: relative L2 norm of the change that each true effect makes alone, by name.
+        absorbed: part of that change that the maps do not show [-], by name; effects with a gap
+            below `LEAST_GAP` are not in it.
     """
 
     error: float
-    gap: float
-    absorbed: float | None
+    gaps: dict[str, float]
+    absorbed: dict[str, float]
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        """Names of the effects that the calibration took out of the maps."""
+        return frozenset(name for name, part in self.absorbed.items() if part > HIDDEN)
 
     def write(self, path: Path) -> None:
         """Write the figures as JSON."""
@@ -81,40 +91,59 @@ def map_figures(case: BlindCase, maps_file: Path, clean_file: Path) -> MapFigure
     known = np.isfinite(observed)
     error = relative_error(observed[known], true[known])
     if not case.effects:
-        return MapFigures(error, 0.0, None)
-    run = signals(
-        VirtualRig(case.rig),
-        case.schedule,
-        times=clean.times.tolist(),
-        grid=case.rig.default_grid(case.cell_m),
-    )
-    plain = np.stack([values for (_, values), kept in zip(run, rows, strict=True) if kept])
-    change = (true - plain)[known]
-    gap = float(np.linalg.norm(change) / np.linalg.norm(plain[known]))
-    if gap < LEAST_GAP:
-        return MapFigures(error, gap, None)
-    left = float(np.sum((observed - plain)[known] * change) / np.sum(change**2))
-    return MapFigures(error, gap, 1.0 - left)
+        return MapFigures(error, {}, {})
+    alone = [(), *((effect,) for effect in case.effects)]
+    plain, *changed = (_maps(case, effects, clean.times)[rows][known] for effects in alone)
+    names = [effect.name for effect in case.effects]
+    gaps, absorbed = absorbed_parts(observed[known], plain, dict(zip(names, changed, strict=True)))
+    return MapFigures(error, gaps, absorbed)
 
 
-def absorption_table(
-    cases: Sequence[BlindCase], figures: Mapping[str, MapFigures]
-) -> Iterator[str]:
-    """Yield a table of single effects in Markdown: the part that calibrations absorb.
+def absorbed_parts(
+    observed: FloatArray, plain: FloatArray, alone: Mapping[str, FloatArray]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the gap of every effect, and the part of it that `observed` does not show.
 
     Args:
-        cases: the cases.
-        figures: the figures of those that have maps, by name of the case.
+        observed: values of maps from photographs, (n,).
+        plain: the same values of the rig without effects.
+        alone: the same values of the rig with each effect alone, by name.
     """
-    by_effect: dict[str, list[MapFigures]] = defaultdict(list)
-    for case in cases:
-        if case.name in figures and len(case.effects) == 1:
-            by_effect[case.effects[0].name].append(figures[case.name])
+    size = float(np.linalg.norm(plain))
+    changes = {name: values - plain for name, values in alone.items()}
+    gaps = {name: float(np.linalg.norm(change)) / size for name, change in changes.items()}
+    shown = [name for name, gap in gaps.items() if gap >= LEAST_GAP]
+    if not shown:
+        return gaps, {}
+    patterns = np.stack([changes[name] for name in shown], axis=1)
+    left, *_ = np.linalg.lstsq(patterns, observed - plain)
+    return gaps, {name: 1.0 - float(part) for name, part in zip(shown, left, strict=True)}
+
+
+def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArray) -> FloatArray:
+    """Return the maps of the virtual rig of `case` with these `effects`, (nt, nz, nx)."""
+    grid = case.rig.default_grid(case.cell_m)
+    rig = VirtualRig(case.rig, effects=effects)
+    run = signals(rig, case.schedule, times=times.tolist(), grid=grid)
+    return np.stack([values for _, values in run])
+
+
+def absorption_table(figures: Iterable[MapFigures]) -> Iterator[str]:
+    """Yield a table of effects in Markdown: the part that calibrations absorb."""
+    parts: dict[str, list[float]] = defaultdict(list)
+    gaps: dict[str, list[float]] = defaultdict(list)
+    for found in figures:
+        for name, gap in found.gaps.items():
+            gaps[name].append(gap)
+            parts[name].extend([found.absorbed[name]] if name in found.absorbed else [])
     yield '| effect | cases | gap in the rig | absorbed by the calibration | shown by |'
     yield '| --- | --- | --- | --- | --- |'
-    for name, found in sorted(by_effect.items()):
-        parts = [one.absorbed for one in found if one.absorbed is not None]
-        absorbed = f'{np.median(parts):.0%}' if parts else '-'
-        gap = np.median([one.gap for one in found])
-        witness = WITNESSES.get(name, OTHER_WITNESS)
-        yield f'| {name} | {len(found)} | {gap:.0%} | {absorbed} | {witness} |'
+    for name in sorted(gaps):
+        absorbed = f'{np.median(parts[name]):.0%}' if parts[name] else '-'
+        gap = f'{np.median(gaps[name]):.0%}'
+        yield f'| {name} | {len(gaps[name])} | {gap} | {absorbed} | {witness_of(name)} |'
+
+
+def witness_of(effect: str) -> str:
+    """Return what shows `effect` without the camera, or without the same injection."""
+    return WITNESSES.get(effect, OTHER_WITNESS)

@@ -29,7 +29,7 @@ def command(
         Path | None, typer.Option(help='rig.yaml of the model. Default: from the recording.')
     ] = None,
     preset: Annotated[
-        str, typer.Option(help='Preset of the model: accurate, fast or upwind.')
+        str, typer.Option(help='Preset of the model: accurate, sharp, fast or upwind.')
     ] = 'accurate',
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')

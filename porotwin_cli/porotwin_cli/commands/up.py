@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,13 @@ from porotwin_cli.terminal import Json, print_json
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_hub.graph import GraphSettings, description_of
+
+
+class Mend(StrEnum):
+    """Whether effects that a diagnosis finds are offered."""
+
+    ASK = 'ask'
+    OFF = 'off'
 
 
 def _print_template(wanted: bool) -> None:
@@ -64,6 +72,12 @@ def command(
         bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
     ] = True,
     siblings: Annotated[bool, typer.Option(help=description_of('siblings'))] = True,
+    mend: Annotated[
+        Mend | None,
+        typer.Option(
+            help=f'{description_of("mend")} Default: ask; off with --no-diagnosis or --replay.'
+        ),
+    ] = None,
     namespace: Namespace = '',
     nodes: Annotated[str, typer.Option(help=description_of('nodes'))] = GraphSettings.nodes,
     domain: Domain = None,
@@ -104,6 +118,8 @@ def command(
     description = load_rig(rig_file)
     if [photos is not None, bool(camera), replay].count(True) != 1:
         raise InputError('name either --photos FOLDER or --camera SOURCE, or --replay for a bag')
+    if mend is Mend.ASK and not diagnosis:
+        raise InputError('--mend ask offers what a diagnosis finds; leave out --no-diagnosis')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:
@@ -132,6 +148,7 @@ def command(
         horizon_s=horizon_s,
         control=not predict_only,
         siblings=siblings,
+        mend=mend or (Mend.ASK if diagnosis and not replay else Mend.OFF),
         retrain_every=retrain_every,
         architecture=architecture,
         page=settled(page) if page else '',

@@ -7,6 +7,7 @@ import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
+from porotwin_core.coarse_grid import COARSE_CELLS
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,9 +20,6 @@ TABLE_ROWS = 6
 
 SIBLING_BYTES = 1e8
 """Memory of one sibling while it runs [B]."""
-
-MORE_CELLS_M = 0.015
-"""Default cell size of the siblings [m]; as in the node siblings."""
 
 
 def command(
@@ -43,9 +41,9 @@ def command(
     ] = '',
     rig: Annotated[Path | None, typer.Option(help='rig.yaml. Default: from the recording.')] = None,
     siblings: Annotated[int, typer.Option(help='Number of siblings.', min=24)] = 32,
-    cell_m: Annotated[
-        float, typer.Option(help='Width of the cells of the siblings [m].', min=0.001)
-    ] = MORE_CELLS_M,
+    cells: Annotated[
+        int, typer.Option(help='Cells of the grid of the siblings.', min=100, max=1_000_000)
+    ] = COARSE_CELLS,
     workers: Workers = None,
     scheduler: Scheduler = '',
     output: Annotated[Path, typer.Option(help='Folder for the picture.')] = Path('what-if'),
@@ -81,7 +79,6 @@ def command(
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
     ahead = seconds_of(horizon) if horizon else None
-    grid = opened.rig.default_grid(cell_m)
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
     )
@@ -91,7 +88,7 @@ def command(
             opened,
             start,
             steps,
-            grid=grid,
+            cells=cells,
             executor=pool,
             horizon=ahead,
             siblings=siblings,
@@ -110,8 +107,8 @@ def _show(found: 'WhatIfStudy') -> None:
     """Print the rates of both plans, and their outlooks at some times."""
     import numpy as np
 
-    from porotwin_cli.run_account import ML
     from porotwin_cli.what_if_study import NO_ZONE
+    from porotwin_core.units import ML
 
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
         for step in outlook.plan:
@@ -144,7 +141,7 @@ def _in_words(rates: 'WellRates') -> str:
 
 def _json(found: 'WhatIfStudy') -> dict[str, Any]:
     """Return both forecasts in laboratory units."""
-    from porotwin_cli.run_account import ML
+    from porotwin_core.units import ML
 
     return {
         'at_s': found.start,
@@ -164,8 +161,7 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
 
 
 def _outlook_json(outlook: 'Outlook') -> dict[str, Any]:
-    from porotwin_cli.run_account import ML
-    from porotwin_core.units import to_ml_h
+    from porotwin_core.units import ML, to_ml_h
 
     names = ('low', 'median', 'high')
     return {

@@ -12,7 +12,7 @@ simulations made so far.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -96,7 +96,8 @@ class Levels:
         judging: fitter on fine cells.
         finest: forward models on the finest cells, one per recording.
         progress: called with the stage and the share that is done.
-        pool: compares simulations at the same time; None for one at a time.
+        crew: runs the simulations; None for one at a time.
+        pool: threads that compare these simulations; None for one at a time.
     """
 
     samples: tuple[Sample, ...]
@@ -105,17 +106,18 @@ class Levels:
     judging: Fitter
     finest: tuple[Forward, ...]
     progress: Progress
-    pool: ThreadPoolExecutor | None = None
+    crew: Crew | None = None
+    pool: Executor | None = None
 
     def side_by_side(self, function: Callable[[Item], Made], items: Sequence[Item]) -> list[Made]:
         """Return the results of `function` for all `items`, in their order.
 
-        With a pool, several calls run at the same time. They do not run in the pool itself, because
-        they wait for the simulations in it.
+        With a crew, several calls run at the same time. They do not run in `pool`, because they
+        wait for the slopes in it.
         """
-        if self.pool is None or len(items) < 2:
+        if self.crew is None or len(items) < 2:
             return [function(item) for item in items]
-        with ThreadPoolExecutor(len(items)) as threads:
+        with self.crew.threads(len(items)) as threads:
             return list(threads.map(function, items))
 
     @property
@@ -313,7 +315,7 @@ def make_levels(
     """
     if isinstance(crew, ThreadCrew) and crew.workers == 1:
         crew = None
-    pool = ThreadPoolExecutor(THREADS_PER_WORKER * crew.workers) if crew is not None else None
+    pool = crew.threads(THREADS_PER_WORKER * crew.workers) if crew is not None else None
     sands = [
         [Forward(on_rough_sand(sample, seed), refinement=JUDGING, crew=crew) for sample in samples]
         for seed in range(ROUGH_SANDS)
@@ -338,6 +340,7 @@ def make_levels(
         ),
         finest=tuple(Forward(sample, refinement=FINEST, crew=crew) for sample in samples),
         progress=progress,
+        crew=crew,
         pool=pool,
     )
 

@@ -8,7 +8,7 @@ of r.r, with the strength multiplied by (b.r) / (b.b).
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 
@@ -103,7 +103,7 @@ def promising_starts(
     effect: str,
     *,
     beside: Fit | None = None,
-    pool: ThreadPoolExecutor | None = None,
+    pool: Executor | None = None,
 ) -> list[Candidate]:
     """Return the most promising starts of a fit of an effect with a place, the best first.
 
