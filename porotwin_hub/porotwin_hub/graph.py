@@ -19,6 +19,7 @@ __all__ = [
     'description_of',
     'in_namespace',
     'live_graph',
+    'named_nodes',
     'operator_node',
     'parameter_template',
     'supervised',
@@ -270,14 +271,24 @@ def on_this_machine(nodes: list[NodeDescription], names: str) -> list[NodeDescri
         names: names with commas; empty: all.
 
     Raises:
-        InputError: a name is no node of the graph.
+        InputError: a name is no node.
+    """
+    wanted = named_nodes(names)
+    return [node for node in nodes if not wanted or node.name in wanted]
+
+
+def named_nodes(names: str) -> frozenset[str]:
+    """Return the nodes in a text with commas; none stands for all nodes.
+
+    Raises:
+        InputError: a name is no node.
     """
     wanted = [name.strip() for name in names.split(',') if name.strip()]
-    known = [node.name for node in nodes]
-    unknown = [name for name in wanted if name not in known]
-    if unknown:
-        raise InputError(f"--nodes: no node '{unknown[0]}'; this graph has {', '.join(known)}")
-    return [node for node in nodes if not wanted or node.name in wanted]
+    known = known_rules().keys() if wanted else ()
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"--nodes: no node is named '{name}'; known: {', '.join(known)}")
+    return frozenset(wanted)
 
 
 def in_namespace(nodes: list[NodeDescription], namespace: str) -> list[NodeDescription]:
