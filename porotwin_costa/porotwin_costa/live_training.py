@@ -51,7 +51,7 @@ class LiveTraining:
     ) -> tuple[CorrectiveModel, bool]:
         """Return a model trained on `pairs`, and whether it shall replace the `current` one.
 
-        Learnt physics of the current model stays; the network learns what it leaves.
+        Learnt physics of the current model stays; the network learns the remainder.
 
         Raises:
             InputError: too few pairs.

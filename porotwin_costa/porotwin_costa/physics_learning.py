@@ -22,7 +22,7 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 40
-"""Most columns of the grid on which parts are chosen; the last fit is on the grid of the maps. A
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A
 run on half the columns and rows takes an eighth of the time."""
 
 LEAST_GAIN = 0.1
@@ -42,10 +42,10 @@ TRIED_PLACES = 2
 """Places of a leak or a patch that are fitted, the most promising ones of all."""
 
 SCANNED_RUNS = 2
-"""Runs in which places are tried: those with the largest errors."""
+"""Runs for trying places: the ones with the largest errors."""
 
 MOST_FITTED = 4
-"""Most runs to which parts are fitted: the ones with most frames."""
+"""Most runs for fitting parts: the ones with most frames."""
 
 KEPT_SHARE = 0.25
 """Share of a single experiment, its end, that is kept to judge parts."""
@@ -157,7 +157,7 @@ def learn_physics(
         ]
         found = min(trials, key=lambda trial: trial.fitted + trial.kept)
         name = found.learnt.parts[-1].name
-        gain, kept_gain = 1 - found.fitted / best.fitted, 1 - found.kept / best.kept
+        gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
             say(f'no more physics to learn: {name} takes {max(kept_gain, 0.0):.0%} of the gap')
             break
@@ -172,8 +172,13 @@ def learn_physics(
     return physics_of(parts, values)
 
 
+def _gain(before: float, after: float) -> float:
+    """Return the share of the squared error that is gone [-]."""
+    return 1.0 - after / before if before > 0.0 else 0.0
+
+
 def coarse_grid(grid: Grid) -> Grid:
-    """Return the grid on which parts are chosen."""
+    """Return the grid for choosing parts."""
     shrink = max(1.0, max(grid.nx, grid.nz) / LEARNING_COLUMNS)
     cells = round(grid.nx / shrink), round(grid.nz / shrink)
     return Grid(*cells, grid.width, grid.height)

@@ -71,7 +71,7 @@ def train_from_runs(
         workers: threads that make free runs.
         curriculum: stages of the roll-outs; empty: single steps only.
         progress: called after every epoch.
-        say: told what is learnt and decided.
+        say: told every decision.
 
     Raises:
         InputError: too few maps, or the model cannot run.
