@@ -32,6 +32,10 @@ class Stage(NamedTuple):
     updates: int
     batch: int = 2
 
+    def shortened(self, share: float) -> 'Stage':
+        """Return the stage with this share of its updates, at most all and at least one."""
+        return self._replace(updates=max(1, round(min(share, 1.0) * self.updates)))
+
 
 CURRICULUM = (Stage(5, 40), Stage(20, 20), Stage(40, 10))
 """The roll-outs grow; a few long ones are enough after many short ones."""
