@@ -32,6 +32,13 @@ part, and may be the numerics."""
 LEAST_KEPT_GAIN = 0.08
 """The same share on the kept frames; fronts on a coarse grid alone move by a few per cent."""
 
+CLEAR_GAIN = 0.7
+"""Share of the squared error that makes a part so clear that no leak or patch is tried."""
+
+UNKNOWN_COST = 0.1
+"""Share of the squared error that another unknown must take, to be preferred: a patch can imitate
+a denser tracer for a while."""
+
 MOST_PARTS = 3
 """Most parts that are added."""
 
@@ -152,10 +159,7 @@ def learn_physics(
     )
     best = Trial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
-        trials = [
-            _fitted(part, best, share, workers) for part in _candidates(maker, share, best, workers)
-        ]
-        found = min(trials, key=lambda trial: trial.fitted + trial.kept)
+        found = _best_trial(maker, share, best, workers)
         name = found.learnt.parts[-1].name
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
@@ -170,6 +174,11 @@ def learn_physics(
     everything = [*whole.fitted, *whole.kept]
     values = fit(parts, everything, start, iterations=LAST_ITERATIONS, workers=workers)
     return physics_of(parts, values)
+
+
+def _judged(trial: Trial) -> float:
+    """Return the squared error, more for parts with more unknowns."""
+    return (trial.fitted + trial.kept) * (1.0 + UNKNOWN_COST * len(trial.learnt.values))
 
 
 def _gain(before: float, after: float) -> float:
@@ -196,13 +205,19 @@ def _fitted(part: PhysicsPart, best: Trial, share: Share, workers: int) -> Trial
         return Trial(learnt, np.inf, np.inf)
 
 
-def _candidates(maker: PartMaker, share: Share, best: Trial, workers: int) -> list[PhysicsPart]:
-    """Return the parts that may be added: those without a place, and promising leaks, patches."""
+def _best_trial(maker: PartMaker, share: Share, best: Trial, workers: int) -> Trial:
+    """Return the best of all trials with one more part.
+
+    Leaks and patches are tried only if no part without a place explains nearly everything.
+    """
     taken = {part.name for part in best.learnt.parts}
     parts = [part for part in maker.everywhere() if part.name not in taken]
-    if not maker.rig.closed:
-        parts += _promising(maker.leak_at, maker, share, best, workers)
-    return parts + _promising(maker.patch_at, maker, share, best, workers)
+    trials = [_fitted(part, best, share, workers) for part in parts]
+    if all(_gain(best.fitted, trial.fitted) < CLEAR_GAIN for trial in trials):
+        placed = [] if maker.rig.closed else _promising(maker.leak_at, maker, share, best, workers)
+        placed += _promising(maker.patch_at, maker, share, best, workers)
+        trials += [_fitted(part, best, share, workers) for part in placed]
+    return min(trials, key=_judged)
 
 
 def _promising(
