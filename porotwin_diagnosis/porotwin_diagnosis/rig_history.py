@@ -1,4 +1,4 @@
-"""What earlier diagnoses found in one rig: the starting belief of the next one, and drifts.
+"""Findings of earlier diagnoses of one rig: the starting belief of the next one, and drifts.
 
 A folder holds one file, `belief.json`, with a finding for each diagnosis. The belief in a parameter
 is the mean of all findings of its effect, weighted by their precision. A parameter drifts if two
@@ -44,7 +44,7 @@ class Value:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What the value is of: effect, well and parameter."""
+        """Effect, well and parameter of the value."""
         return self.effect, self.well, self.parameter
 
     @property
@@ -55,7 +55,7 @@ class Value:
 
 @dataclass(frozen=True)
 class PastFinding:
-    """The finding of one diagnosis: when its recording was made, what it says, how sure it is."""
+    """The finding of one diagnosis, with the date of its recording."""
 
     date: str
     recording: str
@@ -72,7 +72,7 @@ class PastFinding:
 def finding_from(summary: dict[str, Any], recording: Path) -> PastFinding:
     """Return the finding in the content of a diagnosis.json of `recording`.
 
-    Its date is that of the recording's last change.
+    Its date is the recording's last change.
 
     Raises:
         InputError: the recording is not there.

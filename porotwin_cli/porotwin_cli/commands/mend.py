@@ -10,7 +10,7 @@ from porotwin_core.errors import InputError
 
 
 class Answer(StrEnum):
-    """What to do with the newest offer."""
+    """An answer to the newest offer, or none."""
 
     SHOW = 'show'
     ACCEPT = 'accept'

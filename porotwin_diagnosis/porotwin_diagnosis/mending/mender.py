@@ -1,6 +1,6 @@
-"""What the running twin does about a gap: asks for a diagnosis, offers, lets act, takes back.
+"""The running twin closes its gap: it asks for a diagnosis, offers, lets act, takes back.
 
-It knows no messages: callers tell it what happens, and give it functions that act on the graph.
+It knows no messages: callers tell it every event, and give it functions that act on the graph.
 """
 
 from collections.abc import Callable, Sequence

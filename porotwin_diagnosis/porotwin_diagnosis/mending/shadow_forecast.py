@@ -22,14 +22,14 @@ LEAST_WATCHED = 4
 """Photographs before an effect is taken back: fewer may be a passing hand."""
 
 WORSE = 1.05
-"""Ratio of the errors with and without an effect from which on it is worse."""
+"""Ratio of the errors with and without an effect; above it, the effect makes forecasts worse."""
 
 LEAST_DIFFERENCE = 0.002
 """Least difference of two relative errors that means anything [-]."""
 
 
 class ShadowJudgement(Enum):
-    """What the photographs say about an accepted effect."""
+    """The judgement of the photographs on an accepted effect."""
 
     WATCHING = 'not enough photographs yet'
     KEPT = 'as good as without, or better'
@@ -72,7 +72,7 @@ class ShadowForecast:
         )
 
     def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> ShadowJudgement:
-        """Return what the photograph `observed` (nz, nx) [-] and those before it say.
+        """Return the judgement of the photograph `observed` (nz, nx) [-] and all before it.
 
         Args:
             observed: its map; NaN where nothing was seen.
