@@ -8,24 +8,22 @@ an interrupted bench goes on where it stopped.
 
 import json
 import math
-import os
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.bench_loop_rig import LoopRig, LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import PLAN_PRESET, planning_twin, with_end
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_cli.hidden_effect import MENDABLE, as_text, draw_context, surprise
 from porotwin_cli.mended_loop import Mending, forecast_errors, run_beside, scenario_of
 from porotwin_cli.run_account import TrueTracer
-from porotwin_cli.terminal import duration_in_words, print_table, progress, say
+from porotwin_cli.terminal import print_table
 from porotwin_cli.workspace import run_folder, small_rig
 from porotwin_core.grid import FloatArray
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
@@ -55,6 +53,9 @@ EVERY_S = 600.0
 
 RUNS = ('never told', 'knew', 'mended')
 """The twins of a case."""
+
+RUN_BYTES = 8e8
+"""Memory of one run [B]."""
 
 SECONDS_PER_RUN = 120.0
 """One run on one core, the mean over all kinds of runs [s]."""
@@ -237,6 +238,7 @@ def run(
     scenarios: int = 20,
     seed: int = 1,
     workers: int | None = None,
+    scheduler: str = '',
     output: Path | None = None,
 ) -> list[dict[str, Any]]:
     """Run all cases and return a row for each.
@@ -244,7 +246,8 @@ def run(
     Args:
         scenarios: number of hidden effects.
         seed: of their draws.
-        workers: runs at a time; None: the number of cores.
+        workers: runs at a time; None: one per core, as far as the memory holds.
+        scheduler: address of a Dask scheduler whose workers do the runs instead.
         output: folder of the runs; one with earlier runs is continued.
 
     Raises:
@@ -266,27 +269,14 @@ def run(
             MendJob(scenario, name, settings, folder / f'case_{number + 1:02d}_{name[:5]}.json')
             for name in RUNS
         ]
-    _work([job for job in jobs if not job.file.exists()], workers or os.cpu_count() or 1)
-    return [_row(jobs[first : first + len(RUNS)]) for first in range(0, len(jobs), len(RUNS))]
-
-
-def _work(jobs: Sequence[MendJob], workers: int) -> None:
-    if not jobs:
-        return
-    seconds = SECONDS_PER_RUN * len(jobs) / workers
-    say(
-        f'{len(jobs)} runs in {workers} processes, about {duration_in_words(seconds)}; '
-        f'files in {jobs[0].file.parent}'
+    do_jobs(
+        jobs,
+        task_bytes=RUN_BYTES,
+        seconds_per_job=SECONDS_PER_RUN,
+        workers=workers,
+        scheduler=scheduler,
     )
-    pool = ProcessPoolExecutor(workers, mp_context=get_context('spawn'))
-    with progress() as bar:
-        task = bar.add_task('runs', total=len(jobs))
-        try:
-            for done in as_completed([pool.submit(job.work) for job in jobs]):
-                done.result()
-                bar.advance(task)
-        finally:
-            pool.shutdown(cancel_futures=True)
+    return [_row(jobs[first : first + len(RUNS)]) for first in range(0, len(jobs), len(RUNS))]
 
 
 def _row(jobs: Sequence[MendJob]) -> dict[str, Any]:

@@ -359,6 +359,11 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
             f'{figures["corrected_error"]:.4f}',
             f'{figures["prediction_error"]:.4f} without COSTA',
         ),
+        (
+            'the same error, as the deviations of maps and forecasts let expect',
+            f'{figures["expected_error"]:.4f}',
+            'within' if figures['corrected_error'] <= figures['expected_error'] else 'above',
+        ),
         ('photograph to map, relative error', f'{figures["image_error"]:.4f}', 'against the truth'),
         (
             'state to setpoint, median [s]',

@@ -29,20 +29,42 @@ def plume_doubt(
     return float(np.median(random)), float(np.median(common))
 
 
+def typical_doubt(doubts: Sequence[Doubt]) -> Doubt:
+    """Return the median doubt of maps with a plume; NaN if none has one."""
+    known = np.array([one for one in doubts if np.isfinite(one).all()])
+    if not len(known):
+        return np.nan, np.nan
+    random, systematic = np.median(known, axis=0)
+    return float(random), float(systematic)
+
+
+def guessed_sands(factor_deviations: Sequence[float]) -> int:
+    """Return the number of sands with guessed factors, by their relative deviations [-]."""
+    return sum(one >= GUESSED for one in factor_deviations)
+
+
+def doubt_entry(doubt: Doubt) -> dict[str, float | None]:
+    """Return a doubt as an entry of a JSON answer; None where it is not known."""
+    names = ('random_deviation', 'systematic_deviation')
+    return {
+        name: round(value, 4) if np.isfinite(value) else None
+        for name, value in zip(names, doubt, strict=True)
+    }
+
+
 def sureness_words(doubts: Sequence[Doubt], factor_deviations: Sequence[float]) -> list[str]:
     """Return the typical doubt of all maps, and how many sands have guessed factors.
 
     `factor_deviations` are those of the calibration, relative [-].
     """
     lines = []
-    known = np.array([one for one in doubts if np.isfinite(one).all()])
-    if len(known):
-        random, systematic = np.median(known, axis=0)
+    random, systematic = typical_doubt(doubts)
+    if np.isfinite(random):
         lines.append(
             f'typical standard deviation in the plume: {random:.3f} random, {systematic:.3f} '
             'systematic (docs/imaging.md)'
         )
-    guessed = sum(one >= GUESSED for one in factor_deviations)
+    guessed = guessed_sands(factor_deviations)
     if guessed:
         lines.append(
             f'{guessed} of {len(factor_deviations)} sands have factors guessed from their light; '

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porotwin_cli.map_sureness import plume_doubt, sureness_words
+from porotwin_cli.map_sureness import doubt_entry, plume_doubt, sureness_words, typical_doubt
 
 
 def test_the_doubt_is_that_of_the_plume() -> None:
@@ -18,3 +18,12 @@ def test_guessed_factors_are_counted() -> None:
     assert '0.040 random, 0.030 systematic' in doubt
     assert guessed.startswith('2 of 3 sands')
     assert sureness_words([(np.nan, np.nan)], ()) == []
+
+
+def test_a_json_answer_holds_the_typical_doubt_and_no_nan() -> None:
+    doubts = [(0.04, 0.03), (np.nan, np.nan), (0.02, 0.05)]
+    assert doubt_entry(typical_doubt(doubts)) == {
+        'random_deviation': 0.03,
+        'systematic_deviation': 0.04,
+    }
+    assert set(doubt_entry(doubts[1]).values()) == {None}

@@ -22,6 +22,7 @@ from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import Dataset, dataset_parts, load_dataset
 from porotwin_costa.networks.network_registry import ARCHITECTURES
@@ -36,9 +37,6 @@ PAIRS_PER_FILE = 10
 
 PENDING_PAIRS = 1000
 """Pairs kept while the solver is absent: eight hours of photographs every 30 s."""
-
-DAY_S = 86400.0
-"""Longest photo interval [s]."""
 
 LARGEST_SEED = 2**31 - 1
 """Seeds are whole numbers up to this."""

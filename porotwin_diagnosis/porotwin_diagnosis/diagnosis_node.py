@@ -18,6 +18,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.parallel import crew
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
@@ -186,7 +187,8 @@ class DiagnosisNode(Node):
         progress = _Feedback(goal)
         opened = open_recording(recording)
         folder = checked_folder(output, [recording])
-        found = examine([opened], preset=self._preset, workers=self._workers, progress=progress)
+        with crew(workers=self._workers, threads=True) as threads:
+            found = examine([opened], preset=self._preset, crew=threads, progress=progress)
         summary = write_diagnosis(found, folder, progress=progress)
         return Diagnose.Result(
             outcome=conversions.ok(),

@@ -16,6 +16,7 @@ __all__ = [
     'Parameters',
     'camera_node',
     'description_of',
+    'in_namespace',
     'live_graph',
     'operator_node',
     'parameter_template',
@@ -65,6 +66,7 @@ class GraphSettings:
     )
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
+    namespace: str = _option(NAMESPACE, 'namespace of the nodes; each rig has its own')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
@@ -253,7 +255,13 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     pumps = pumps_node(settings)
     operator = operator_node(settings, asset=not pumps)
     nodes = supervised([*twin_nodes(settings), operator, *pumps, *camera])
+    nodes = in_namespace(nodes, settings.namespace)
     return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
+
+
+def in_namespace(nodes: list[NodeDescription], namespace: str) -> list[NodeDescription]:
+    """Return `nodes` in another namespace; each of several rigs has its own."""
+    return [dataclasses.replace(node, namespace=namespace) for node in nodes]
 
 
 def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:

@@ -23,6 +23,7 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
+from porotwin_core.units import DAY_S
 from porotwin_hub.clients import (
     Caller,
     DataDrivenModelClient,
@@ -54,9 +55,6 @@ from porotwin_msgs.msg import (
     TracerField,
 )
 from porotwin_msgs.msg import WellRates as WellRatesMessage
-
-DAY_S = 86400.0
-"""Longest photo interval and horizon [s]: an experiment lasts hours."""
 
 SIMULATED_PATIENCE_S = 60.0
 """Least wait for a model in simulated time [s]: as long as the virtual rig waits for a setpoint."""
@@ -456,6 +454,7 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
         sequence=state.sequence,
         prediction_error=cycle.prediction_error,
         corrected_error=cycle.corrected_error,
+        expected_error=cycle.expected_error,
         disallowed_tracer=cycle.disallowed_tracer,
         objective_unchanged=decision.cost_unchanged if decision else math.nan,
         objective=decision.cost if decision else math.nan,

@@ -155,6 +155,7 @@ class CyclePoint:
         rates: commanded rates [m^3/s].
         objective: cost f with the new setpoint [m^3].
         objective_unchanged: cost f with unchanged rates [m^3].
+        expected_error: relative L2 error that the deviations of map and forecast let expect [-].
     """
 
     time: float
@@ -168,6 +169,7 @@ class CyclePoint:
     rates: WellRates = field(default_factory=dict)
     objective: float = math.nan
     objective_unchanged: float = math.nan
+    expected_error: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ the forecast. A proposed schedule is answered beside it. Nothing here is ever pu
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -18,13 +18,16 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from porotwin_core import conversions, qos
+from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.parallel import LastingCrew, crew
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
@@ -42,14 +45,8 @@ from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 NICENESS = 10
 """Nice value of the threads that learn: they use only time that the twin leaves."""
 
-DEFAULT_CELL_M = 0.015
-"""Cell size of the siblings [m]: three cells of the maps; see docs/siblings.md."""
-
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
-
-MINUTE_S = 60.0
-"""Length of a minute [s]."""
 
 TIMES = 24
 """Times of a forecast: enough for a smooth curve."""
@@ -115,7 +112,9 @@ class SiblingsNode(Node):
             Siblings,
             grid=self._declare_grid(),
             map_grid=self._map_grid,
-            executor=_learning_executor(self._declare_scheduler(), workers),
+            executor=_learning_executor(
+                self._declare_scheduler(), workers, self.get_logger().warning
+            ),
             count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
         )
@@ -134,21 +133,16 @@ class SiblingsNode(Node):
         threading.Thread(target=self._work, daemon=True).start()
 
     def _declare_grid(self) -> Grid:
-        """Return the grid of the siblings, which is never finer than the maps.
-
-        Raises:
-            InputError: the parameter is no length.
-        """
-        cell = declare(
+        """Return the grid of the siblings, which is never finer than the maps."""
+        cells = declare(
             self,
-            'cell_m',
-            DEFAULT_CELL_M,
-            'cell size of the siblings [m]; smaller takes the cube of time',
-            at_least=1e-4,
-            at_most=1.0,
+            'cells',
+            COARSE_CELLS,
+            'cells of the grid of the siblings; four times as many take eight times as long',
+            at_least=100,
+            at_most=1_000_000,
         )
-        wanted, maps = self._rig.default_grid(cell), self._map_grid
-        return self._rig.grid(min(wanted.nx, maps.nx), min(wanted.nz, maps.nz))
+        return coarse_grid(self._rig, self._map_grid, cells)
 
     def _declare_scheduler(self) -> str:
         return str(
@@ -442,20 +436,21 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
 
 
-def _learning_executor(scheduler: str, workers: int) -> Executor:
+def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:
     """Return the executor of the siblings: the cluster of a `scheduler`, or patient threads.
+
+    Threads also follow a scheduler that goes away; `tell` then gets a line.
 
     Raises:
         InputError: there is no scheduler at that address.
     """
-    if not scheduler:
-        return ThreadPoolExecutor(workers, initializer=_be_patient)
-    from distributed import Client
 
-    try:
-        return Client(scheduler).get_executor()
-    except OSError as error:
-        raise InputError(f"scheduler '{scheduler}': {error}; start dask-scheduler") from None
+    def patient_threads() -> Executor:
+        return ThreadPoolExecutor(workers, initializer=_be_patient)
+
+    if not scheduler:
+        return patient_threads()
+    return LastingCrew(crew(scheduler=scheduler), patient_threads, tell)
 
 
 def _be_patient() -> None:

@@ -36,7 +36,7 @@ class Beside:
     def __init__(self, domain: int) -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
-        given = {'rig': str(RIG), 'grid': '40x24', 'cell_m': 0.04, 'horizon_s': 1200.0}
+        given = {'rig': str(RIG), 'grid': '40x24', 'cells': 330, 'horizon_s': 1200.0}
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         self.node = SiblingsNode(context=self.context, parameter_overrides=overrides)
         self.other = rclpy.create_node('other', context=self.context)

@@ -32,6 +32,7 @@ from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription
 from porotwin_core.senders import callers
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S
 from porotwin_msgs.msg import (
     ModelEffects,
     Outcome,
@@ -70,9 +71,6 @@ MOST_WAITING = 4
 THREADS = MOST_WAITING + 4
 """One thread works, some wait, one answers `solver/cancel`, one `solver/set_effects`, and one
 refuses a request too many."""
-
-DAY_S = 86400.0
-"""Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""
 
 MOST_CELL_UPDATES = 2e8
 """Most cell updates of a prediction, unless a parameter changes it: about 20 s beside a busy

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
@@ -77,6 +78,8 @@ def command(
             help=f'{description_of("mend")} Default: ask; off with --no-diagnosis or --replay.'
         ),
     ] = None,
+    namespace: Namespace = GraphSettings.namespace,
+    domain: Domain = None,
     output: Annotated[
         Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
     ] = None,
@@ -93,12 +96,19 @@ def command(
     from porotwin_cli.live_twin import check_early, run_until_stopped
     from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
-    from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
+    from porotwin_core.ros_environment import (
+        DomainClaim,
+        domain_of,
+        enter_domain,
+        namespace_of,
+        prepare_environment,
+    )
     from porotwin_hub.graph import live_graph
     from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
+    enter_domain(domain)
     prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
@@ -139,6 +149,7 @@ def command(
         architecture=architecture,
         page=settled(page) if page else '',
         speak=speak,
+        namespace=namespace_of(namespace),
         use_sim_time=replay,
         params=params,
     )
