@@ -195,7 +195,7 @@ class _MendedRun:
     def _diagnose(self) -> None:
         recording = self._folder / f'run_{self._now:.0f}'
         self.live.write(recording)
-        result = examine([open_recording(recording)], preset=self._settings.preset, workers=1)
+        result = examine([open_recording(recording)], preset=self._settings.preset)
         finding = finding_of(diagnosis_json(result))
         self.lines.append(f'{self._now / 60.0:.0f} min: {finding.verdict} {finding.confidence:.2f}')
         self.mender.found(finding, seen=self._now, now=self._now)
