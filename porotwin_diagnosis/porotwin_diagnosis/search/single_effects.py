@@ -54,11 +54,7 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
     residuals. An effect with a place is fitted from the most promising places.
     """
-    fits: list[Fit] = []
-    for index, candidate in enumerate(space.candidates):
-        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * index / len(space.candidates))
-        fits.append(_fit_from_best_start(levels, candidate))
-    fits = feasible(fits)
+    fits = coarsely_fitted_singles(levels, space)
     limit = UNPROMISING * min(map(score, fits))
     for index, fit in enumerate(fits):
         if score(fit) < limit:
@@ -67,6 +63,15 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     for effect in space.local_effects:
         levels.progress(f'looking for a place of {effect}', 0.29)
         fits.extend(_best_placed(levels, effect))
+    return sorted(feasible(fits), key=score)
+
+
+def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
+    """Return fits of the effects without a place to coarse residuals, the best score first."""
+    fits: list[Fit] = []
+    for index, candidate in enumerate(space.candidates):
+        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * index / len(space.candidates))
+        fits.append(_fit_from_best_start(levels, candidate))
     return sorted(feasible(fits), key=score)
 
 
