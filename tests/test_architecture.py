@@ -27,6 +27,7 @@ ROS_SHELLS = {
     'porotwin_hub/clients.py': 'service clients as callables',
     'porotwin_cli/graph_watch.py': 'listens to a running graph',
     'porotwin_cli/live_diagnosis.py': 'asks a running graph',
+    'porotwin_cli/live_mend.py': 'answers a running graph',
 }
 """Modules beside *_node.py that may know ROS, and why."""
 
@@ -53,7 +54,7 @@ MAY_IMPORT = {
 
 DIAGNOSIS_ORDER = (
     'thresholds', 'progress', 'data', 'model', 'search', 'decision', 'advice', 'diagnosis',
-    'report', 'examine', 'diagnosis_node',
+    'report', 'examine', 'archive', 'diagnosis_node', 'mending', 'mend_node',
 )  # fmt: skip
 """Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
 

@@ -18,7 +18,7 @@ from porotwin_imaging.calibration import load_calibration
 from porotwin_page.address import listen
 from porotwin_solver.model import preset_named
 
-OPTIONAL = ('costa', 'trainer', 'diagnosis', 'page', 'supervisor')
+OPTIONAL = ('costa', 'trainer', 'diagnosis', 'mend', 'page', 'supervisor')
 """Nodes without which the twin goes on: it predicts, controls and records all the same."""
 
 SHOWN = ('operator', 'supervisor')

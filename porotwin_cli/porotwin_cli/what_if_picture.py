@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.run_account import ML
 from porotwin_cli.what_if_study import NO_ZONE, WhatIfStudy
+from porotwin_core.units import ML
 from porotwin_siblings.siblings import Outlook
 from porotwin_solver.quantities import PLUME_THRESHOLD
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rates_in_force import RatePeriod
@@ -131,8 +132,8 @@ def study_what_if(
     start: float,
     steps: Sequence[RateStep],
     *,
-    grid: Grid,
     executor: Executor,
+    cells: int = COARSE_CELLS,
     horizon: float | None = None,
     siblings: int = 32,
     map_times: int = 2,
@@ -146,8 +147,8 @@ def study_what_if(
         start: when the plans part [s].
         steps: the proposed changes; their times count from `start`. Wells without a change keep
             their rates, and the producer balances them. Until the first one both plans agree.
-        grid: of the siblings; never finer than that of the maps.
         executor: runs the siblings.
+        cells: of the grid of the siblings, which is never finer than that of the maps.
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
             least `LEAST_HORIZON_S` and at most `LONGEST_HORIZON_S`.
         siblings: number of siblings.
@@ -191,7 +192,7 @@ def study_what_if(
     for line in objections:
         objected(line)
     maps = recording.grid
-    grid = recording.rig.grid(min(grid.nx, maps.nx), min(grid.nz, maps.nz))
+    grid = coarse_grid(recording.rig, maps, cells)
     family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
     _learn(family, recording, newest, learnt)
     after = np.linspace(0.0, ahead, TIMES + 1)[1:]

@@ -11,7 +11,7 @@ from porotwin_core.control_zones import control_zones, unwanted_tracer
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig, load_rig, write_rig
-from porotwin_core.rig.map_file import write_map
+from porotwin_core.rig.property_file import write_map
 from porotwin_core.rig.zone_file import read_zone
 
 WIDTH, HEIGHT = 0.9, 0.6

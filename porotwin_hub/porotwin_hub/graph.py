@@ -13,8 +13,10 @@ __all__ = [
     'GraphSettings',
     'NodeDescription',
     'Parameter',
+    'Parameters',
     'camera_node',
     'description_of',
+    'in_namespace',
     'live_graph',
     'operator_node',
     'parameter_template',
@@ -57,12 +59,14 @@ class GraphSettings:
     training: Path | None = _option(None, 'folder for training pairs and weights of retraining')
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
+    mend: str = _option('off', 'offer what a diagnosis of the running twin found: ask or off')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
     page_token: Path | None = _option(
         None, 'file with the token of confirmations on the page, made if missing; none: a new token'
     )
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
+    namespace: str = _option(NAMESPACE, 'namespace of the nodes; each rig has its own')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
@@ -93,6 +97,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
+        *_mend_node(settings, modelled),
         *page_node(settings),
     ]
 
@@ -174,6 +179,13 @@ def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeD
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
 
 
+def _mend_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
+    """Return the node that lets the twin get better; it needs the diagnosis."""
+    if settings.diagnoses is None or settings.mend != 'ask':
+        return []
+    return [NodeDescription('mend', 'porotwin_diagnosis', 'mend_node', modelled)]
+
+
 def page_node(settings: GraphSettings) -> list[NodeDescription]:
     """Return the page, or nothing if there is none."""
     if not settings.page:
@@ -243,7 +255,13 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     pumps = pumps_node(settings)
     operator = operator_node(settings, asset=not pumps)
     nodes = supervised([*twin_nodes(settings), operator, *pumps, *camera])
+    nodes = in_namespace(nodes, settings.namespace)
     return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
+
+
+def in_namespace(nodes: list[NodeDescription], namespace: str) -> list[NodeDescription]:
+    """Return `nodes` in another namespace; each of several rigs has its own."""
+    return [dataclasses.replace(node, namespace=namespace) for node in nodes]
 
 
 def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:
@@ -269,6 +287,7 @@ def parameter_template() -> str:
         training=somewhere,
         record=somewhere,
         diagnoses=somewhere,
+        mend='ask',
         siblings=True,
         page='HOST:PORT',
         pumps=somewhere,

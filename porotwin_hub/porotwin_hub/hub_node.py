@@ -19,10 +19,11 @@ from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.rig import Rig
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
+from porotwin_core.units import DAY_S
 from porotwin_hub.clients import (
     Caller,
     DataDrivenModelClient,
@@ -45,6 +46,7 @@ from porotwin_hub.twin import Cycle, Twin
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
+    ModelEffects,
     NewState,
     RateFactor,
     RigDescription,
@@ -53,9 +55,6 @@ from porotwin_msgs.msg import (
     TracerField,
 )
 from porotwin_msgs.msg import WellRates as WellRatesMessage
-
-DAY_S = 86400.0
-"""Longest photo interval and horizon [s]: an experiment lasts hours."""
 
 SIMULATED_PATIENCE_S = 60.0
 """Least wait for a model in simulated time [s]: as long as the virtual rig waits for a setpoint."""
@@ -151,6 +150,8 @@ class HubNode(Node):
         self._longest_cycle = math.inf if self._simulated else twin.validity
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
+        self._effects: tuple[EffectDescription, ...] = ()
+        self._model_changed = threading.Event()
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
         if self._controller is None:
@@ -296,6 +297,7 @@ class HubNode(Node):
         # rates that are here before a state are in the inbox before it.
         self.create_subscription(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
@@ -347,6 +349,16 @@ class HubNode(Node):
             )
         )
 
+    def _on_effects(self, message: ModelEffects) -> None:
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self._refuse(f'model/effects ignored: {error}')
+            return
+        if effects != self._effects:
+            self._effects = effects
+            self._model_changed.set()
+
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
 
@@ -362,6 +374,9 @@ class HubNode(Node):
                 if self._changed.is_set():
                     self._changed.clear()
                     self._twin.change_controller(self._controller_in_use())
+                if self._model_changed.is_set():
+                    self._model_changed.clear()
+                    self._twin.forget_rate_factors()
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)
@@ -439,6 +454,7 @@ def report_of(cycle: Cycle, state: NewState) -> CycleReport:
         sequence=state.sequence,
         prediction_error=cycle.prediction_error,
         corrected_error=cycle.corrected_error,
+        expected_error=cycle.expected_error,
         disallowed_tracer=cycle.disallowed_tracer,
         objective_unchanged=decision.cost_unchanged if decision else math.nan,
         objective=decision.cost if decision else math.nan,

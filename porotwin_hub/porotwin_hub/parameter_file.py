@@ -89,10 +89,11 @@ def with_parameters(
             type, out of range, or set by an option of the command.
     """
     running = {node.name: node for node in nodes}
+    namespace = nodes[0].namespace if nodes else NAMESPACE
     taken: dict[str, dict[str, Any]] = {name: {} for name in rules}
     try:
         for pattern, parameters in _entries(_read(path)):
-            matched = _matched(pattern, rules)
+            matched = _matched(pattern, rules, namespace)
             for name, value in parameters.items():
                 for node in _nodes_with(name, pattern, matched, rules):
                     if name in SHARED:
@@ -148,14 +149,14 @@ def _flat(prefix: str, content: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
             yield f'{prefix}{key}', value
 
 
-def _matched(pattern: str, rules: Rules) -> list[str]:
+def _matched(pattern: str, rules: Rules, namespace: str) -> list[str]:
     """Return the names of the nodes that a name or pattern of a parameter file means."""
     expression = re.escape(pattern).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', r'[^/]+')
     full = re.compile(expression)
-    found = [node for node in rules if full.fullmatch(f'{NAMESPACE}/{node}')]
+    found = [node for node in rules if full.fullmatch(f'{namespace}/{node}')]
     found = found or [node for node in rules if full.fullmatch(f'/{node}')]
     if not found:
-        short = pattern.removeprefix(NAMESPACE).strip('/')
+        short = pattern.removeprefix(namespace).strip('/')
         raise InputError(f"no node is named '{short}'; {_hint(short, rules)}")
     return found
 

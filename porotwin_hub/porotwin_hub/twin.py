@@ -76,6 +76,7 @@ class Cycle:
         pumped: the rates in force when the observation was made.
         prediction_error: relative error [-] of the prediction made for the observation; NaN: none.
         corrected_error: the same for the corrected prediction.
+        expected_error: the same that the deviations of map and forecast lead one to expect.
         disallowed_tracer: observed tracer where the objective does not allow it [m^3].
         setpoint: the rates to command; None: none follows from this observation.
         accepted: whether the asset took the setpoint.
@@ -95,6 +96,7 @@ class Cycle:
     pumped: WellRates
     prediction_error: float = math.nan
     corrected_error: float = math.nan
+    expected_error: float = math.nan
     disallowed_tracer: float = math.nan
     setpoint: SetpointDecision | None = None
     accepted: bool = True
@@ -183,6 +185,11 @@ class Twin:
         self._began = self._known_start
         self._command = None
         self._pumped = None
+        if self._learner is not None:
+            self._learner.begin_anew()
+
+    def forget_rate_factors(self) -> None:
+        """Learn the rate factors anew: those learnt with another model may stand for its error."""
         if self._learner is not None:
             self._learner.begin_anew()
 
@@ -299,6 +306,7 @@ class Twin:
         cycle.seen = seen
         cycle.state = self._estimate.concentration
         cycle.observed = self._estimate.observed
+        cycle.expected_error = self._estimate.expected_error
 
     def _factors(self) -> dict[str, PumpFactor]:
         """Return the learnt share of its rate that each pump delivers, by well."""

@@ -29,6 +29,7 @@ FULL = GraphSettings(
     training=Path('training'),
     record=Path('bag'),
     diagnoses=Path('diagnoses'),
+    mend='ask',
     siblings=True,
     page='127.0.0.1:8765',
     pumps=Path('pumps.yaml'),

@@ -7,6 +7,7 @@
     response: {signal: [0.0, 0.6, 1.9], concentration: [0.0, 0.35, 1.0], deviation: [0, 0.02, 0]}
     sands: {file: sands.png, factors: [1.0, 1.52], deviations: [0.01, 0.3]}
     hidden: {file: hidden.png}
+    blur_px: 1.3
 
 `made` describes the origin of the calibration. `scale_error` is the relative standard deviation of
 the scale. `response` is a monotone, piecewise linear curve; `deviation` is the standard deviation
@@ -14,7 +15,9 @@ of its concentrations for a known scale. `sands` names a picture of the whole ri
 level per sand (0, 1, 2, ...), row 0 at the top; the signal of each sand is multiplied by its factor
 before the response. `deviations` are the relative standard deviations of the factors. `hidden`
 names a picture that is white where photographs do not show sand. Both pictures can be corrected by
-hand with any paint program. Files of schema 1 have no deviations; they are read with zeros there.
+hand with any paint program. `blur_px` is the standard deviation of the blur of tracer in a
+photograph, in pixels of the file; without it the default of `settings.py` holds. Files of schema 1
+have no deviations; they are read with zeros there.
 """
 
 from dataclasses import dataclass, field
@@ -53,6 +56,8 @@ _MOST_SIGNAL = 100.0
 """Largest signal, weight and absorbance of a file [-]; real ones are below 5."""
 _MOST_DEVIATION = 10.0
 """Largest relative deviation of a file [-]; above 1 nothing is known."""
+_MOST_BLUR_PX = 20.0
+"""Largest blur of a file [px]; a camera out of focus has 5."""
 _SHOWN = 40
 """Characters of a wrong value that a message repeats."""
 _HIDDEN_LEVEL = 128
@@ -122,6 +127,8 @@ class Calibration:
         made: origin of the calibration, for the reader of the file.
         scale_error: relative standard deviation of the scale [-].
         factor_deviations: relative standard deviation of each factor [-]; () if they are not known.
+        blur_px: standard deviation of the blur of tracer in a photograph [px of the file]; None if
+            it was not measured.
     """
 
     signal: TracerSignal = field(default_factory=TracerSignal)
@@ -132,6 +139,7 @@ class Calibration:
     made: dict[str, Any] = field(default_factory=dict)
     scale_error: float = UNCALIBRATED_ERROR
     factor_deviations: tuple[float, ...] = ()
+    blur_px: float | None = None
 
     def factor_map(self, grid: Grid) -> Array:
         """Return the factor of each cell, shape (nz, nx): the mean over the sands in it."""
@@ -199,6 +207,9 @@ def load_calibration(path: Path | str) -> Calibration:
             data.get('made') or {},
             _number('scale_error', data['scale_error'], 0.0, _MOST_DEVIATION),
             _numbers('sands.deviations', sands.get('deviations', ()), 0.0, _MOST_DEVIATION),
+            None
+            if data.get('blur_px') is None
+            else _number('blur_px', data['blur_px'], 0.0, _MOST_BLUR_PX),
         )
         _check_sands(calibration)
     except InputError as error:
@@ -240,6 +251,8 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
     if calibration.hidden is not None:
         cv2.imwrite(str(path.with_name('hidden.png')), calibration.hidden)
         data['hidden'] = {'file': 'hidden.png'}
+    if calibration.blur_px is not None:
+        data['blur_px'] = round(calibration.blur_px, 3)
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
     path.write_text(text, encoding='utf-8')
 

@@ -5,6 +5,8 @@ from typing import Literal
 
 import numpy as np
 
+from porotwin_imaging.front_response import FrontFit
+
 Anchor = Literal['dilutions', 'core', 'mass', 'strongest signal']
 """Where the level of tracer stock comes from: photographs of known dilutions, the core of the
 injected plume, the mass of the pump log, or the strongest signal."""
@@ -84,6 +86,7 @@ class CalibrationEvidence:
         mass_offset: imaged volume at zero injection, relative to the largest injected volume.
         mass_misfit: root mean square distance of the photographs from that line, relative to the
             largest injected volume.
+        fronts: the fronts beside those of a model; None if they were not compared.
         dilution_misfit: largest difference between known and imaged dilutions [-]; NaN without.
         worst_dilution: the dilution with that difference, its photographs and what is read from it.
     """
@@ -101,6 +104,7 @@ class CalibrationEvidence:
     mass_offset: float
     mass_misfit: float
     dilution_misfit: float
+    fronts: FrontFit | None = None
     worst_dilution: str = ''
 
     @property
@@ -148,9 +152,16 @@ def _stock_line(evidence: CalibrationEvidence) -> str:
 
 
 def _response_line(evidence: CalibrationEvidence) -> str:
-    return (
+    line = (
         f'response: {evidence.family}, {evidence.bend:+.3f} +- {evidence.bend_deviation:.3f} off '
         'the straight line at half stock'
+    )
+    fronts = evidence.fronts
+    if fronts is None:
+        return line
+    return (
+        f'{line}; the fronts beside a model of the flow say {fronts.bend:+.3f} +- '
+        f'{fronts.deviation:.3f}, and the camera blurs by {fronts.blur_px:.1f} px'
     )
 
 

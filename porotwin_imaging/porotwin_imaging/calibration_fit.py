@@ -5,7 +5,8 @@ The steps, each with its evidence:
 1. The contrast: red, green and blue of the dye keep their ratio from pale to stock in it.
 2. The weights of red, green and blue that separate tracer best from noise.
 3. The level of tracer stock in each sand: the core of the injected plume is stock.
-4. The bend of the response: known dilutions, and the mass over the photographs.
+4. The bend of the response: known dilutions, the mass over the photographs, and their fronts
+   beside those of a model of the flow.
 5. The mass of the pump log against the imaged one, as a check of all of them.
 
 Without a core the mass gives the level of stock; without a pump log too, the strongest signal does.
@@ -34,6 +35,7 @@ from porotwin_imaging.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
+from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
 from porotwin_imaging.plume_evidence import plume_evidence
@@ -41,7 +43,7 @@ from porotwin_imaging.response_fit import Dilution, ResponseFit, fit_response
 from porotwin_imaging.robust_statistics import SPREAD_PER_DEVIATION
 from porotwin_imaging.sand_edges import sand_edges
 from porotwin_imaging.sands import SandFactors
-from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, ImagingSettings
+from porotwin_imaging.settings import DEFAULTS, CalibrationSettings, FrontSettings, ImagingSettings
 from porotwin_imaging.signal_choice import choose_signal
 from porotwin_imaging.stock_level import StockLevels, diluted_signals, stock_levels
 from porotwin_imaging.tracer_signal import Contrast, TracerSignal
@@ -54,6 +56,10 @@ _TOP_SHARE = 0.3
 """Without core and log, stock is a percentile of the signals above this share of the largest."""
 _STOCK = 0.999
 """Dilutions above this concentration are stock and show its level [-]."""
+_MEASURED = ('dilutions', 'core')
+"""Anchors that measure the level of stock; the others take it from the mass."""
+_OWN_SAND = np.ones((3, 3), np.uint8)
+"""Cells with another sand next to them are mixed."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,7 @@ def fit_calibration(
     schedule: Schedule | None = None,
     dilutions: Sequence[DilutionPhoto] = (),
     contrast: Contrast | None = None,
+    plumes: Callable[[Sequence[float]], PlumeModel] | None = None,
     source: str = '',
     progress: Callable[[str], None] = lambda _: None,
     settings: ImagingSettings = DEFAULTS,
@@ -127,6 +134,7 @@ def fit_calibration(
         schedule: injected rates in the time of the photographs, None if they are unknown.
         dilutions: photographs of known dilutions.
         contrast: 'absorbance' or 'difference'; None: the one that the colours prefer.
+        plumes: returns the modelled injection at times [s]; None: fronts are not compared.
         source: name of the experiment, for the file.
         progress: called with a line for each photograph.
         settings: settings of all steps.
@@ -169,13 +177,24 @@ def fit_calibration(
         stock, factors, seen, signals, _integrals(tracer, volume), injected, settings
     )
     known = [Dilution(signal / level, concentration) for concentration, signal in seen]
-    response = fit_response(
-        [plane / level for plane in tracer] if anchor != 'mass' else [],
-        volume,
-        injected if anchor != 'mass' else [],
-        known,
-        settings.mass_balance,
-    )
+    relative = [plane / level for plane in tracer] if anchor != 'mass' else []
+    masses = injected if anchor != 'mass' else []
+    response = fit_response(relative, volume, masses, known, settings=settings.mass_balance)
+    fronts = None
+    if plumes is not None and anchor in _MEASURED and len(injected):
+        progress('model of the plume')
+        held = _integrals([response.concentration_of(plane) for plane in relative], volume)
+        rough = fit_line(held, injected, settings.mass_balance)
+        seen = FrontPhotographs(
+            [plane / level for plane in signals],
+            np.where(_surely_scaled(factors, labels, settings.fronts), volume, 0.0),
+            _compared_fronts(rough, injected, settings.fronts),
+            level if choice.signal.contrast == 'absorbance' else 0.0,
+            baseline.reduction * float(np.mean(baseline.sampling.pixels_per_cell)),
+            baseline.sampling.samples_across,
+        )
+        fronts = fit_fronts(seen, plumes(times), rough.factor, settings.fronts)
+        response = fit_response(relative, volume, masses, known, fronts, settings.mass_balance)
     curve = response.curve(level)
     imaged = _integrals([curve.concentration_of(plane) for plane in tracer], volume)
     line = fit_line(imaged, injected, settings.mass_balance) if len(injected) else None
@@ -193,6 +212,7 @@ def fit_calibration(
         mass_factor_deviation=line.deviation if line else float('nan'),
         mass_offset=line.offset / max(injected) if line else float('nan'),
         mass_misfit=line.misfit if line else float('nan'),
+        fronts=fronts,
         dilution_misfit=_dilution_misfit(known, response),
         worst_dilution=_worst_dilution(known, response, dilutions),
     )
@@ -207,6 +227,7 @@ def fit_calibration(
         made=_origin(source, evidence),
         scale_error=scale_error,
         factor_deviations=factors.deviations,
+        blur_px=fronts.blur_px if fronts else None,
     )
     return CalibrationFit(
         calibration=calibration,
@@ -320,6 +341,25 @@ def _level_by_mass(
             'times of the photographs and the baseline'
         )
     return line.factor, max(settings.calibration.scale_error, line.misfit / line.factor)
+
+
+def _surely_scaled(factors: SandFactors, labels: Labels, settings: FrontSettings) -> Array:
+    """Return the cells (nz, nx) in sands with a known factor, away from other sands."""
+    sure = np.array(factors.deviations) < settings.surest_factor
+    return cv2.erode(sure[labels].astype(np.uint8), _OWN_SAND) > 0
+
+
+def _compared_fronts(
+    line: MassLine, injected: Sequence[float], settings: FrontSettings
+) -> list[int]:
+    """Return the numbers of photographs whose fronts are compared: agreeing and spread evenly."""
+    useful = [
+        number
+        for number, volume in enumerate(injected)
+        if line.agree[number] and volume > settings.least_share * max(injected)
+    ]
+    places = np.linspace(0, len(useful) - 1, min(len(useful), settings.most_photographs))
+    return [useful[place] for place in np.round(places).astype(int)]
 
 
 def _photographs(

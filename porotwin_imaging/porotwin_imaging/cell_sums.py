@@ -95,7 +95,7 @@ def cell_sums(
         np.ascontiguousarray(matrix, np.float32),
         glare_level,
         samples_across,
-        _tile(samples_across),
+        tile_of(samples_across),
         cells_across,
     )
     state, before, state_square, before_square, product = moments
@@ -106,7 +106,7 @@ def cell_sums(
     )
 
 
-def _tile(samples_across: int) -> int:
+def tile_of(samples_across: int) -> int:
     """Return the samples across a tile of a cell of `samples_across` samples."""
     return next((size for size in _TILES if samples_across % size == 0), samples_across)
 

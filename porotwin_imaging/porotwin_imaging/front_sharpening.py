@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import ive
 
 from porotwin_imaging.level_smoothing import SmoothedMap
-from porotwin_imaging.settings import DEFAULTS, SharpeningSettings
+from porotwin_imaging.settings import DEFAULTS
 
 Array = NDArray[Any]
 
@@ -34,16 +34,16 @@ _NEIGHBOURS = np.ones((3, 3), np.uint8)
 def blur_in_cells(
     pixels_per_cell: tuple[float, float],
     reduction: int,
-    settings: SharpeningSettings = DEFAULTS.sharpening,
+    blur_px: float = DEFAULTS.sharpening.blur_px,
 ) -> tuple[float, float]:
     """Return the standard deviation of the blur of a photograph, up and across [cells].
 
     Args:
         pixels_per_cell: height and width of a cell [px of the decoded photograph].
         reduction: ratio of pixels of the file to decoded pixels.
-        settings: blur of the camera.
+        blur_px: standard deviation of the blur of tracer in a photograph [px of the file].
     """
-    width = math.hypot(settings.blur_px / reduction, _REMAPPING_PX)
+    width = math.hypot(blur_px / reduction, _REMAPPING_PX)
     up, across = pixels_per_cell
     return width / up, width / across
 

@@ -194,8 +194,9 @@ def compare_with_baseline(
 
 def _blur(baseline: Baseline) -> tuple[float, float]:
     """Return the blur of a photograph, up and across [cells]."""
-    sampling, settings = baseline.sampling, baseline.settings.sharpening
-    return blur_in_cells(sampling.pixels_per_cell, baseline.reduction, settings)
+    measured, settings = baseline.calibration.blur_px, baseline.settings.sharpening
+    blur_px = settings.blur_px if measured is None else measured
+    return blur_in_cells(baseline.sampling.pixels_per_cell, baseline.reduction, blur_px)
 
 
 def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:

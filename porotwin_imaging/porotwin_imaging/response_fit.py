@@ -8,7 +8,8 @@ bend of the curve between water and stock. With the concentration c = h(s) of th
 holds for all photographs (`mass_balance_fit`). The factor m is often not 1: a porosity is 8 %
 wrong, or tracer sorbs. Its prior is a Cauchy distribution about 1: a mass that can agree does
 agree, and one that cannot has no say. The bend changes the mass in fronts only, whose share falls
-while the plume grows. Dilutions show the curve itself.
+while the plume grows. Beside a model of the flow the fronts show it better (`front_response`).
+Dilutions show the curve itself.
 """
 
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from porotwin_imaging.calibration import Response
+from porotwin_imaging.front_response import FrontFit
 from porotwin_imaging.response_family import FAMILIES, MOST_BEND, concentration_of
 from porotwin_imaging.settings import DEFAULTS, MassBalanceSettings
 
@@ -103,15 +105,17 @@ def fit_response(
     pore_volume: Array,
     injected: Sequence[float],
     dilutions: Sequence[Dilution] = (),
+    fronts: FrontFit | None = None,
     settings: MassBalanceSettings = DEFAULTS.mass_balance,
 ) -> ResponseFit:
-    """Return the response that masses and dilutions prefer.
+    """Return the response that masses, fronts and dilutions prefer.
 
     Args:
         signals: relative signal of each photograph [-], shape (nz, nx), 0 away from tracer.
         pore_volume: phi d dA of the cells [m^3], shape (nz, nx).
         injected: injected volume at each photograph [m^3]; empty without a pump log.
         dilutions: photographs of known dilutions.
+        fronts: the bend that the fronts show; None if they were not compared.
         settings: priors and expected errors.
     """
     evidence: dict[str, Array] = {}
@@ -120,6 +124,8 @@ def fit_response(
     for family in FAMILIES if dilutions else (first,):
         logs = -0.5 * ((_BENDS - settings.expected_bend) / settings.bend_deviation) ** 2
         logs = logs + _dilution_evidence(family, dilutions, settings)
+        if fronts is not None:
+            logs = logs - 0.5 * ((_BENDS - fronts.bend) / fronts.deviation) ** 2
         if len(injected):
             counts = [_pore_volume_by_signal(plane, pore_volume) for plane in signals]
             logs = logs + _mass_evidence(family, np.array(counts), np.asarray(injected), settings)

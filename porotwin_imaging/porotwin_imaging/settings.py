@@ -427,6 +427,33 @@ class MassBalanceSettings:
 
 
 @dataclass(frozen=True)
+class FrontSettings:
+    """The bend of the response and the blur of the camera from fronts (`front_response.py`)."""
+
+    dispersivities_m: tuple[float, ...] = (0.0, 1e-4, 5e-4, 1.6e-3, 4e-3)
+    """Dispersivities along the flow that are modelled [m], from none to that of coarse gravel."""
+    level_error: float = 0.012
+    """Standard deviation of the volume above a level, relative to the width of a front [-]: grains
+    and cells. On composed photographs it is 0.007 to 0.013."""
+    offset_error: float = 0.001
+    """Standard deviation of the volume at zero injection, relative to the largest [-]."""
+    photograph_error: float = 0.0005
+    """Standard deviation of the volume of one photograph, relative [-]: light."""
+    factor_error: float = 0.1
+    """Standard deviation of the common factor of all volumes [-]: porosity, sorption, pumps."""
+    model_error: float = 0.02
+    """Standard deviation of the bend from a model that is not the rig [-]."""
+    most_misfit: float = 0.06
+    """Larger distances from the model are no evidence, relative to the width of a front [-]."""
+    least_share: float = 0.3
+    """Photographs with less of the largest injected volume are not compared [-]."""
+    most_photographs: int = 3
+    """Photographs that are compared; more cost time and tell the same."""
+    surest_factor: float = 0.05
+    """Sands with a larger relative deviation of their factor do not count [-]."""
+
+
+@dataclass(frozen=True)
 class CalibrationSettings:
     """The calibration from photographs of an injection (`calibration_fit.py`)."""
 
@@ -495,8 +522,47 @@ class TrustSettings:
     most_bow: float = 0.012
     """Largest depth of the frame in the middle of a side, relative to the size of the rig [-]. On
     the large FluidFlower it is 0.022 without the terms of curvature and 0.001 with them."""
-    told_bend_deviation: float = 0.05
+    told_bend_deviation: float = 0.028
     """Error of the response at half stock that is told [-]."""
+
+
+@dataclass(frozen=True)
+class PhaseSettings:
+    """Maps of water, dissolved CO2 and gas (`phase_colours.py`, `phase_segmentation.py`)."""
+
+    least_change: float = 0.08
+    """Smaller changes of colour are water [log]: light and grains cause up to 0.05."""
+    most_uneven: float = 0.6
+    """Range of a colour around a cell, relative to it, above which the cell lies at an edge [-]."""
+    least_share: float = 0.002
+    """Changed cells, relative to the sand of a photograph, that show the colour of a phase [-]."""
+    apart: float = 0.45
+    """Difference of two colours, relative to the stronger one, below which they are one [-]."""
+    least_cluster: float = 0.02
+    """Share of the changed cells below which a cluster joins the nearest one [-]."""
+    least_gas: float = 0.05
+    """Brightening of every channel in gas [log]: dry sand without indicator."""
+    same_hue: float = 0.96
+    """Cosine between two changes of colour from which they have one hue [-]."""
+    cells_for_sand: float = 40.0
+    """Cells from which a sand has colours of its own rather than those of all sands."""
+    least_spread: float = 0.04
+    """Standard deviation of the colour of a cell that is added to its scatter [log]."""
+    most_samples: int = 60_000
+    """Cells from which colours are found; more tell nothing more."""
+    sharpness: float = 0.5
+    """Factor on the costs of colours, which are not independent from cell to cell [-]."""
+    coupling: float = 4.0
+    """Gain in log probability if all neighbours have the same phase [-]."""
+    doubt: float = 0.5
+    """Exponent of the probabilities: the model knows nothing of blur and place at edges [-]. Fitted
+    to rendered photographs."""
+    foreign: float = 0.25
+    """Distance from all colours and their mixtures that no phase explains [log]."""
+    foreign_share: float = 0.4
+    """The same relative to the change of colour [-]."""
+    told_foreign: float = 0.001
+    """Share of the sand with the colour of no phase that is told [-]."""
 
 
 @dataclass(frozen=True)
@@ -521,9 +587,11 @@ class ImagingSettings:
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     sands: SandSettings = field(default_factory=SandSettings)
     core: CoreSettings = field(default_factory=CoreSettings)
+    fronts: FrontSettings = field(default_factory=FrontSettings)
     mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     trust: TrustSettings = field(default_factory=TrustSettings)
+    phases: PhaseSettings = field(default_factory=PhaseSettings)
 
 
 DEFAULTS = ImagingSettings()

@@ -6,8 +6,9 @@ the forecast. A proposed schedule is answered beside it. Nothing here is ever pu
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,14 +18,18 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from porotwin_core import conversions, qos
+from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.parallel import LastingCrew, crew
 from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.rig import EffectDescription
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
-from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import expected_cost
@@ -40,14 +45,8 @@ from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 NICENESS = 10
 """Nice value of the threads that learn: they use only time that the twin leaves."""
 
-DEFAULT_CELL_M = 0.015
-"""Cell size of the siblings [m]: three cells of the maps; see docs/siblings.md."""
-
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
-
-MINUTE_S = 60.0
-"""Length of a minute [s]."""
 
 TIMES = 24
 """Times of a forecast: enough for a smooth curve."""
@@ -109,14 +108,19 @@ class SiblingsNode(Node):
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
         self._quick = ThreadPoolExecutor(workers)
-        self.siblings = Siblings(
-            self._rig,
-            self._declare_grid(),
+        self._make_siblings = partial(
+            Siblings,
+            grid=self._declare_grid(),
             map_grid=self._map_grid,
-            executor=_learning_executor(self._declare_scheduler(), workers),
+            executor=_learning_executor(
+                self._declare_scheduler(), workers, self.get_logger().warning
+            ),
             count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
         )
+        self.siblings = self._make_siblings(self._rig)
+        self._effects: tuple[EffectDescription, ...] = ()
+        self._new_effects: tuple[EffectDescription, ...] | None = None
         self._rates = RateLog(safe_rates(self._rig))
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
@@ -129,21 +133,16 @@ class SiblingsNode(Node):
         threading.Thread(target=self._work, daemon=True).start()
 
     def _declare_grid(self) -> Grid:
-        """Return the grid of the siblings, which is never finer than the maps.
-
-        Raises:
-            InputError: the parameter is no length.
-        """
-        cell = declare(
+        """Return the grid of the siblings, which is never finer than the maps."""
+        cells = declare(
             self,
-            'cell_m',
-            DEFAULT_CELL_M,
-            'cell size of the siblings [m]; smaller takes the cube of time',
-            at_least=1e-4,
-            at_most=1.0,
+            'cells',
+            COARSE_CELLS,
+            'cells of the grid of the siblings; four times as many take eight times as long',
+            at_least=100,
+            at_most=1_000_000,
         )
-        wanted, maps = self._rig.default_grid(cell), self._map_grid
-        return self._rig.grid(min(wanted.nx, maps.nx), min(wanted.nz, maps.nz))
+        return coarse_grid(self._rig, self._map_grid, cells)
 
     def _declare_scheduler(self) -> str:
         return str(
@@ -160,6 +159,7 @@ class SiblingsNode(Node):
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
@@ -198,6 +198,15 @@ class SiblingsNode(Node):
     def _on_clean_state(self, message: CleanState) -> None:
         with self._changed:
             self._interrupted = True
+
+    def _on_effects(self, message: ModelEffects) -> None:
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        with self._changed:
+            self._new_effects = effects
 
     def _on_state(self, message: NewState) -> None:
         try:
@@ -262,6 +271,8 @@ class SiblingsNode(Node):
         siblings = self.siblings
         if self._began is None or photograph.time < self._began:
             self._began = photograph.time
+        if self._follow_effects(photograph):
+            return
         with self._changed:
             if siblings.started and photograph.time <= siblings.time:
                 siblings.begin_anew()
@@ -270,6 +281,24 @@ class SiblingsNode(Node):
             self._interrupted = False
             periods = self._rates.take(siblings.time, photograph.time) if siblings.started else ()
         siblings.observe(photograph, periods)
+
+    def _follow_effects(self, photograph: Photograph) -> bool:
+        """Return whether other effects act: new siblings, who have learnt nothing, then follow.
+
+        What the others had learnt may stand for the same effects under other names.
+        """
+        with self._changed:
+            effects, self._new_effects = self._new_effects, None
+            if effects is None or effects == self._effects:
+                return False
+            self._interrupted = False
+            if self.siblings.started and photograph.time > self.siblings.time:
+                self._rates.take(self.siblings.time, photograph.time)
+        siblings = self._make_siblings(self._rig.with_effects(effects))
+        siblings.observe(photograph)
+        self.siblings, self._effects = siblings, effects
+        self.get_logger().info(f'{len(effects)} effects beyond rig.yaml; learning anew')
+        return True
 
     def _tell(self) -> None:
         """Publish the forecast under the rates of the setpoint that follows from the photograph."""
@@ -407,20 +436,21 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
 
 
-def _learning_executor(scheduler: str, workers: int) -> Executor:
+def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:
     """Return the executor of the siblings: the cluster of a `scheduler`, or patient threads.
+
+    Threads also follow a scheduler that goes away; `tell` then gets a line.
 
     Raises:
         InputError: there is no scheduler at that address.
     """
-    if not scheduler:
-        return ThreadPoolExecutor(workers, initializer=_be_patient)
-    from distributed import Client
 
-    try:
-        return Client(scheduler).get_executor()
-    except OSError as error:
-        raise InputError(f"scheduler '{scheduler}': {error}; start dask-scheduler") from None
+    def patient_threads() -> Executor:
+        return ThreadPoolExecutor(workers, initializer=_be_patient)
+
+    if not scheduler:
+        return patient_threads()
+    return LastingCrew(crew(scheduler=scheduler), patient_threads, tell)
 
 
 def _be_patient() -> None:

@@ -9,7 +9,9 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import RateStep
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.implicit_model import ImplicitModel
 from porotwin_solver.model import Model
+from porotwin_solver.presets import IMPLICIT
 from porotwin_solver.supervision import UNSUPERVISED, Supervision
 
 
@@ -53,7 +55,8 @@ class GridModels:
             InputError: as `Model`.
         """
         self.effects = tuple(effects)
-        self.own = Model(rig, grid, preset=preset, effects=effects, supervision=supervision)
+        kind = ImplicitModel if preset == IMPLICIT else Model
+        self.own: Model = kind(rig, grid, preset=preset, effects=effects, supervision=supervision)
         self.own.prepare()
         self._coarse_preset = coarse_preset
         self._other: Model | None = None

@@ -3,7 +3,9 @@
 preset    scheme       refines  purpose
 fast      superbee     no       the live loop and the optimiser
 accurate  third order  yes      simulation and diagnosis
+sharp     superbee     yes      simulation of sharp fronts
 upwind    upwind       no       the diffusive model of the paper (sec. 2.2)
+implicit  upwind       no       the same with one implicit step an interval: sigma acts within it
 """
 
 from dataclasses import dataclass
@@ -17,6 +19,10 @@ MAX_REFINED_CELLS = 200_000
 
 MAX_REFINEMENT = 4
 """Largest refinement factor, a power of two; the cost grows with its cube."""
+
+
+IMPLICIT = 'implicit'
+"""Preset whose single steps are those of `implicit_model`; free runs of plans are `upwind`."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,9 @@ PRESETS: dict[str, Preset] = {
     for preset in (
         Preset('fast', Scheme.SUPERBEE, refines=False),
         Preset('accurate', Scheme.THIRD_ORDER, refines=True),
+        Preset('sharp', Scheme.SUPERBEE, refines=True),
         Preset('upwind', Scheme.UPWIND, refines=False),
+        Preset(IMPLICIT, Scheme.UPWIND, refines=False),
     )
 }
 """Every preset by name."""

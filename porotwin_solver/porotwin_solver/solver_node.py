@@ -32,6 +32,7 @@ from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription
 from porotwin_core.senders import callers
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S
 from porotwin_msgs.msg import (
     ModelEffects,
     Outcome,
@@ -70,9 +71,6 @@ MOST_WAITING = 4
 THREADS = MOST_WAITING + 4
 """One thread works, some wait, one answers `solver/cancel`, one `solver/set_effects`, and one
 refuses a request too many."""
-
-DAY_S = 86400.0
-"""Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""
 
 MOST_CELL_UPDATES = 2e8
 """Most cell updates of a prediction, unless a parameter changes it: about 20 s beside a busy
@@ -173,10 +171,9 @@ class SolverNode(Node):
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
         )
-        if self.get_parameter('use_sim_time').value:
-            self.create_subscription(
-                ModelEffects, 'model/effects', self._on_effects, qos.CONFIG, callback_group=own
-            )
+        self.create_subscription(
+            ModelEffects, 'model/effects', self._on_effects, qos.CONFIG, callback_group=own
+        )
 
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
@@ -234,7 +231,8 @@ class SolverNode(Node):
 
     def _on_effects(self, message: ModelEffects) -> None:
         """Follow effects that a replay publishes."""
-        if message.sequence <= self._in_force.sequence:
+        is_replay = self.get_parameter('use_sim_time').value
+        if not is_replay or message.sequence <= self._in_force.sequence:
             return
         try:
             self._change_effects(checked_effects(self.model.rig, effects_from_msg(message.effects)))

@@ -12,16 +12,17 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from dataclasses import asdict
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from porotwin_core.errors import InputError
+from porotwin_core.parallel import crew
+from porotwin_core.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
@@ -45,6 +46,8 @@ COMPARISON = 'figures.json'
 
 MAP_FIGURES = 'maps.json'
 """File with the figures of maps from photographs."""
+CASE_BYTES = 1.5e9
+"""Memory of a case, most of it in the process that diagnoses [B]."""
 
 CLEAN_MAPS = 'clean.nc'
 """File with the maps of a case without noise, beside its recording."""
@@ -59,7 +62,9 @@ def blind_check(
     *,
     cases: int = 20,
     seed: int = 1,
-    workers: int = 2,
+    workers: int | None = None,
+    scheduler: str = '',
+    tell: Callable[[str], None] = lambda _: None,
     progress: CaseProgress = ignore_progress,
     draw: Callable[[int, int], BlindCase] = draw_case,
     source: Source = 'maps',
@@ -74,7 +79,10 @@ def blind_check(
         output: folder of the check; it is made if it does not exist.
         cases: number of cases.
         seed: seed of the cases.
-        workers: number of cases at a time, each in a process, because netCDF is not thread-safe.
+        workers: number of cases at a time, each in a process, because netCDF is not thread-safe;
+            None: one per core, as far as the memory holds.
+        scheduler: address of a Dask scheduler whose workers do the cases instead.
+        tell: called with a line about the workers.
         progress: called after every case.
         draw: returns case `number` of the check with `seed`; not used with a `baseline`.
         source: whether maps of the rig are disturbed, or photographs of it become maps.
@@ -82,9 +90,10 @@ def blind_check(
             photographs are composed.
 
     Raises:
-        InputError: the folder holds a check with other truths, or `baseline` has no photograph.
+        InputError: the folder holds a check with other truths, `baseline` has no photograph, or a
+            worker does not see the folder.
     """
-    folder = Path(output)
+    folder = Path(output).resolve()  # the workers may have another working folder
     folder.mkdir(parents=True, exist_ok=True)
     work: Work = make_and_diagnose
     if source == 'photographs':
@@ -94,13 +103,18 @@ def blind_check(
     drawn = [draw(number, seed) for number in range(cases)]
     publish_hashes(folder, drawn, seed, source)
     missing = [case for case in drawn if not (folder / case.name / COMPARISON).exists()]
-    failed = work_through(
-        folder,
-        missing,
-        ProcessPoolExecutor(workers, mp_context=get_context('spawn')),
-        lambda done, event: progress(cases - len(missing) + done, cases, event),
-        work,
-    )
+    failed: set[str] = set()
+    if missing:
+        pool = crew(workers=workers, scheduler=scheduler, task_bytes=CASE_BYTES, tell=tell)
+        with pool:
+            pool.needs_folder(folder)
+            failed = work_through(
+                folder,
+                missing,
+                pool,
+                lambda done, event: progress(cases - len(missing) + done, cases, event),
+                work,
+            )
     scores = [_score(case, folder / case.name, failed=case.name in failed) for case in drawn]
     figures = summary(scores)
     content = {'summary': figures, 'cases': [asdict(score) for score in scores]}
@@ -219,10 +233,10 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
 
 def _diagnose_in_own_process(recording: Path, result: Path, withheld: Sequence[str]) -> None:
     """Diagnose `recording` in a process that knows only its folder and the `withheld` effects."""
-    module, workers = 'porotwin_validation.blind_process', '1'
-    command = [sys.executable, '-m', module, str(recording), str(result), workers, *withheld]
-    one_thread = {**os.environ, 'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1'}
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=one_thread)
+    module = 'porotwin_validation.blind_process'
+    command = [sys.executable, '-m', module, str(recording), str(result), *withheld]
+    own = {'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1', PARENT: str(os.getpid())}
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, **own})
 
 
 def _score(case: BlindCase, folder: Path, *, failed: bool) -> CaseScore:

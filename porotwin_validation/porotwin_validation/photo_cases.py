@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.grid import conservative_resample
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import from_ml_h
+from porotwin_core.units import MOLECULAR_DIFFUSION, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.concentration import ConcentrationWriter
 from porotwin_recording.experiment_folder import folder_data, write_folder
@@ -57,6 +57,12 @@ _LARGE_PORES = 0.046
 """Pore volume of the large FluidFlower [m^3]."""
 _SHAKE_PX, _ROTATION_DEG, _WIDTH_PX = 1.0, 0.012, 1600
 """Standard deviations of shift and rotation of a photograph, and the width they refer to [px]."""
+_SCHEMES = ('fast', 'accurate')
+"""Presets of the solver that make the truth: their numerical dispersion differs."""
+_DISPERSED = 0.6
+"""Share of the cases whose sand disperses tracer [-]."""
+_DISPERSIVITY_M, _TRANSVERSE = (1e-4, 3e-3), (0.05, 0.3)
+"""Ranges of the dispersivity along the flow [m], and of that across it relative to it [-]."""
 _DRIFT, _SLOPE, _WARMTH = 0.02, 0.006, 0.002
 """Amplitudes of the drift of the lamps, of its slopes and of its colour [-]."""
 
@@ -89,6 +95,7 @@ class PhotoCase:
         flaw: name of its flaw in `FLAWS`.
         rig: the true rig.
         effects: true effects of the rig.
+        preset: preset of the solver that makes the truth.
         dye: the dye.
         calibration: the known injection.
         recording: the experiment to be imaged.
@@ -99,6 +106,7 @@ class PhotoCase:
     flaw: str
     rig: Rig
     effects: tuple[EffectDescription, ...]
+    preset: str
     dye: Dye
     calibration: Take
     recording: Take
@@ -125,7 +133,8 @@ def draw_case(rig: Rig, number: int, seed: int, flaw: str | None = None) -> Phot
         f'c{number:03d}',
         chosen,
         rig,
-        _effects(wrong, generator),
+        (*_effects(wrong, generator), *_dispersion(generator)),
+        str(generator.choice(_SCHEMES)),
         dye,
         calibration,
         recording,
@@ -216,7 +225,7 @@ def _maps(case: PhotoCase, take: Take) -> Array:
         take.schedule,
         np.array(shown)[order],
         grid=case.rig.grid(*TRUTH_GRID).refined(_FINER),
-        preset='fast',
+        preset=case.preset,
         effects=case.effects,
     )
     return np.clip(maps[np.argsort(order, kind='stable')], 0.0, 1.0)
@@ -319,6 +328,21 @@ def _effects(flaw: Flaw, generator: np.random.Generator) -> tuple[EffectDescript
     return (EffectDescription(name=name, parameters={parameter: value}),)
 
 
+def _dispersion(generator: np.random.Generator) -> tuple[EffectDescription, ...]:
+    """Return the dispersion of the sand; many rigs have hardly any."""
+    dispersed, low, high = generator.random() < _DISPERSED, *np.log(_DISPERSIVITY_M)
+    along = float(np.exp(generator.uniform(low, high)))
+    across = along * float(generator.uniform(*_TRANSVERSE))
+    if not dispersed:
+        return ()
+    parameters = {
+        'longitudinal_dispersivity': along,
+        'transverse_dispersivity': across,
+        'diffusion': MOLECULAR_DIFFUSION,
+    }
+    return (EffectDescription(name='dispersion', parameters=parameters),)
+
+
 def _told(schedule: Schedule, flaw: Flaw, wells: Sequence[str]) -> Schedule:
     """Return the pump log that the laboratory believes in."""
     rows = []
@@ -338,6 +362,7 @@ def _truth(case: PhotoCase) -> dict[str, Any]:
         'flaw': case.flaw,
         'expected': flaw.expected,
         'effects': [effect.model_dump() for effect in case.effects],
+        'preset': case.preset,
         'response': {'family': response.family, 'bend': round(response.bend, 4)},
         'absorption': case.dye.absorption.round(4).tolist(),
         'grain': [round(value, 4) for value in case.dye.grain],

@@ -8,6 +8,7 @@ Each FOLDER is a recording with `truth.nc`; its calibration is the folder `FOLDE
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.experiment_folder import folder_data
+from porotwin_solver.plume_model import plume_model
 
 Array = NDArray[Any]
 
@@ -139,11 +141,13 @@ def calibrated(folder: Path) -> tuple[Calibration, list[str]]:
         CalibrationRefused: the calibration cannot be trusted.
     """
     data = folder_data(folder)
+    schedule = data.measured or data.commanded
     fit = fit_calibration(
         data.rig,
         [photo.read() for photo in data.photos if photo.role == 'baseline'],
         [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
-        schedule=data.measured or data.commanded,
+        schedule=schedule,
+        plumes=partial(plume_model, data.rig, schedule) if schedule else None,
         source=folder.name,
     )
     if fit.trust.objections:

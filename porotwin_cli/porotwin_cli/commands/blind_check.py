@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, progress, say
 from porotwin_core.errors import InputError
 
@@ -25,6 +26,8 @@ def command(
         Path | None,
         typer.Option(help='Experiment folder with the photograph of a real rig to compose on.'),
     ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Score the diagnosis on recordings with hidden effects.
@@ -37,7 +40,7 @@ def command(
     known injection on the same flawed rig calibrates, and imaging makes the maps. Then the
     diagnosis begins. With --baseline the tracer is composed on the photograph of a real rig.
 
-    Example: ./porotwin blind-check --cases 100 --output blind
+    Example: ./porotwin blind-check --cases 100 --output blind --workers 8
 
     Example: ./porotwin blind-check --from photographs --cases 20 --output seen
     """
@@ -51,6 +54,9 @@ def command(
             output,
             cases=cases,
             seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            tell=say,
             progress=lambda done, _, stage: bar.update(task, completed=done, description=stage),
             source=source,
             baseline=baseline,

@@ -1,5 +1,6 @@
 """./porotwin calibrate: the calibration of a camera and rig from a known injection."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -31,8 +32,9 @@ def command(
 
     The folder holds a baseline photograph and some photographs of an injection of tracer stock
     (imaging.csv), and the injected rates (rates.csv), against which the mass in the maps is
-    checked. The core of the plume is taken for stock. Photographs of known dilutions (role
-    dilution) determine the response.
+    checked. The core of the plume is taken for stock. The fronts of the plume beside those of the
+    model of the rig tell the response and the blur of the camera. Photographs of known dilutions
+    (role dilution) determine the response better.
 
     A calibration that cannot be trusted is refused: exit status 1, a line with the reasons,
     pictures that show them, and no calibration.yaml.
@@ -43,6 +45,7 @@ def command(
     from porotwin_imaging.calibration_pictures import REFUSED, write_fit
     from porotwin_imaging.calibration_trust import CalibrationRefused
     from porotwin_recording.recording import open_recording
+    from porotwin_solver.plume_model import plume_model
 
     target = output or folder.with_name(f'{folder.name}-calibration')
     if not (target / REFUSED).exists():  # a refused calibration may be tried again
@@ -55,18 +58,20 @@ def command(
             f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
         )
     _check_sizes(folder, recording.photos)
+    rig, schedule = recording.rig, recording.measured or recording.commanded
     try:
         fit = fit_calibration(
-            recording.rig,
+            rig,
             baselines,
             states,
-            schedule=recording.measured or recording.commanded,
+            schedule=schedule,
             dilutions=[
                 DilutionPhoto(photo.time, photo.read(), photo.concentration)
                 for photo in recording.photos
                 if photo.concentration is not None
             ],
             contrast=contrast,
+            plumes=partial(plume_model, rig, schedule) if schedule else None,
             source=folder.name,
             progress=say,
         )

@@ -2,15 +2,24 @@
 
 import os
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_hub.graph import GraphSettings, description_of
+
+
+class Mend(StrEnum):
+    """Whether effects that a diagnosis finds are offered."""
+
+    ASK = 'ask'
+    OFF = 'off'
 
 
 def _print_template(wanted: bool) -> None:
@@ -63,6 +72,14 @@ def command(
         bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
     ] = True,
     siblings: Annotated[bool, typer.Option(help=description_of('siblings'))] = True,
+    mend: Annotated[
+        Mend | None,
+        typer.Option(
+            help=f'{description_of("mend")} Default: ask; off with --no-diagnosis or --replay.'
+        ),
+    ] = None,
+    namespace: Namespace = GraphSettings.namespace,
+    domain: Domain = None,
     output: Annotated[
         Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
     ] = None,
@@ -79,17 +96,26 @@ def command(
     from porotwin_cli.live_twin import check_early, run_until_stopped
     from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
-    from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
+    from porotwin_core.ros_environment import (
+        DomainClaim,
+        domain_of,
+        enter_domain,
+        namespace_of,
+        prepare_environment,
+    )
     from porotwin_hub.graph import live_graph
     from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
+    enter_domain(domain)
     prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
     if [photos is not None, bool(camera), replay].count(True) != 1:
         raise InputError('name either --photos FOLDER or --camera SOURCE, or --replay for a bag')
+    if mend is Mend.ASK and not diagnosis:
+        raise InputError('--mend ask offers what a diagnosis finds; leave out --no-diagnosis')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:
@@ -118,10 +144,12 @@ def command(
         horizon_s=horizon_s,
         control=not predict_only,
         siblings=siblings,
+        mend=mend or (Mend.ASK if diagnosis and not replay else Mend.OFF),
         retrain_every=retrain_every,
         architecture=architecture,
         page=settled(page) if page else '',
         speak=speak,
+        namespace=namespace_of(namespace),
         use_sim_time=replay,
         params=params,
     )

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -272,6 +272,10 @@ class Rig(Section):
             data[name] = [values.shape, hashlib.sha256(numbers.tobytes()).hexdigest()]
         digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
         return digest[:FINGERPRINT_LENGTH]
+
+    def with_effects(self, effects: Iterable[EffectDescription]) -> Self:
+        """Return this rig with `effects` beyond those that it has."""
+        return self.model_copy(update={'effects': (*self.effects, *effects)})
 
     def grid(self, nx: int, nz: int) -> Grid:
         """Return the grid of nx x nz cells over this rig.

@@ -14,8 +14,8 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points
 from porotwin_core.rig.description import PROPERTIES, SAND_KEYS, Rig
-from porotwin_core.rig.map_file import read_property, write_map
 from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.property_file import read_property, write_map
 from porotwin_core.rig.sand_drawing import (
     draw_image,
     draw_layers,

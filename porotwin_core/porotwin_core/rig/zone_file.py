@@ -7,7 +7,7 @@ from PIL import Image, UnidentifiedImageError
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.rig.map_file import read_map
+from porotwin_core.rig.property_file import read_map
 from porotwin_core.rig.sand_drawing import sand_raster
 from porotwin_core.zone_shapes import PictureZone
 

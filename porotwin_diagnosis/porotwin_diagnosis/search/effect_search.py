@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.progress import Progress
@@ -60,7 +61,7 @@ def search_effects(
     *,
     excluded: Collection[str] = (),
     progress: Progress = lambda _stage, _share: None,
-    workers: int = 2,
+    crew: Crew | None = None,
 ) -> SearchResult:
     """Search for effects that explain recordings of one rig.
 
@@ -68,13 +69,13 @@ def search_effects(
         samples: the recordings; an effect has the same parameters in all of them.
         excluded: names of effects that are not considered.
         progress: called with the stage and the share that is done, up to about 0.9.
-        workers: simulations at a time.
+        crew: runs the simulations; None: one at a time.
 
     Raises:
         InputError: no effect without a place remains, or the model cannot run without effects.
     """
     space = search_space(samples, excluded)
-    levels = make_levels(samples, progress=progress, workers=workers)
+    levels = make_levels(samples, progress=progress, crew=crew)
     progress('running the model without effects', 0.0)
     null = levels.null()
     if score(null) < CORRECTABLE_MISFIT:
