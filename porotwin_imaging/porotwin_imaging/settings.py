@@ -454,6 +454,8 @@ class FrontSettings:
     """Photographs with less of the largest injected volume are not compared [-]."""
     most_photographs: int = 5
     """Photographs that are compared, small and large plumes; more cost time."""
+    fewest_photographs: int = 3
+    """Photographs that tell the bend from the factor of all volumes."""
     surest_factor: float = 0.05
     """Sands with a larger relative deviation of their factor do not count [-]."""
 
