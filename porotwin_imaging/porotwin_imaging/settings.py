@@ -552,7 +552,7 @@ class PhaseSettings:
     same_hue: float = 0.96
     """Cosine between two changes of colour from which they have one hue [-]."""
     cells_for_sand: float = 40.0
-    """Cells from which a sand has colours of its own rather than those of all sands."""
+    """Cells that give a sand colours of its own; fewer are drawn to the colours of all sands."""
     least_spread: float = 0.04
     """Standard deviation of the colour of a cell that is added to its scatter [log]."""
     most_samples: int = 60_000
