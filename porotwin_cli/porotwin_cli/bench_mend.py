@@ -73,7 +73,7 @@ class MendFigures:
         dose_ml_min: tracer in the zone, integrated over time [ml min].
         found: effects in force at the end, as text.
         minute: when the first effect was accepted [min]; NaN: none was.
-        lines: what the mender said.
+        lines: the words of the mender.
         forecast_error: median relative error of forecasts over a quarter of an hour after that, by
             model.
     """
@@ -195,7 +195,7 @@ class _MendedRun:
     def _diagnose(self) -> None:
         recording = self._folder / f'run_{self._now:.0f}'
         self.live.write(recording)
-        result = examine([open_recording(recording)], preset=self._settings.preset, workers=1)
+        result = examine([open_recording(recording)], preset=self._settings.preset)
         finding = finding_of(diagnosis_json(result))
         self.lines.append(f'{self._now / 60.0:.0f} min: {finding.verdict} {finding.confidence:.2f}')
         self.mender.found(finding, seen=self._now, now=self._now)
@@ -301,7 +301,7 @@ def _row(jobs: Sequence[MendJob]) -> dict[str, Any]:
 
 
 def show(rows: Sequence[dict[str, Any]]) -> None:
-    """Print a table of all cases, and how many reach what is wanted."""
+    """Print a table of all cases, and the number that reaches each aim."""
     table = [
         [f'{value:.3g}' if isinstance(value, float) else value.partition(':')[0]
          for value in row.values()]
@@ -313,16 +313,16 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-    """Return the number of cases that reach what is wanted, by words."""
+    """Return the number of cases that reach each aim, by the words of the aim."""
 
     def ratio(row: dict[str, Any], what: str, other: str) -> float:
         return float(row[f'{what}, mended'] / max(row[f'{what}, {other}'], 1e-9))
 
     return {
-        f'forecast error at most {WANTED_FORECAST:g} times that of a twin that knew': sum(
+        f'forecast error at most {WANTED_FORECAST:g} times the one of a twin that knew': sum(
             ratio(row, 'forecast', 'knew') <= WANTED_FORECAST for row in rows
         ),
-        f'dose at most {WANTED_DOSE:g} times that of a twin that knew': sum(
+        f'dose at most {WANTED_DOSE:g} times the one of a twin that knew': sum(
             ratio(row, 'dose', 'knew') <= WANTED_DOSE for row in rows
         ),
         f'neither above {WANTED_HARM:g} times that without mending': sum(

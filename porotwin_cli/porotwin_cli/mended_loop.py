@@ -35,7 +35,7 @@ from porotwin_solver.effects_in_force import in_words
 from porotwin_solver.model import Model
 
 FORECAST_S = 900.0
-"""How far the forecasts look ahead that are compared [s]: a third of what a plan looks ahead."""
+"""Length of the forecasts that are compared [s]: the plume moves by some centimetres."""
 
 ACCEPTED = 1
 """State of an accepted offer, as in `MendOffer`."""
@@ -47,7 +47,7 @@ Effects = tuple[EffectDescription, ...]
 
 @dataclass
 class Mending:
-    """What became of the model in a run: decisions by time [s], and the rates that were pumped."""
+    """The decisions about the model in a run, by time [s], and the rates that were pumped."""
 
     changes: list[tuple[float, Effects]] = field(default_factory=list)
     offers: list[dict[str, Any]] = field(default_factory=list)
@@ -55,7 +55,7 @@ class Mending:
 
     @property
     def accepted(self) -> float:
-        """Time from which on the first effect acted [s]; NaN if none was accepted."""
+        """Time when the first effect began to act [s]; NaN if none was accepted."""
         return next((time for time, effects in self.changes if effects), math.nan)
 
     @property

@@ -201,7 +201,8 @@ def study_what_if(
     seconds = time.perf_counter() - clock
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
     zone = ZoneMeasure.of(recording.rig, maps)
-    seen = [zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
+    assert recording.maps is not None
+    seen = [zone.tracer(np.nan_to_num(recording.maps[n])) for n in later]
     return WhatIfStudy(
         rig=recording.rig,
         grid=grid,
