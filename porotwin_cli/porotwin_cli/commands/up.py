@@ -121,7 +121,7 @@ def command(
     if (not here or 'camera' in here) and sources != 1:
         raise InputError('name either --photos FOLDER or --camera SOURCE, or --replay for a bag')
     if mend is Mend.ASK and not diagnosis:
-        raise InputError('--mend ask offers what a diagnosis finds; leave out --no-diagnosis')
+        raise InputError('--mend ask needs the diagnosis; leave out --no-diagnosis')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:
