@@ -6,19 +6,17 @@ where it stopped. All figures follow from the seed, except the wall-clock times.
 
 import json
 from collections.abc import Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from porotwin_cli import bench_loop_table
+from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import RUNS, TWINS, LoopFigures, run_closed, run_free, run_optimum
 from porotwin_cli.bench_loop_scenarios import LoopScenario, draw_scenario
-from porotwin_cli.terminal import duration_in_words, progress, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
-from porotwin_core.parallel import crew
 
 SETTINGS = 'settings.json'
 """File in the folder of a bench with everything that its figures follow from."""
@@ -97,7 +95,13 @@ def run(
         for scenario in chosen
         for name in runs
     ]
-    _work([job for job in jobs if not job.file.exists()], workers, scheduler)
+    do_jobs(
+        jobs,
+        task_bytes=RUN_BYTES,
+        seconds_per_job=SECONDS_PER_RUN,
+        workers=workers,
+        scheduler=scheduler,
+    )
     figures = {
         scenario.name: {
             job.run: LoopFigures(**json.loads(job.file.read_text(encoding='utf-8')))
@@ -125,22 +129,6 @@ def _folder(output: Path | None, content: dict[str, Any]) -> Path:
     folder = run_folder(output, 'bench-loop')
     (folder / SETTINGS).write_text(text, encoding='utf-8')
     return folder
-
-
-def _work(jobs: Sequence[LoopJob], workers: int | None, scheduler: str) -> None:
-    """Do all jobs, each in a process of its own; the long ones are begun first."""
-    if not jobs:
-        return
-    pool = crew(workers=workers, scheduler=scheduler, task_bytes=RUN_BYTES, tell=say)
-    with pool, progress() as bar:
-        folder = jobs[0].file.parent
-        pool.needs_folder(folder)
-        left = SECONDS_PER_RUN * len(jobs) / pool.workers
-        say(f'{len(jobs)} runs, about {duration_in_words(left)}; files in {folder}')
-        task = bar.add_task('runs', total=len(jobs))
-        for done in as_completed([pool.submit(job.work) for job in jobs]):
-            done.result()
-            bar.advance(task)
 
 
 show = bench_loop_table.show

@@ -63,6 +63,9 @@ MENDED_GRID = '94x56'
 """Columns and rows of the maps where an effect is hidden: cells of 1 cm, so that a diagnosis takes
 a minute."""
 
+DIAGNOSIS_MINUTES = 10.0
+"""Time between two diagnoses [min]: half as long as beside a rig, because the demo is short."""
+
 MENDING_S = 200.0
 """A diagnosis or two, and the runs beside the mended one, on two cores [s]."""
 
@@ -122,7 +125,7 @@ class DemoSettings:
         A short experiment from the start would end before the tracer reaches the zone: its picture
         would show nothing of the control.
         """
-        if self.minutes >= LONG_MINUTES or self.hidden is not None:
+        if self.minutes >= LONG_MINUTES:
             return 0.0
         return max(UNCONTROLLED_MINUTES, EARLIEST_END - self.minutes)
 
@@ -295,7 +298,11 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
 def _in_lock_step(node: NodeDescription) -> NodeDescription:
     """Return a node of the twin that lets the virtual rig wait for a diagnosis."""
     more: dict[str, Parameters] = {
-        'mend': {'lockstep': True, 'longest_s': LONGEST_DIAGNOSIS_S},
+        'mend': {
+            'lockstep': True,
+            'longest_s': LONGEST_DIAGNOSIS_S,
+            'every_min': DIAGNOSIS_MINUTES,
+        },
         'diagnosis': {'workers': 2},  # the rig waits, so that both cores are free
     }
     return replace(node, parameters={**node.parameters, **more.get(node.name, {})})

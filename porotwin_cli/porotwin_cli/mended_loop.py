@@ -20,11 +20,12 @@ from porotwin_cli.bench_loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY, LoopScenario, Operator, PumpFault
 from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.run_account import ML, TrueTracer, read_account
+from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
 from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_from_msg
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_hub.graph import NAMESPACE
 from porotwin_recording.bag_reader import BagReader
@@ -34,7 +35,7 @@ from porotwin_solver.effects_in_force import in_words
 from porotwin_solver.model import Model
 
 FORECAST_S = 900.0
-"""How far the forecasts look ahead that are compared [s]: a third of what a plan looks ahead."""
+"""Length of the forecasts that are compared [s]: the plume moves by some centimetres."""
 
 ACCEPTED = 1
 """State of an accepted offer, as in `MendOffer`."""
@@ -46,7 +47,7 @@ Effects = tuple[EffectDescription, ...]
 
 @dataclass
 class Mending:
-    """What became of the model in a run: decisions by time [s], and the rates that were pumped."""
+    """The decisions about the model in a run, by time [s], and the rates that were pumped."""
 
     changes: list[tuple[float, Effects]] = field(default_factory=list)
     offers: list[dict[str, Any]] = field(default_factory=list)
@@ -54,7 +55,7 @@ class Mending:
 
     @property
     def accepted(self) -> float:
-        """Time from which on the first effect acted [s]; NaN if none was accepted."""
+        """Time when the first effect began to act [s]; NaN if none was accepted."""
         return next((time for time, effects in self.changes if effects), math.nan)
 
     @property
@@ -105,7 +106,7 @@ def mended_figures(
     truth = TrueTracer(maps.times, maps.grid, maps)
     say('the same experiment with a twin that knew, and with one that never finds out ...')
     beside = runs_beside(rig, hidden, truth, preset)
-    forecasts = _forecast_errors(rig, truth, mending, hidden, preset)
+    forecasts = forecast_errors(rig, truth, mending, hidden, preset)
     figures = {
         'hidden_effect': as_text(hidden),
         'found': [as_text(effect) for effect in mending.last],
@@ -135,7 +136,9 @@ def runs_beside(
     They see maps with the noise of an image analysis instead of photographs, which is quicker. A
     twin cannot know an effect that the solver lacks.
     """
-    scenario = scenario_of(rig, (hidden,), float(truth.times[-1]), _interval(truth))
+    scenario = scenario_of(
+        rig, (hidden,), float(truth.times[0]), float(truth.times[-1]), _interval(truth)
+    )
     settings = LoopSettings(photographs=False, preset=preset)
     known = {'never told': scenario.rig}
     if hidden.name in EFFECTS:
@@ -158,8 +161,10 @@ def run_beside(scenario: LoopScenario, settings: LoopSettings, described: Rig) -
     )
 
 
-def scenario_of(rig: Rig, effects: Effects, end: float, interval: float) -> LoopScenario:
-    """Return the experiment of the demo with hidden `effects`, until `end` [s]."""
+def scenario_of(
+    rig: Rig, effects: Effects, start: float, end: float, interval: float
+) -> LoopScenario:
+    """Return the experiment of the demo with hidden `effects`, under control from `start` [s]."""
     return LoopScenario(
         name='demo',
         rig=rig,
@@ -167,7 +172,7 @@ def scenario_of(rig: Rig, effects: Effects, end: float, interval: float) -> Loop
         faults=(PumpFault('producer', PRODUCER_DELIVERY),),
         meters=True,
         operator=Operator(),
-        start=0.0,
+        start=start,
         end=end,
         photo_interval=interval,
         seed=7,
@@ -194,7 +199,7 @@ def models(
     }
 
 
-def _forecast_errors(
+def forecast_errors(
     rig: Rig, truth: TrueTracer, mending: Mending, hidden: EffectDescription, preset: str
 ) -> dict[str, float]:
     """Return the errors of forecasts over `FORECAST_S` from true maps after the verdict, medians.
@@ -246,7 +251,8 @@ def _picture(
         truth.times / MINUTE_S, truth.disallowed(rig) * ML, color='#12502f', label='mended'
     )
     for (name, run), colour in zip(beside.items(), ('#b03a2e', '#2e6db0'), strict=False):
-        times = np.linspace(0.0, truth.times[-1], len(run.course_ml)) / MINUTE_S
+        first, last = truth.times[0], truth.times[-1]
+        times = np.linspace(first, last, len(run.course_ml)) / MINUTE_S
         axes[1].plot(times, run.course_ml, color=colour, linestyle='--', label=name)
     axes[1].set_ylabel('tracer in the zone [ml]')
     axes[1].set_xlabel('time since the start of the injection [min]')

@@ -36,6 +36,7 @@ from porotwin_page.confirmation import Confirmation
 from porotwin_page.expectation import Expectation, plume_outlines
 from porotwin_page.mend_answer import MendAnswer
 from porotwin_page.past_states import MOST_STATES, PastStates
+from porotwin_page.rigs import RigList, announce, named_pages
 from porotwin_page.server import (
     ConfirmationUnavailable,
     PageApplication,
@@ -123,6 +124,8 @@ class PageNode(Node):
             at_least=0,
             at_most=100_000,
         )
+        named = declare(self, 'rigs', '', 'pages of other rigs: NAME=http://HOST:PORT, with commas')
+        rigs = named_pages(named)
         listening = address.listen(address_text)
         host, port = address.parse(address_text)[0], listening.getsockname()[1]
         token = token_in(Path(token_file)) if token_file else new_token()
@@ -142,9 +145,11 @@ class PageNode(Node):
             ask=self._ask,
             mend=self._answer_offer,
             past=self._past,
+            rigs=RigList(port, rigs),
             settings=StreamSettings(limit=browsers),
         )
         self._server = ServerThread(self._application.make(), listening)
+        self._announced = announce(self.get_namespace(), self.context.get_domain_id(), host, port)
         self._url = f'http://{address.written(host, port)}'
         for line in address.page_lines(address.written(host, port), token):
             self.get_logger().info(line)

@@ -25,6 +25,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRates
 from porotwin_page import confirmation
 from porotwin_page.access import Access, AccessRefused
+from porotwin_page.address import DEFAULT_HOST
 from porotwin_page.confirmation import Confirmation, ConfirmationDoubt
 from porotwin_page.curve_history import history_view
 from porotwin_page.event import event_view, past_view
@@ -37,6 +38,7 @@ from porotwin_page.panel import MapPanel, Moment, Panel
 from porotwin_page.panel_registry import all_panels
 from porotwin_page.past_states import PastStates
 from porotwin_page.proposal import parse_proposal
+from porotwin_page.rigs import NO_RIGS, RigList
 from porotwin_page.snapshot_store import SnapshotStore
 from porotwin_page.web_files import document, web_files
 
@@ -130,6 +132,7 @@ class PageApplication:
         mend: passes answers to offers on; nobody receives them by default.
         past: holds earlier states; an empty one by default.
         panels: panels by name; all panels of the registry by default.
+        rigs: the rigs to choose from.
         settings: timing of the streams.
 
     Attributes:
@@ -147,8 +150,10 @@ class PageApplication:
         mend: MendFn = nobody_to_mend,
         past: PastStates | None = None,
         panels: Mapping[str, Panel] | None = None,
+        rigs: RigList = NO_RIGS,
         settings: StreamSettings | None = None,
     ) -> None:
+        self._rigs = rigs
         self.streams = 0
         self._store = store
         self._confirm = confirm
@@ -174,6 +179,7 @@ class PageApplication:
                 web.get('/{path:(?:web|panels)/[^/]+}', self.file),
                 web.get('/events', self.events),
                 web.get('/past', self.past),
+                web.get('/rigs', self.rigs),
                 web.get('/map/{panel}.png', self.map),
                 web.get('/values/{panel}', self.values),
                 web.get('/scale/{panel}.png', self.scale),
@@ -212,6 +218,11 @@ class PageApplication:
             raise web.HTTPNotFound(text=f'{request.path}: no such file\n')
         text, content_type = found
         return web.Response(text=text, content_type=content_type)
+
+    async def rigs(self, request: web.Request) -> web.Response:
+        """Answer with the rigs to choose from: name, address, and which is this one."""
+        host = request.url.host or DEFAULT_HOST
+        return web.json_response(await asyncio.to_thread(self._rigs.offered, host))
 
     async def past(self, request: web.Request) -> web.Response:
         """Answer with the maps' contents of an earlier state."""

@@ -121,8 +121,7 @@ class VirtualRigNode(Node):
         self._photo = self.create_publisher(CompressedImage, 'camera/image/compressed', qos.PHOTO)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
-        if self._waits_for_mend:
-            self.create_subscription(Header, 'mend/seen', self._on_seen, qos.FIELD)
+        self.create_subscription(Header, 'mend/seen', self._on_seen, qos.FIELD)
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
@@ -169,6 +168,8 @@ class VirtualRigNode(Node):
             self._publish_photo(self._baseline, self._session.baseline())
             self._session.advance_with_safe_rates(self._start)
             self._wait_for_graph()
+            if self._start > 0.0:
+                self._publish_measured(self._session.asset.measured_rates(), since=0.0)
             self._run_experiment()
         except Exception as error:  # a thread that fails must say so
             self.get_logger().fatal(f'experiment failed at {self._session.time:.0f} s: {error!r}')
@@ -250,12 +251,13 @@ class VirtualRigNode(Node):
             CompressedImage(header=header, format='jpeg', data=array.array('B', jpeg))
         )
 
-    def _publish_measured(self, rates: dict[str, WellRate]) -> None:
+    def _publish_measured(self, rates: dict[str, WellRate], since: float | None = None) -> None:
         now = self._session.time
+        start = now - self._interval if since is None else since
         self._measured.publish(
             WellRates(
                 header=conversions.header_at(now),
-                start=conversions.time_to_msg(now - self._interval),
+                start=conversions.time_to_msg(start),
                 wells=conversions.rates_to_msg(rates),
             )
         )

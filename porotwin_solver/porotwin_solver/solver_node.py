@@ -171,10 +171,9 @@ class SolverNode(Node):
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
         )
-        if self.get_parameter('use_sim_time').value:
-            self.create_subscription(
-                ModelEffects, 'model/effects', self._on_effects, qos.CONFIG, callback_group=own
-            )
+        self.create_subscription(
+            ModelEffects, 'model/effects', self._on_effects, qos.CONFIG, callback_group=own
+        )
 
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
@@ -232,7 +231,8 @@ class SolverNode(Node):
 
     def _on_effects(self, message: ModelEffects) -> None:
         """Follow effects that a replay publishes."""
-        if message.sequence <= self._in_force.sequence:
+        is_replay = self.get_parameter('use_sim_time').value
+        if not is_replay or message.sequence <= self._in_force.sequence:
             return
         try:
             self._change_effects(checked_effects(self.model.rig, effects_from_msg(message.effects)))

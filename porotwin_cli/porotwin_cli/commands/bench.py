@@ -21,19 +21,21 @@ BENCHES = {
 
 LONG = {
     'loop': 'porotwin_cli.bench_loop',
+    'mend': 'porotwin_cli.bench_mend',
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
     'scaling': 'porotwin_cli.bench_scaling',
 }
-"""Parts that take long or need data: measured only by name. `loop` has a table of its own."""
+"""Parts that take long or need data: measured only by name. `loop` and `mend` have tables
+of their own."""
 
 
 def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop and faults, which '
-            'take an hour or more, calibration, which needs --baseline, and scaling. '
+            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend and faults, '
+            'which take an hour or more, calibration, which needs --baseline, and scaling. '
             'Default: all but these.'
         ),
     ] = None,
@@ -45,14 +47,14 @@ def command(
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
     seed: Annotated[
-        int, typer.Option(help='loop, faults, calibration: seed of everything drawn.')
+        int, typer.Option(help='loop, mend, faults, calibration: seed of everything drawn.')
     ] = 1,
     baseline: Annotated[
         Path | None,
         typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
     ] = None,
     cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
-    scenarios: Annotated[int, typer.Option(help='loop: number of scenarios.', min=1)] = 20,
+    scenarios: Annotated[int, typer.Option(help='loop, mend: number of scenarios.', min=1)] = 20,
     maps: Annotated[
         bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
     ] = False,
@@ -60,7 +62,7 @@ def command(
     scheduler: Scheduler = '',
     output: Annotated[
         Path | None,
-        typer.Option(help='loop: folder of its runs; one with earlier runs is continued.'),
+        typer.Option(help='loop, mend: folder of its runs; one with earlier runs is continued.'),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -82,7 +84,8 @@ def command(
     many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, **many},
+        'mend': {'scenarios': scenarios, 'seed': seed, 'output': output, **many},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
         'loop': {
             'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
         },
@@ -97,7 +100,7 @@ def command(
         results |= found if part == 'loop' else {part: found}
         if as_json:
             continue
-        if part == 'loop':
+        if part in ('loop', 'mend'):
             module.show(found)
         elif found:
             print_table(part, list(found[0]), [list(row.values()) for row in found])

@@ -15,7 +15,7 @@ def command(
         float | None,
         typer.Option(
             help='Time under control [min]; 80 as in the paper. Below 60, the tracer has spread '
-            'for 20 min or more before the twin takes over. Default: 30; with a hidden effect 60.',
+            'for 20 min or more before the twin takes over. Default: 30; with a hidden effect 40.',
             min=1.0,
         ),
     ] = None,
@@ -63,7 +63,7 @@ def command(
     Example: ./porotwin demo
 
     With --hidden-effect the rig differs from its description. The twin diagnoses itself while it
-    runs, and an automatic operator accepts what it offers.
+    runs, and an automatic operator accepts its offers.
 
     Example: ./porotwin demo --minutes 80 --page 0.0.0.0:8765
 
@@ -76,7 +76,7 @@ def command(
 
     hidden = draw_hidden(hidden_effect, load_rig(small_rig()), seed=seed) if hidden_effect else None
     settings = DemoSettings(
-        minutes=minutes or (60.0 if hidden else 30.0),
+        minutes=minutes or (40.0 if hidden else 30.0),
         speed=speed,
         seed=seed,
         costa=hidden is None if costa is None else costa,
