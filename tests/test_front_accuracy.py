@@ -49,6 +49,6 @@ def errors(preset: str, truth: FloatArray) -> FloatArray:
 
 def test_the_sharp_preset_keeps_fronts(truth: FloatArray) -> None:
     sharp = errors('sharp', truth)
-    assert sharp.max() < 0.03
-    assert (sharp < 0.5 * errors('fast', truth)).all()
-    assert (sharp < 0.8 * errors('accurate', truth)).all()
+    assert sharp.max() < 0.025  # of which 0.017 is the error of the virtual rig on these cells
+    assert (sharp < 0.4 * errors('fast', truth)).all()
+    assert (sharp < 0.6 * errors('accurate', truth)).all()

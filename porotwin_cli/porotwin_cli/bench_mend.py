@@ -35,8 +35,8 @@ from porotwin_diagnosis.mending.finding import finding_of
 from porotwin_diagnosis.mending.mender import Effects, Mender, MendSettings, model_maker
 from porotwin_diagnosis.mending.offer_book import Offer
 from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+from porotwin_hub.cycle import Cycle, Observation
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Cycle, Observation
 from porotwin_recording.recording import open_recording
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.grid_models import GridModels

@@ -20,11 +20,12 @@ from porotwin_cli.bench_loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY, LoopScenario, Operator, PumpFault
 from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.run_account import ML, TrueTracer, read_account
+from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
 from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_from_msg
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_hub.graph import NAMESPACE
 from porotwin_recording.bag_reader import BagReader

@@ -14,7 +14,7 @@ from itertools import count
 from porotwin_cli.task_trace import Away, Here, Strand
 
 HANDING_S = 1e-3
-"""Work of the process and of the scheduler for each task [s]: about what Dask's manual tells."""
+"""Work of the process and of the scheduler for each task [s]; Dask's manual tells about as much."""
 
 LATENCY_S = 5e-3
 """Time for a task to reach its worker, and for the answer to come back [s]."""
@@ -25,7 +25,7 @@ NETWORK_B_S = 1.1e8
 
 @dataclass
 class _Resource:
-    """Places for work; what finds no place waits for its turn."""
+    """Places for work, and a queue."""
 
     places: int
     waiting: deque[tuple[float, Callable[[], None]]] = field(default_factory=deque)

@@ -1,7 +1,7 @@
 """The graph of the tasks that a piece of work hands to a crew, with measured durations.
 
-The work runs once, one task after the other, with a `TraceCrew`. What it did is a `Strand`: pieces
-of work here, tasks away, and forks into further strands that are joined again.
+The work runs once, one task after the other, with a `TraceCrew`. Its trace is a `Strand`: pieces of
+work here, tasks away, and forks into further strands that are joined again.
 """
 
 import pickle

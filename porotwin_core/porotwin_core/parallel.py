@@ -389,9 +389,13 @@ def _page(dashboard: str) -> str:
 
 
 def _be_quiet() -> None:
-    """Keep the log of Dask from the terminal; what matters is said in one line."""
-    logging.getLogger('distributed').setLevel(logging.CRITICAL)
-    logging.getLogger('asyncio').setLevel(logging.CRITICAL)
+    """Keep the log of Dask from the terminal; what matters is said in one line.
+
+    Dask gives levels of their own to some of its loggers when it is imported.
+    """
+    for name in ('asyncio', *logging.root.manager.loggerDict):
+        if name.split('.')[0] in ('asyncio', 'distributed'):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @cache

@@ -115,7 +115,7 @@ def test_a_cluster_does_the_work(cluster: LocalCluster, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_scheduler_that_goes_away_is_one_line() -> None:
+def test_a_scheduler_that_goes_away_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
     cluster = LocalCluster(
         n_workers=0, processes=False, protocol='tcp', host='127.0.0.1', dashboard_address=None
     )
@@ -125,6 +125,7 @@ def test_a_scheduler_that_goes_away_is_one_line() -> None:
         with pytest.raises(SchedulerLost, match='went away') as caught:
             future.result(timeout=60)
     assert '\n' not in str(caught.value)
+    assert capfd.readouterr().err == ''
     assert isinstance(caught.value, OSError)  # so that commands end with status 1
 
 

@@ -21,6 +21,7 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.parameter_rule import ParameterRule
+from porotwin_hub.network import SECTION
 from porotwin_hub.node_description import NAMESPACE, NodeDescription
 
 Rules = Mapping[str, Mapping[str, ParameterRule]]
@@ -92,7 +93,7 @@ def with_parameters(
     namespace = nodes[0].namespace if nodes else NAMESPACE
     taken: dict[str, dict[str, Any]] = {name: {} for name in rules}
     try:
-        for pattern, parameters in _entries(_read(path)):
+        for pattern, parameters in _entries(read_parameter_file(path)):
             matched = _matched(pattern, rules, namespace)
             for name, value in parameters.items():
                 for node in _nodes_with(name, pattern, matched, rules):
@@ -109,7 +110,12 @@ def with_parameters(
     ]
 
 
-def _read(path: Path) -> Any:
+def read_parameter_file(path: Path) -> Any:
+    """Return the content of a parameter file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     from porotwin_core.rig.yaml_reader import read_yaml  # brings large packages
 
     try:
@@ -122,6 +128,8 @@ def _read(path: Path) -> Any:
 
 def _entries(content: Any) -> list[tuple[str, dict[str, Any]]]:
     """Return names or patterns of nodes with their parameters, the most general ones first."""
+    if isinstance(content, dict):
+        content = {key: value for key, value in content.items() if key != SECTION}
     found = list(_sections('', content or {}))
     return sorted(found, key=lambda entry: ('*' not in entry[0], '**' not in entry[0]))
 

@@ -185,7 +185,7 @@ def fit_calibration(
         progress('model of the plume')
         held = _integrals([response.concentration_of(plane) for plane in relative], volume)
         rough = fit_line(held, injected, settings.mass_balance)
-        seen = FrontPhotographs(
+        photographed = FrontPhotographs(
             [plane / level for plane in signals],
             np.where(_surely_scaled(factors, labels, settings.fronts), volume, 0.0),
             _compared_fronts(rough, injected, settings.fronts),
@@ -193,7 +193,7 @@ def fit_calibration(
             baseline.reduction * float(np.mean(baseline.sampling.pixels_per_cell)),
             baseline.sampling.samples_across,
         )
-        fronts = fit_fronts(seen, plumes(times), rough.factor, settings.fronts)
+        fronts = fit_fronts(photographed, plumes(times), rough.factor, settings.fronts)
         response = fit_response(relative, volume, masses, known, fronts, settings.mass_balance)
     curve = response.curve(level)
     imaged = _integrals([curve.concentration_of(plane) for plane in tracer], volume)

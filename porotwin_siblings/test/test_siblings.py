@@ -10,7 +10,8 @@ from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
 from porotwin_core.errors import InputError
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_siblings.course import CourseOrder, run_course
-from porotwin_siblings.siblings import Outlook, Siblings
+from porotwin_siblings.outlook import Outlook
+from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.traits import Traits
 
 PLAN = [RateStep(0.0, RATES)]
@@ -81,10 +82,10 @@ def test_water_beside_the_plume_changes_what_is_expected(threads: Executor) -> N
 
 def test_an_unknown_cause_spreads_the_siblings(threads: Executor) -> None:
     siblings = followed(threads, {}, end=600.0)
-    assert siblings.inflation == 1.0
+    assert siblings.learning.inflation == 1.0
     wrong = np.roll(siblings.state, 3, axis=1)
     siblings.observe(photograph(900.0, wrong), [period(600.0, 900.0)])
-    assert siblings.inflation > 1.0
+    assert siblings.learning.inflation > 1.0
 
 
 def test_an_interruption_keeps_what_was_learnt(threads: Executor) -> None:

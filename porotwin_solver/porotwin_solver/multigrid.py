@@ -1,8 +1,8 @@
 """Multigrid for the pressure on grids that are too large for a factor.
 
 Conjugate gradients are preconditioned by a cycle over grids whose cells are blocks of 2 x 2 cells
-of the finer one. The potential is constant in a block, so the transmissibility of a coarse face is
-the sum of those of its fine faces, and every coarse matrix is a two-point matrix again. Blocks of
+of the finer one. The potential is constant in a block, so the transmissibilities of fine faces add
+up to the one of their coarse face, and every coarse matrix is a two-point matrix again. Blocks of
 constant potential are too stiff. The K-cycle corrects that: on each coarse grid it makes two steps
 of conjugate gradients, whose lengths fit any permeability (Notay and Vassilevski, Numer. Linear
 Algebra Appl. 15 (2008) 473-487). The smoother is Gauss-Seidel on a chessboard. The coarsest matrix
@@ -153,7 +153,7 @@ class Multigrid:
     ) -> FloatArray | None:
         """Return the potential (nz, nx) [Pa] for `source` (nz, nx) [m^3/s].
 
-        None if the norm of the residual is still larger than `tolerance` times that of the source
+        None if the norm of the residual still exceeds `tolerance` times the norm of the source
         after `most_iterations`. The conjugate gradients are flexible ones, because the
         preconditioner varies from step to step (Notay, SIAM J. Sci. Comput. 22 (2000) 1444).
         """

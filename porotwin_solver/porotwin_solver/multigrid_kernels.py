@@ -13,7 +13,7 @@ from porotwin_solver.compiled import compiled
 
 @compiled
 def neighbours(p, x, z, i, j):
-    """Return what the neighbours of cell (i, j) add to its row of the matrix, with plus sign."""
+    """Return the part of the neighbours in the row of cell (i, j) of the matrix, with plus sign."""
     return (
         x[i, j] * p[i + 1, j]
         + x[i, j + 1] * p[i + 1, j + 2]

@@ -20,14 +20,14 @@ Fluids in Porous Media, sec. 10.4)."""
 
 
 def plume_model(
-    rig: Rig, schedule: Schedule, times: Sequence[float]
+    rig: Rig, schedule: Schedule, times: Sequence[float], cells: int = CELLS
 ) -> Callable[[float, float], list[FloatArray]]:
     """Return a function from a factor on all rates and a dispersivity to maps at `times` [s].
 
     The function returns one map (nz, nx) per time. The dispersivity [m] is that along the flow, in
-    addition to the effects of the rig; 0 leaves these alone.
+    addition to the effects of the rig; 0 leaves these alone. The model has about `cells` cells.
     """
-    size = math.sqrt(rig.width_m * rig.height_m / CELLS)
+    size = math.sqrt(rig.width_m * rig.height_m / cells)
     grid = rig.grid(round(rig.width_m / size), round(rig.height_m / size))
 
     def plumes(factor: float, dispersivity_m: float) -> list[FloatArray]:

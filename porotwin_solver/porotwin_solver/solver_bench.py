@@ -206,7 +206,7 @@ def errors(maps: FloatArray, reference: FloatArray) -> list[float]:
 def run() -> list[Row]:
     """Return one row per model: CPU time [s] for 80 min, its ratio to the plain model, errors.
 
-    The last rows are those of `large_grid_bench`.
+    The last rows come from `large_grid_bench`.
     """
     rig, schedule = bench_rig(), bench_schedule()
     grid = rig.grid(187, 112)

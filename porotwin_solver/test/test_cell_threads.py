@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from effect_examples import described
 
 from porotwin_core.rig import EffectDescription
 from porotwin_solver import transport
@@ -36,11 +37,10 @@ def test_all_rows_and_cells_are_done_once(monkeypatch: pytest.MonkeyPatch) -> No
     assert total[0] == 3 * BLOCK_CELLS + 5
 
 
-@pytest.mark.parametrize('effect', [None, 'dispersion'])
+@pytest.mark.parametrize('effects', [[], [described('dispersion')]], ids=['still', 'dispersed'])
 def test_a_prediction_is_the_same_for_any_number_of_threads(
-    rig, rates, monkeypatch: pytest.MonkeyPatch, effect: str | None
+    rig, rates, monkeypatch: pytest.MonkeyPatch, effects: list[EffectDescription]
 ) -> None:
-    effects = [EffectDescription(name=effect)] if effect else []
     found, lost = [], []
     for threads in ('1', '3'):
         monkeypatch.setenv(LIMIT, threads)

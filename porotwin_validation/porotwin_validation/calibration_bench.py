@@ -5,12 +5,12 @@ accurate or its calibration is refused. A calibration that was made well must no
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
 from porotwin_core.errors import InputError
-from porotwin_core.parallel import crew
+from porotwin_core.parallel import Crew, crew
 from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
 from porotwin_validation.photo_flaws import WITHHELD_KIND
 from porotwin_validation.photo_scores import PhotoCaseScore, score_case
@@ -26,6 +26,7 @@ def run(
     flaw: str | None = None,
     workers: int | None = None,
     scheduler: str = '',
+    tell: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, object]]:
     """Return one row per case, and the share of safe cases in a last row.
 
@@ -36,6 +37,7 @@ def run(
         flaw: the same flaw in all cases; None for those of `photo_flaws.WITHHELD_KIND`.
         workers: cases at a time; None: one per core, as far as the memory holds.
         scheduler: address of a Dask scheduler that does the cases instead of this machine.
+        tell: called with a line about the workers.
 
     Raises:
         InputError: there is no baseline, or the flaw is not known.
@@ -45,14 +47,18 @@ def run(
             'bench calibration: needs --baseline FOLDER, an experiment folder with a photograph '
             'of the rig without tracer'
         )
-    scores = list(_scores(baseline, cases, seed, flaw, workers, scheduler))
+    make_crew = partial(
+        crew, workers=workers, scheduler=scheduler, task_bytes=CASE_BYTES, tell=tell
+    )
+    scores = list(_scores(baseline.resolve(), cases, seed, flaw, make_crew))
     return [*(score.row for score in scores), _summary(scores)]
 
 
 def _scores(
-    folder: Path, cases: int, seed: int, flaw: str | None, workers: int | None, scheduler: str
+    folder: Path, cases: int, seed: int, flaw: str | None, make_crew: Callable[[], Crew]
 ) -> Iterator[PhotoCaseScore]:
-    with crew(workers=workers, scheduler=scheduler, task_bytes=CASE_BYTES) as pool:
+    with make_crew() as pool:
+        pool.needs_folder(folder)
         yield from pool.map(partial(_score, folder, seed, flaw), range(cases))
 
 

@@ -85,7 +85,7 @@ def command(
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
         'mend': {'scenarios': scenarios, 'seed': seed, 'output': output, **many},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, **many},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
         'loop': {
             'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
         },

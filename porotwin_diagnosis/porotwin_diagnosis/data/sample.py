@@ -270,7 +270,8 @@ def read_sample(recording: Recording) -> Sample:
     Raises:
         InputError: too few frames, or no tracer in the fitted or in the held-out part.
     """
-    times, maps = recording.times, recording.concentration
+    times, maps = recording.times, recording.maps
+    assert maps is not None  # `times` says so otherwise
     held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
     before = np.flatnonzero((times < held_out) & (times > times[0]))
     after = np.flatnonzero(times >= held_out)
@@ -295,7 +296,7 @@ def read_sample(recording: Recording) -> Sample:
         schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
-        observed=maps[chosen].astype(float),
+        observed=np.stack([maps[int(index)] for index in chosen]).astype(float),
         fitted_frames=min(len(fitted), FITTED_FRAMES),
         noise=_noise(recording, max(1, len(times) // NOISE_FRAMES)),
         start=float(times[0]),
@@ -332,9 +333,11 @@ def _delivered(
 
 def _noise(recording: Recording, step: int) -> Noise:
     """Return the noise of every `step`-th map, and what the recording says about its errors."""
-    maps = recording.concentration[::step]
-    noise, stored = measure_noise(maps), recording.maps
-    if stored is None or stored.deviation is None or stored.systematic is None:
+    stored = recording.maps
+    assert stored is not None
+    maps = stored[::step]
+    noise = measure_noise(maps)
+    if stored.deviation is None or stored.systematic is None:
         return noise
     return add_delivered(noise, maps, stored.deviation[::step], stored.systematic[::step])
 
@@ -345,7 +348,8 @@ def _initial_tracer(recording: Recording) -> FloatArray | None:
     It is None as well where tracer is injected from that moment on: a late clock looks the same
     and must be able to compete.
     """
-    start, first = recording.times[0], recording.concentration[0]
+    assert recording.maps is not None
+    start, first = recording.times[0], recording.maps[0]
     rows = recording.delivered.rows
     pumped = any(row.rate.rate and row.time < start for row in rows)
     injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
