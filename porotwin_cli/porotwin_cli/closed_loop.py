@@ -64,7 +64,7 @@ MENDED_GRID = '94x56'
 a minute."""
 
 DEMO_CONFIDENCE = 0.7
-"""Confidence from which on the demo accepts a verdict [-]: 40 min of photographs seldom make it
+"""Least confidence of a verdict that the demo accepts [-]: 40 min of photographs seldom make it
 surer, and the shadow forecast protects the twin."""
 
 DIAGNOSIS_MINUTES = 10.0
