@@ -174,6 +174,12 @@ class Sample:
         deviation = self._noise_deviation(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
         return (deviation * self.weight(SMOOTHING_WIDTH)) ** 2
 
+    @cached_property
+    def expected_shared_square(self) -> float:
+        """Expected part of a squared misfit [-] that the errors of all maps cost; 0 without any."""
+        shared = self._shared(SMOOTHING_WIDTH, len(self.times))
+        return 0.0 if shared is None else SYSTEMATIC_MISFIT**2 * shared.effective_number
+
     def weight(self, width: float) -> FloatArray:
         """Return 1 / sigma of residuals smoothed over `width` [cells], (nt, nz', nx').
 
@@ -229,6 +235,15 @@ class Sample:
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
+        return self.weighted(smooth, width)
+
+    def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
+        """Return a `smooth` change [-] at the compared cells as a whitened residual.
+
+        Both are (nt, nz', nx'), for all frames or for the first ones. `width` [cells] is that of
+        the smoothing.
+        """
+        count = len(smooth)
         white = smooth * self.weight(width)[:count]
         shared = self._shared(width, count)
         return white if shared is None else shared.decorrelated(white)

@@ -13,7 +13,7 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.mending.finding import Finding
 from porotwin_diagnosis.mending.forecast_band import ForecastBand
 from porotwin_diagnosis.mending.offer_book import Offer, OfferBook
-from porotwin_diagnosis.mending.shadow_forecast import ShadowForecast, TrialState
+from porotwin_diagnosis.mending.shadow_forecast import ShadowForecast, ShadowJudgement
 from porotwin_solver.effects_in_force import in_words
 from porotwin_solver.model import Model
 
@@ -209,10 +209,10 @@ class Mender:
             self._say(f'no shadow forecast for this photograph: {error}')
             shadow.interrupt()
             return
-        if judgement is TrialState.KEPT:
+        if judgement is ShadowJudgement.KEPT:
             self._shadow = None
             self._tell(self._book.confirm(f'Since then {shadow.in_words}'))
-        elif judgement is TrialState.WORSE:
+        elif judgement is ShadowJudgement.WORSE:
             self._take_back(shadow)
 
     def _take_back(self, shadow: ShadowForecast) -> None:

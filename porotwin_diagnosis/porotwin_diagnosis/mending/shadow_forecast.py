@@ -28,7 +28,7 @@ LEAST_DIFFERENCE = 0.002
 """Least difference of two relative errors that means anything [-]."""
 
 
-class TrialState(Enum):
+class ShadowJudgement(Enum):
     """The judgement of the photographs on an accepted effect."""
 
     WATCHING = 'not enough photographs yet'
@@ -71,7 +71,7 @@ class ShadowForecast:
             f'by {without} without it.'
         )
 
-    def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> TrialState:
+    def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> ShadowJudgement:
         """Return the judgement of the photograph `observed` (nz, nx) [-] and all before it.
 
         Args:
@@ -94,13 +94,13 @@ class ShadowForecast:
             self._errors.append((mended, before))
         return self._judgement()
 
-    def _judgement(self) -> TrialState:
+    def _judgement(self) -> ShadowJudgement:
         mended, before = self.errors
         if self.photographs >= LEAST_WATCHED and mended > max(
             WORSE * before, before + LEAST_DIFFERENCE
         ):
-            return TrialState.WORSE
-        return TrialState.KEPT if self.photographs >= WATCHED else TrialState.WATCHING
+            return ShadowJudgement.WORSE
+        return ShadowJudgement.KEPT if self.photographs >= WATCHED else ShadowJudgement.WATCHING
 
 
 def _advanced(model: Model, state: FloatArray, periods: Sequence[RatePeriod]) -> FloatArray:

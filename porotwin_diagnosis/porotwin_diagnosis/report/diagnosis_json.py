@@ -78,6 +78,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             name: strength._asdict() for name, strength in result.strengths.items()
         },
         'next_experiment': [_proposal(proposal) for proposal in result.proposals],
+        'remainder': _remainder(result),
         'recordings': [str(recording.source) for recording in result.recordings],
         'by_recording': _by_recording(result),
         'made_with': {
@@ -86,6 +87,30 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'simulations': findings.runs,
             'seconds': round(result.seconds, 1),
         },
+    }
+
+
+def _remainder(result: Diagnosis) -> dict[str, Any] | None:
+    """Return the form of an unexplained gap; None for other verdicts."""
+    form = result.remainder
+    if form is None:
+        return None
+    return {
+        'kind': form.kind,
+        'closed': round(form.closed, 3),
+        'terms': [
+            {
+                'name': term.name,
+                'kind': term.kind,
+                'amount': term.amount,
+                'unit': term.unit,
+                'words': term.words,
+                'place': None
+                if term.place is None
+                else {'x_m': round(term.place[0], 4), 'z_m': round(term.place[1], 4)},
+            }
+            for term in form.terms
+        ],
     }
 
 
