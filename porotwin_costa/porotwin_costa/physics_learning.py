@@ -22,9 +22,9 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 96
-"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A
-run on half the columns and rows takes an eighth of the time. Cells of 20 mm on the small rig smear as
-much as the dispersion that is to be learnt, so that a patch would be taken for it."""
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A run on
+half the columns and rows takes an eighth of the time. Cells of 20 mm on the small rig smear as much
+as dispersion does, and a patch would be taken for it."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
