@@ -23,14 +23,11 @@ from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
-from porotwin_siblings.outlook import Outlook
+from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import LONGEST_HORIZON_S, check_proposal, proposed_plan
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import ZoneMeasure
-
-TIMES = 12
-"""Times of a forecast: enough for a smooth curve. The siblings step from one to the next."""
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""

@@ -9,6 +9,11 @@ BAND = (0.05, 0.5, 0.95)
 """Quantiles of a forecast: the ends of the 90 % band and the median."""
 
 
+TIMES = 12
+"""Times of an outlook: enough for a smooth curve. A sibling computes one step to each at least, so
+that twice as many take twice as long."""
+
+
 @dataclass(frozen=True)
 class Outlook:
     """The expectations from `start` [s] on under a `plan` of rates over `horizon` [s].

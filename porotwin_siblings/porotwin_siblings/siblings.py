@@ -18,7 +18,14 @@ from porotwin_core.wells import RateStep
 from porotwin_siblings.course import Course, CourseOrder, run_course
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 from porotwin_siblings.expected_cost import CostOrder
-from porotwin_siblings.forecast_check import CHECK_S, ForecastCheck
+from porotwin_siblings.forecast_check import (
+    CHECK_S,
+    LEAST_AREA,
+    LEAST_TRACER,
+    USUAL_AREA,
+    USUAL_TRACER,
+    ForecastCheck,
+)
 from porotwin_siblings.learning import Learning
 from porotwin_siblings.outlook import BAND, Outlook
 from porotwin_siblings.photograph import Photograph
@@ -95,7 +102,8 @@ class Siblings:
         self.learning = Learning(self.unknowns, grid, count, seed)
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
-        self.check = ForecastCheck()
+        self.area_check = ForecastCheck(USUAL_AREA, LEAST_AREA)
+        self.tracer_check = ForecastCheck(USUAL_TRACER, LEAST_TRACER)
         self._filter = self._new_filter()
         self._newest: _Standing | None = None
 
@@ -136,7 +144,8 @@ class Siblings:
         """Forget everything."""
         self.interrupt()
         self.learning.begin_anew()
-        self.check.begin_anew()
+        self.area_check.begin_anew()
+        self.tracer_check.begin_anew()
         self._filter = self._new_filter()
 
     def rate_factors(self) -> dict[str, tuple[float, float]]:
@@ -228,8 +237,8 @@ class Siblings:
             tuple(plan),
             horizon,
             after,
-            np.quantile(tracer, BAND, axis=0),
-            self.check.widened(np.quantile(area, BAND, axis=0), after),
+            self.tracer_check.widened(np.quantile(tracer, BAND, axis=0), after),
+            self.area_check.widened(np.quantile(area, BAND, axis=0), after),
             reached_share,
             maps_after,
             maps.mean(axis=0),
@@ -309,7 +318,7 @@ class Siblings:
         return course.maps[0] + traits.photograph_error * last.systematic
 
     def _check_forecast(self) -> None:
-        """Compare the area in the zone with its forecast by the mean of some minutes ago."""
+        """Compare the plume in the zone with its forecast by the mean of some minutes ago."""
         now = self._past[-1]
         old = [moment for moment in self._past if now.time - moment.time >= CHECK_S]
         if not old or self._learnt != now.time or not self.zone.known:
@@ -325,7 +334,8 @@ class Siblings:
         order = self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid)
         (course,) = self._run([order])
         seen = np.clip(now.state - now.mean.photograph_error * now.systematic, 0.0, 1.0)
-        self.check.compare(float(course.zone_area[0]), self.zone.plume_area(seen))
+        self.area_check.compare(float(course.zone_area[0]), self.zone.plume_area(seen))
+        self.tracer_check.compare(float(course.zone_tracer[0]), self.zone.tracer(seen))
 
     def _learn(self, photograph: Photograph) -> None:
         """Update the belief by how well each sibling expected `photograph` from a window ago."""

@@ -33,7 +33,7 @@ from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setp
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import chosen_judges, expected_cost
-from porotwin_siblings.outlook import Outlook
+from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
@@ -54,9 +54,6 @@ NICENESS = 10
 
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
-
-TIMES = 24
-"""Times of a forecast: enough for a smooth curve."""
 
 MAPS = 2
 """Maps of a forecast: half way, and at its end."""
