@@ -65,6 +65,10 @@ WANTED_FORECAST, WANTED_DOSE, WANTED_HARM = 1.2, 1.1, 1.05
 relative to the twin that is never told."""
 
 
+LEAST_DOSE_ML_MIN = 1.0
+"""Smaller doses are equal [ml min]: a map of the rig is seldom sure of a millilitre."""
+
+
 @dataclass(frozen=True)
 class MendFigures:
     """The figures of one run; the last four are of a mended one.
@@ -316,7 +320,8 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, int]:
     """Return the number of cases that reach each aim, by the words of the aim."""
 
     def ratio(row: dict[str, Any], what: str, other: str) -> float:
-        return float(row[f'{what}, mended'] / max(row[f'{what}, {other}'], 1e-9))
+        least = LEAST_DOSE_ML_MIN if what == 'dose' else 1e-9
+        return float(max(row[f'{what}, mended'], least) / max(row[f'{what}, {other}'], least))
 
     return {
         f'forecast error at most {WANTED_FORECAST:g} times the one of a twin that knew': sum(

@@ -103,7 +103,7 @@ class RollOuts:
             loss += float(np.sum(weight * error**2))
             bars.append((2.0 * weight * error, (corrected >= 0.0) & (corrected <= 1.0)))
             states.append(np.clip(corrected, 0.0, 1.0))
-        bar = np.zeros(self._model.grid.shape)
+        bar: FloatArray = np.zeros(self._model.grid.shape)
         for k in range(steps - 1, -1, -1):
             own, inside = bars[k]
             bar = (bar + own) * inside

@@ -20,8 +20,7 @@ from typing import Any
 
 from porotwin_core.errors import InputError
 from porotwin_core.ros_environment import DOMAIN, PEERS, RANGE, domain_of, namespace_of
-
-SECTION = 'network'
+from porotwin_hub.parameter_file import NETWORK, read_parameter_file
 
 SERVER = 'ROS_DISCOVERY_SERVER'
 WHOLE_GRAPH = 'ROS_SUPER_CLIENT'
@@ -67,19 +66,19 @@ def parsed_network(content: Any) -> Network:
         InputError: a key is unknown, or a value is wrong.
     """
     if not isinstance(content, Mapping):
-        raise InputError(f"'{SECTION}' is no section; write KEY: VALUE below it")
+        raise InputError(f"'{NETWORK}' is no section; write KEY: VALUE below it")
     known = [each.name for each in fields(Network)]
     for key in content:
         if key not in known:
             close = difflib.get_close_matches(str(key), known, n=1)
             hint = f"did you mean '{close[0]}'?" if close else f'known: {", ".join(known)}'
-            raise InputError(f"{SECTION}: unknown key '{key}'; {hint}")
+            raise InputError(f"{NETWORK}: unknown key '{key}'; {hint}")
     peers = content.get('peers') or []
     if not isinstance(peers, list) or not all(isinstance(peer, str) for peer in peers):
-        raise InputError(f'{SECTION}: peers needs a list, such as [camera-pc, 192.168.1.7]')
+        raise InputError(f'{NETWORK}: peers needs a list, such as [camera-pc, 192.168.1.7]')
     server = str(content.get('discovery_server') or '')
     if server and peers:
-        raise InputError(f'{SECTION}: give peers or a discovery_server, not both')
+        raise InputError(f'{NETWORK}: give peers or a discovery_server, not both')
     if server:
         _check_server(server)
     domain, namespace = content.get('domain'), content.get('namespace')
@@ -95,7 +94,7 @@ def _check_server(text: str) -> None:
     host, _, port = text.rpartition(':')
     if not host or not port.isdecimal() or not 0 < int(port) <= LARGEST_PORT:
         raise InputError(
-            f"{SECTION}: discovery_server is '{text}'; write HOST:PORT, such as 192.168.1.5:11811"
+            f"{NETWORK}: discovery_server is '{text}'; write HOST:PORT, such as 192.168.1.5:11811"
         )
 
 
@@ -105,12 +104,10 @@ def network_of(path: Path | None) -> Network:
     Raises:
         InputError: the file cannot be read, or the section is wrong.
     """
-    from porotwin_hub.parameter_file import read_parameter_file
-
     if path is None:
         return Network()
     try:
         content = read_parameter_file(path)
-        return parsed_network(content[SECTION]) if SECTION in (content or {}) else Network()
+        return parsed_network(content[NETWORK]) if NETWORK in (content or {}) else Network()
     except InputError as error:
         raise InputError(f'{path}: {error}') from None

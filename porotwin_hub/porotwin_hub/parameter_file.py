@@ -21,11 +21,13 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.parameter_rule import ParameterRule
-from porotwin_hub.network import SECTION
 from porotwin_hub.node_description import NAMESPACE, NodeDescription
 
 Rules = Mapping[str, Mapping[str, ParameterRule]]
 """The rules of all parameters by node and name."""
+
+NETWORK = 'network'
+"""Section of a parameter file that is not of a node; see `network.py`."""
 
 KEY = 'ros__parameters'
 """Key of the parameters of a node in a parameter file."""
@@ -129,7 +131,7 @@ def read_parameter_file(path: Path) -> Any:
 def _entries(content: Any) -> list[tuple[str, dict[str, Any]]]:
     """Return names or patterns of nodes with their parameters, the most general ones first."""
     if isinstance(content, dict):
-        content = {key: value for key, value in content.items() if key != SECTION}
+        content = {key: value for key, value in content.items() if key != NETWORK}
     found = list(_sections('', content or {}))
     return sorted(found, key=lambda entry: ('*' not in entry[0], '**' not in entry[0]))
 

@@ -37,7 +37,7 @@ TURNS = {
     'mirrored': (slice(None), slice(None, None, -1)),
     'mirrored upside down': (slice(None, None, -1), slice(None)),
 }
-"""Ways in which software turns photographs, and the order of rows and columns that undoes them."""
+"""Ways to turn a photograph by software, and the order of rows and columns that undoes them."""
 _MIDDLE_GREY, _GREY_PER_SPREAD = 128, 40
 """Normalised brightness in grey levels: three spreads on either side fit into 8 bits."""
 

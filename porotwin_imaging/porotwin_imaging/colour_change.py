@@ -1,6 +1,6 @@
 """The change of colour of every cell since the baseline, whatever has caused it.
 
-Maps of tracer leave out what tracer cannot make (`light_correction.py`). Here every change of
+Maps of tracer leave out other changes of colour (`light_correction.py`). Here every change of
 colour counts, and only the light of the lamps is removed: the colour chart shows it, or sand whose
 colour has not changed.
 """
@@ -144,7 +144,7 @@ def _without_lamps(
 ) -> Array:
     """Return the log ratio (nz, nx, 3) without the drift of the lamps.
 
-    The colour chart or boxes of water tell the light; without them it is taken as that of the
+    The colour chart or boxes of water tell the light; without them it is the light of the
     baseline if enough of the sand agrees. Only sand that agrees in all channels is water: CO2 may
     cover most of the rig, and change colours without changing brightness.
 

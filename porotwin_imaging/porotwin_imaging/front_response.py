@@ -49,6 +49,8 @@ _PLUME = 0.01
 """Higher concentrations are plume [-]."""
 _MARGIN_CELLS = 4
 """Surroundings of a plume that its blur reaches [cells]."""
+_FACTORS = (0.2, 5.0)
+"""Mass factors that a model is run for [-]; others belong to a wrong pump log."""
 _LOW, _HIGH = 1, 8
 """Levels between which the width of a front is measured."""
 
@@ -99,14 +101,22 @@ def fit_fronts(
     mass_factor: float,
     settings: FrontSettings = DEFAULTS.fronts,
 ) -> FrontFit | None:
-    """Return the evidence of the fronts; None if the plumes are no plumes of the model.
+    """Return the evidence of the fronts; None if the plumes are too few or none of the model.
 
     Args:
         seen: the photographs.
         model: the modelled injection.
         mass_factor: imaged over injected volume, roughly [-].
         settings: dispersivities and expected errors.
+
+    Raises:
+        InputError: the model cannot run.
     """
+    if (
+        len(seen.chosen) < settings.fewest_photographs
+        or not _FACTORS[0] < mass_factor < _FACTORS[1]
+    ):
+        return None
     hidden = np.any([~np.isfinite(seen.signals[number]) for number in seen.chosen], axis=0)
     volume = np.where(hidden, 0.0, seen.pore_volume)
     measured = np.array([_volumes(np.nan_to_num(seen.signals[n]), volume) for n in seen.chosen])

@@ -31,10 +31,10 @@ Array = NDArray[Any]
 _LARGEST_FAINT = 3.0
 """Values above this many standard deviations are tracer, not clean sand."""
 _LEVELS = 4096
-"""Concentrations for which the error of the calibration is computed: between two of them it changes
-by less than 1e-4."""
+"""Steps of concentration in the table of errors: from one to the next they change by less than
+1e-4."""
 _REACH = 2
-"""Rows to either side on which a deviation depends: a difference, and the mean around it."""
+"""A deviation depends on so many rows to either side: a difference, and the mean around it."""
 _LARGEST = 1.0
 """Largest deviation of a value between 0 and 1 [-]; more says nothing more."""
 

@@ -53,8 +53,8 @@ def by_overlapping_bands(
     """Return `work(*fields)`, computed band by band; each row may depend on rows near it.
 
     Args:
-        work: returns arrays whose first axis is that of the fields.
-        reach: rows to either side on which a row depends.
+        work: returns arrays with as many rows as the fields.
+        reach: a row depends on so many rows to either side.
         fields: arrays with the same number of rows, shape (nz, nx, ...).
     """
     rows = len(fields[0])

@@ -32,7 +32,7 @@ _BRIGHTNESS_WEIGHT = 1.5
 _LEAST_LIGHT, _LEAST_TEXTURE = 1e-4, 1e-3
 """Light and texture are raised to these before the logarithm."""
 _JUMP_CELLS = (2, 6)
-"""Cells between an interface and the two cells from which colours are extrapolated to it."""
+"""Cells between an interface and the two cells whose colours are extrapolated to it."""
 _FIXED = 1e-4
 """Deviation of a fixed log signal: the reference sand without any core."""
 

@@ -454,6 +454,8 @@ class FrontSettings:
     """Photographs with less of the largest injected volume are not compared [-]."""
     most_photographs: int = 5
     """Photographs that are compared, small and large plumes; more cost time."""
+    fewest_photographs: int = 3
+    """Photographs that tell the bend from the factor of all volumes."""
     surest_factor: float = 0.05
     """Sands with a larger relative deviation of their factor do not count [-]."""
 
@@ -550,7 +552,7 @@ class PhaseSettings:
     same_hue: float = 0.96
     """Cosine between two changes of colour from which they have one hue [-]."""
     cells_for_sand: float = 40.0
-    """Cells from which a sand has colours of its own rather than those of all sands."""
+    """Cells that give a sand colours of its own; fewer are drawn to the colours of all sands."""
     least_spread: float = 0.04
     """Standard deviation of the colour of a cell that is added to its scatter [log]."""
     most_samples: int = 60_000

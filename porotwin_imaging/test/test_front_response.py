@@ -63,3 +63,4 @@ def test_fronts_that_no_model_has_are_no_evidence() -> None:
     assert fit_fronts(photographs(0.0, dispersivity_m=0.02), model, 1.0) is None
     empty = replace(photographs(0.0), pore_volume=np.zeros(CELLS))
     assert fit_fronts(empty, model, 1.0) is None
+    assert fit_fronts(replace(empty, chosen=(0, 1)), model, 1.0) is None

@@ -1,4 +1,4 @@
-"""Work band by band gives what the work on the whole map gives."""
+"""Work band by band gives the same as work on the whole map."""
 
 import numpy as np
 

@@ -14,6 +14,7 @@ def test_presets_are_found_by_their_names() -> None:
         'accurate': Scheme.THIRD_ORDER,
         'sharp': Scheme.SUPERBEE,
         'upwind': Scheme.UPWIND,
+        'implicit': Scheme.UPWIND,
     }
     assert all(preset_named(name).name == name for name in PRESETS)
 

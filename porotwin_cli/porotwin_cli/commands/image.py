@@ -159,7 +159,9 @@ def _imaged_before(
 
     found = []
     for photo, fields in zip(photos, open_maps(output, rig).with_deviations(), strict=False):
-        doubt = plume_doubt(*fields)
+        values, deviation, systematic = fields
+        assert deviation is not None and systematic is not None
+        doubt = plume_doubt(values, deviation, systematic)
         entry = {
             'time_s': photo.time,
             'photo': photo.name,

@@ -21,8 +21,9 @@ more of the held-out frames. Patterns that close less than `LEAST_CLOSED` there 
 remainder of a free run is used, since one-step residuals of noisy maps are biased.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -47,8 +48,11 @@ PATTERN_WIDTH = 2.0
 """Width [cells] over which the model is smoothed before it is differentiated. Fronts that lie a few
 cells apart have no gradient at the resolution of the maps."""
 
-PLACES = (24, 14)
-"""Columns and rows of places that are tried for a source or a glow."""
+PLACES = (16, 10)
+"""Columns and rows of places that are tried for a source or a glow at first."""
+
+FINER_PLACES = np.linspace(-0.5, 0.5, 4)
+"""Places that are tried around the best one, relative to the distance of the first ones."""
 
 GLOW_RADIUS = 0.06
 """Radius of a glow relative to the width of the rig."""
@@ -116,27 +120,91 @@ class Pattern:
     place: tuple[float, float] | None = None
 
 
+class Patterns:
+    """All patterns that the remainder of one sample is compared with.
+
+    Args:
+        sample: the frames.
+        predicted: maps of the model (nt, nz, nx) [-].
+    """
+
+    def __init__(self, sample: Sample, predicted: FloatArray) -> None:
+        grid = sample.grid
+        smooth = blurred(np.clip(predicted, 0.0, 1.0), PATTERN_WIDTH)
+        up, right = np.gradient(smooth, grid.dz, grid.dx, axis=(1, 2))
+        bend = np.gradient(up, grid.dz, axis=1) + np.gradient(right, grid.dx, axis=2)
+        self._c, self._up, self._right, self._bend = (
+            part[:, ::STRIDE, ::STRIDE] for part in (smooth, up, right, bend)
+        )
+        self._x, self._z = (part[::STRIDE, ::STRIDE] for part in np.meshgrid(grid.x, grid.z))
+        self._later = np.gradient(self._c, sample.times, axis=0)
+        self._since = np.maximum(sample.times - sample.model_start, 0.0)[:, None, None]
+        self._t = self._since / max(sample.end - sample.model_start, 1e-9)
+        self._core = (CORE_CELLS * grid.dx) ** 2
+        self._width, self._height = grid.width, grid.height
+
+    def everywhere(self) -> Iterator[Pattern]:
+        """Yield the patterns of the whole rig."""
+        c, t, since = self._c, self._t, self._since
+        weights = c.mean(axis=0) + 1e-12
+        x, z = (part - float(np.average(part, weights=weights)) for part in (self._x, self._z))
+
+        def pattern(name: str, kind: Kind, unit: str, *fields: FloatArray) -> Pattern:
+            return Pattern(name, kind, unit, np.stack(fields))
+
+        yield pattern('paler', 'camera', '-', -c)
+        yield pattern('fading', 'storage', '-', -c * t)
+        yield pattern('bent response', 'camera', '-', 4.0 * c * (1.0 - c))
+        yield pattern('displaced', 'camera', 'm', -self._right, -self._up)
+        yield pattern('drifting', 'transport', 'm', -self._right * t, -self._up * t)
+        yield pattern('late', 'camera', 's', -self._later)
+        yield pattern('delayed', 'storage', '-', -self._later * since)
+        yield pattern('pale tracer delayed', 'storage', '-', -self._later * since * (1.0 - c))
+        yield pattern('spreading', 'transport', 'm2/s', self._bend * since)
+        directed = (-self._right * x * t, -self._up * z * t)
+        yield pattern('preferred direction', 'transport', '-', *directed)
+
+    def at_places(self) -> Iterator[Pattern]:
+        """Yield the patterns of a place, at places all over the rig."""
+        columns, rows = PLACES
+        for x in (np.arange(columns) + 0.5) * self._width / columns:
+            for z in (np.arange(rows) + 0.5) * self._height / rows:
+                yield from self._at((float(x), float(z)))
+
+    def around(self, found: Pattern) -> Iterator[Pattern]:
+        """Yield the pattern `found` at places around its own; nothing if it has none."""
+        if found.place is None:
+            return
+        for right in FINER_PLACES * self._width / PLACES[0]:
+            for up in FINER_PLACES * self._height / PLACES[1]:
+                place = (found.place[0] + float(right), found.place[1] + float(up))
+                yield from (one for one in self._at(place) if one.name == found.name)
+
+    def _at(self, place: tuple[float, float]) -> Iterator[Pattern]:
+        x, z = self._x - place[0], self._z - place[1]
+        square = x**2 + z**2
+        outward = -(self._right * x + self._up * z) / (square + self._core)
+        yield Pattern('source', 'source', 'm2', (outward * self._t)[None], place)
+        yield Pattern('growing source', 'source', 'm2', (outward * self._t**2)[None], place)
+        glow = np.exp(-0.5 * square / (GLOW_RADIUS * self._width) ** 2)
+        yield Pattern('glow', 'camera', '-', (glow * np.ones_like(self._t))[None], place)
+
+
 def describe_remainder(sample: Sample, predicted: FloatArray) -> RemainderForm:
     """Return the form of the remainder of `sample` beside the model `predicted` (nt, nz, nx)."""
     remainder = sample.whitened(predicted)
+    known = Patterns(sample, predicted)
     fitted = sample.fitted_frames
     chosen: list[Pattern] = []
-    columns = np.zeros((0, *remainder.shape))
-    closed, factors = 0.0, np.zeros(0)
-    for _ in range(MOST_TERMS):
-        used = {pattern.name for pattern in chosen}
-        left = remainder - np.tensordot(factors, columns, axes=1)
-        best, best_gain = None, 0.0
-        for pattern in patterns(sample, predicted):
-            if pattern.name in used:
-                continue
-            shape = _whitened(sample, pattern.fields)
-            gain = _gain(left[:fitted], shape[:, :fitted])
-            if gain > best_gain:
-                best, best_shape, best_gain = pattern, shape, gain
+    columns, factors, closed = np.zeros((0, *remainder.shape)), np.zeros(0), 0.0
+    while len(chosen) < MOST_TERMS:
+        left = (remainder - np.tensordot(factors, columns, axes=1))[:fitted]
+        names = {pattern.name for pattern in chosen}
+        best = _best(sample, left, chain(known.everywhere(), known.at_places()), names)
         if best is None:
             break
-        trial = np.concatenate([columns, best_shape])
+        best = _best(sample, left, (best, *known.around(best)), names) or best
+        trial = np.concatenate([columns, _whitened(sample, best.fields)])
         found = _solved(remainder[:fitted], trial[:, :fitted])
         now = _closed(remainder[fitted:], trial[:, fitted:], found)
         if now < closed + LEAST_GAIN:
@@ -147,53 +215,21 @@ def describe_remainder(sample: Sample, predicted: FloatArray) -> RemainderForm:
     return RemainderForm(tuple(_terms(sample, chosen, factors)), closed)
 
 
-def patterns(sample: Sample, predicted: FloatArray) -> Iterator[Pattern]:
-    """Yield all patterns that a remainder is compared with; `predicted` is (nt, nz, nx) [-]."""
-    smooth = blurred(np.clip(predicted, 0.0, 1.0), PATTERN_WIDTH)
-    grid, rig = sample.grid, sample.rig
-    since = np.maximum(sample.times - sample.model_start, 0.0)[:, None, None]
-    t = since / max(sample.end - sample.model_start, 1e-9)
-    all_up, all_right = np.gradient(smooth, grid.dz, grid.dx, axis=(1, 2))
-    all_bend = np.gradient(all_up, grid.dz, axis=1) + np.gradient(all_right, grid.dx, axis=2)
-    c, up, right, bend = (
-        part[:, ::STRIDE, ::STRIDE] for part in (smooth, all_up, all_right, all_bend)
-    )
-    later = np.gradient(c, sample.times, axis=0)
-    x, z = (part[::STRIDE, ::STRIDE] for part in np.meshgrid(grid.x, grid.z))
-    middle_x, middle_z = (
-        float(np.average(part, weights=c.mean(axis=0) + 1e-12)) for part in (x, z)
-    )
+def _best(
+    sample: Sample, left: FloatArray, candidates: Iterable[Pattern], without: Collection[str]
+) -> Pattern | None:
+    """Return the candidate that explains most of the fitted frames `left`; None if none does.
 
-    def pattern(name: str, kind: Kind, unit: str, *fields: FloatArray) -> Pattern:
-        return Pattern(name, kind, unit, np.stack(fields))
-
-    yield pattern('paler', 'camera', '-', -c)
-    yield pattern('fading', 'storage', '-', -c * t)
-    yield pattern('bent response', 'camera', '-', 4.0 * c * (1.0 - c))
-    yield pattern('displaced', 'camera', 'm', -right, -up)
-    yield pattern('drifting', 'transport', 'm', -right * t, -up * t)
-    yield pattern('late', 'camera', 's', -later)
-    yield pattern('delayed', 'storage', '-', -later * since)
-    yield pattern('pale tracer delayed', 'storage', '-', -later * since * (1.0 - c))
-    yield pattern('spreading', 'transport', 'm2/s', bend * since)
-    yield pattern(
-        'preferred direction',
-        'transport',
-        '-',
-        -right * (x - middle_x) * t,
-        -up * (z - middle_z) * t,
-    )
-    core = (CORE_CELLS * grid.dx) ** 2
-    for place_x in (np.arange(PLACES[0]) + 0.5) * rig.width_m / PLACES[0]:
-        for place_z in (np.arange(PLACES[1]) + 0.5) * rig.height_m / PLACES[1]:
-            place = (float(place_x), float(place_z))
-            away_x, away_z = x - place[0], z - place[1]
-            square = away_x**2 + away_z**2
-            outward = -(right * away_x + up * away_z) / (square + core)
-            yield Pattern('source', 'source', 'm2', (outward * t)[None], place)
-            yield Pattern('growing source', 'source', 'm2', (outward * t**2)[None], place)
-            glow = np.exp(-0.5 * square / (GLOW_RADIUS * rig.width_m) ** 2)
-            yield Pattern('glow', 'camera', '-', (glow * np.ones_like(t))[None], place)
+    Candidates whose name is in `without` are left out.
+    """
+    best, most = None, 0.0
+    for pattern in candidates:
+        if pattern.name in without:
+            continue
+        gain = _gain(left, _whitened(sample, pattern.fields[:, : len(left)]))
+        if gain > most:
+            best, most = pattern, gain
+    return best
 
 
 def _whitened(sample: Sample, fields: FloatArray) -> FloatArray:

@@ -73,6 +73,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'background': round(noise.background, 4),
             'correlation_cells': round(noise.correlation, 2),
             'blur_cells': round(held_out[0].point_spread_width, 2),
+            'shared_errors': _shared_errors(result),
         },
         'smallest_visible': {
             name: strength._asdict() for name, strength in result.strengths.items()
@@ -111,6 +112,19 @@ def _remainder(result: Diagnosis) -> dict[str, Any] | None:
             }
             for term in form.terms
         ],
+    }
+
+
+def _shared_errors(result: Diagnosis) -> dict[str, Any] | None:
+    """Return the standard deviations of the errors that all maps share; None if nobody told."""
+    sizes = result.samples[0].shared_errors
+    if sizes is None:
+        return None
+    return {
+        'scale_by_sand': [round(scale, 4) for scale in sizes.scales],
+        'bend': round(sizes.bend, 4),
+        'place_m': round(sizes.place_m, 6),
+        'blur_m2': round(sizes.blur_m2, 9),
     }
 
 

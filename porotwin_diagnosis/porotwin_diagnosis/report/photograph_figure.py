@@ -23,6 +23,9 @@ from porotwin_diagnosis.report.figures import AFTER, BEFORE, FRONT, arises_in_ri
 STRONGEST_INK = 0.65
 """Opacity of the gap where it is strongest; the photograph stays visible below it."""
 
+FAINTEST_SHARE = 0.2
+"""Strength relative to the strongest below which nothing is drawn: noise tints the whole sand."""
+
 GAP_COLOUR = '#ff2d7a'
 """Colour of the gap: neither sand nor any common dye."""
 
@@ -81,18 +84,22 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
         )
         ink = np.empty((*strength.shape, 4))
         ink[:] = to_rgba(GAP_COLOUR)
-        ink[..., 3] = STRONGEST_INK * np.clip(share, 0.0, 1.0)
+        ink[..., 3] = STRONGEST_INK * np.clip((share - FAINTEST_SHARE) / (1 - FAINTEST_SHARE), 0, 1)
         axis.pcolormesh(*to_pixels(*edges), ink, rasterized=True)
     columns, rows = to_pixels(*np.meshgrid(grid.x, grid.z))
-    for frame, colour in _fronts(result, part):
+    for frame, colour, line in _fronts(result, part):
         if np.nanmin(frame) < FRONT < np.nanmax(frame):
-            axis.contour(columns, rows, frame, [FRONT], colors=colour, linewidths=1.6)
+            style = {'colors': colour, 'linestyles': line}
+            axis.contour(columns, rows, frame, [FRONT], linewidths=1.8, **style)
 
 
-def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str]]:
-    """Return the last predictions with their colours; one without a gap."""
-    before = (part.before[-1], BEFORE)
-    return [before] if result.verdict.name == NONE else [before, (part.after[-1], AFTER)]
+def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str]]:
+    """Return the last predictions with their colours and lines; one without a gap.
+
+    The dashed front comes last, so that both are seen where they coincide.
+    """
+    before = (part.before[-1], BEFORE, '--')
+    return [before] if result.verdict.name == NONE else [(part.after[-1], AFTER, '-'), before]
 
 
 def caption(minutes: float, result: Diagnosis) -> str:
@@ -100,7 +107,7 @@ def caption(minutes: float, result: Diagnosis) -> str:
     first = f'The last photograph, {minutes:.0f} min.'
     if result.recordings[0].rig.camera is None:
         return first
-    lines = 'Red: the front of the model as it is (half of the stock).'
+    lines = 'Red, dashed: the front of the model as it is (half of the stock).'
     if result.verdict.name == NONE:
         return f'{first} {lines}'
     lines += ' Blue: with the correction.' if result.verdict.kept else ' Blue: of the best model.'
