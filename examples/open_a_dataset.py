@@ -32,19 +32,16 @@ else:
     data = xarray.open_zarr(folder)
     print(data)
 
-# %% The centre of the plume at every time
-plume = np.nan_to_num(np.asarray(data['concentration']))
-plume = np.where(plume > 0.05, plume, 0.0)  # the noise of clear water does not count
-height = np.asarray(data['z'])
-weight = plume.sum(axis=2)
-times, seen = np.asarray(data['time']), weight.sum(axis=1) > 0
-centre_m = (weight @ height)[seen] / weight.sum(axis=1)[seen]
-print(f'centre of the plume after {times[-1]:.0f} s: {100 * centre_m[-1]:.1f} cm above the bottom')
+# %% The area of the plume at every time
+x, z, times = (np.asarray(data[name]) for name in ('x', 'z', 'time'))
+plume = np.nan_to_num(np.asarray(data['concentration'])) > 0.5
+area_cm2 = 1e4 * plume.sum(axis=(1, 2)) * (x[1] - x[0]) * (z[1] - z[0])
+print(f'plume after {times[-1]:.0f} s: {area_cm2[-1]:.0f} cm2')
 
 # %% Picture
-figure, axes = plt.subplots(figsize=(6, 3), layout='constrained')
-axes.plot(times[seen], 100 * centre_m, marker='o')
-axes.set(xlabel='time [s]', ylabel='centre of the plume [cm above the bottom]')
-figure.savefig(picture_path(__file__))
-assert 0.0 < centre_m[-1] < height[-1]
+figure, axis = plt.subplots(figsize=(6, 3.4), layout='constrained')
+axis.plot(times, area_cm2, marker='o')
+axis.set(title='plume of the sample bag', xlabel='time [s]', ylabel='area above 0.5 [cm2]')
+figure.savefig(picture_path(__file__), dpi=80)
+assert (np.diff(area_cm2) > 0).all()
 assert float(np.asarray(data['commanded_rate'])[0].max()) == 500.0

@@ -10,9 +10,9 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
+from porotwin_hub.cycle import Observation
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation
 from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.photo_to_map import concentration_map

@@ -63,6 +63,10 @@ MENDED_GRID = '94x56'
 """Columns and rows of the maps where an effect is hidden: cells of 1 cm, so that a diagnosis takes
 a minute."""
 
+DEMO_CONFIDENCE = 0.7
+"""Least confidence of a verdict that the demo accepts [-]: 40 min of photographs seldom make it
+surer, and the shadow forecast protects the twin."""
+
 DIAGNOSIS_MINUTES = 10.0
 """Time between two diagnoses [min]: half as long as beside a rig, because the demo is short."""
 
@@ -302,6 +306,7 @@ def _in_lock_step(node: NodeDescription) -> NodeDescription:
             'lockstep': True,
             'longest_s': LONGEST_DIAGNOSIS_S,
             'every_min': DIAGNOSIS_MINUTES,
+            'least_confidence': DEMO_CONFIDENCE,
         },
         'diagnosis': {'workers': 2},  # the rig waits, so that both cores are free
     }

@@ -25,17 +25,17 @@ MENDABLE = tuple(
 """Effects that a live virtual rig can have and a solver can learn."""
 
 SHOWN_AFTER_S = 1500.0
-"""Time without control after which a surprise must show [s]: the first diagnosis."""
+"""A surprise must show so long after the start, without control [s]: at the first diagnosis."""
 
 LEAST_SHOWN = 0.08
 """Least difference of the map that a surprise makes by then, relative L2 [-]: several times the
 error of a map from photographs."""
 
 DRAWS = 12
-"""Draws of an effect, of which the strongest is hidden."""
+"""Draws of an effect; the strongest one is hidden."""
 
 TRIAL_GRID = (62, 37)
-"""Columns and rows of the grid on which surprises are tried."""
+"""Columns and rows of the trial of a surprise."""
 
 
 def hidden_effect(text: str, rig: Rig, *, seed: int) -> EffectDescription:

@@ -52,8 +52,14 @@ class OfferShown:
 class MendDesk:
     """Listens to offers and answers them; a context manager with a thread of its own."""
 
-    def __init__(self, on_offer: Callable[['MendDesk', MendOffer], None] | None = None) -> None:
+    def __init__(
+        self,
+        on_offer: Callable[['MendDesk', MendOffer], None] | None = None,
+        *,
+        namespace: str = NAMESPACE,
+    ) -> None:
         """Prepare to listen; `on_offer` is called with this desk and every offer."""
+        self._namespace = namespace
         self._on_offer = on_offer
         self._context = Context()
         self._arrived = threading.Event()
@@ -62,7 +68,9 @@ class MendDesk:
     def __enter__(self) -> Self:
         prepare_environment()
         rclpy.init(context=self._context)
-        self._node = rclpy.create_node('mend_desk', namespace=NAMESPACE, context=self._context)
+        self._node = rclpy.create_node(
+            'mend_desk', namespace=self._namespace, context=self._context
+        )
         self._node.create_subscription(MendOffer, 'mend/offer', self._take, qos.CONFIG)
         self._client = self._node.create_client(AnswerMend, 'mend/answer')
         threading.Thread(target=self._spin, daemon=True).start()

@@ -20,11 +20,12 @@ from porotwin_cli.bench_loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY, LoopScenario, Operator, PumpFault
 from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.run_account import ML, TrueTracer, read_account
+from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
 from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_from_msg
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
 from porotwin_hub.graph import NAMESPACE
 from porotwin_recording.bag_reader import BagReader
@@ -34,7 +35,7 @@ from porotwin_solver.effects_in_force import in_words
 from porotwin_solver.model import Model
 
 FORECAST_S = 900.0
-"""How far the forecasts look ahead that are compared [s]: a third of what a plan looks ahead."""
+"""Length of the forecasts that are compared [s]: the plume moves by some centimetres."""
 
 ACCEPTED = 1
 """State of an accepted offer, as in `MendOffer`."""
@@ -46,7 +47,7 @@ Effects = tuple[EffectDescription, ...]
 
 @dataclass
 class Mending:
-    """What became of the model in a run: decisions by time [s], and the rates that were pumped."""
+    """The decisions about the model in a run, by time [s], and the rates that were pumped."""
 
     changes: list[tuple[float, Effects]] = field(default_factory=list)
     offers: list[dict[str, Any]] = field(default_factory=list)
@@ -54,7 +55,7 @@ class Mending:
 
     @property
     def accepted(self) -> float:
-        """Time from which on the first effect acted [s]; NaN if none was accepted."""
+        """Time when the first effect began to act [s]; NaN if none was accepted."""
         return next((time for time, effects in self.changes if effects), math.nan)
 
     @property

@@ -44,7 +44,7 @@ PULSES_H = (0.0, 1.1, 2.6, 4.0, 5.2, 8.0, 10.0, 24.5)
 PULSE_ML_H = 2250.0
 """Rate of a pulse in the large rig [ml/h] (FluidFlower benchmark)."""
 
-DENSER_KG_M3 = 0.2
+DENSER_KG_M3 = 0.02
 """Density that the model of the large rig does not know about [kg/m^3]: the longest pause moves
 the tracer by a few centimetres."""
 
@@ -124,7 +124,7 @@ def complex_(hours: float = 27.5) -> PaperExperiment:
         rate = WellRate(from_ml_h(PULSE_ML_H), 1.0)
         rows.append(ScheduleRow(start * HOUR_S, well, rate))
         rows.append(ScheduleRow((start + 0.5) * HOUR_S, well, WellRate()))
-    denser = EffectDescription('buoyancy', {'density_difference': DENSER_KG_M3})
+    denser = EffectDescription(name='buoyancy', parameters={'density_difference': DENSER_KG_M3})
     whole = observed(
         rig,
         grid,

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.what_if_study import NO_ZONE, WhatIfStudy
 from porotwin_core.units import ML
-from porotwin_siblings.siblings import Outlook
+from porotwin_siblings.outlook import Outlook
 from porotwin_solver.quantities import PLUME_THRESHOLD
 
 PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'

@@ -23,12 +23,11 @@ from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
+from porotwin_siblings.outlook import TIMES, Outlook
+from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import LONGEST_HORIZON_S, check_proposal, proposed_plan
-from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import ZoneMeasure
-
-TIMES = 12
-"""Times of a forecast: enough for a smooth curve. The siblings step from one to the next."""
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
@@ -202,7 +201,8 @@ def study_what_if(
     seconds = time.perf_counter() - clock
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
     zone = ZoneMeasure.of(recording.rig, maps)
-    seen = [zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
+    assert recording.maps is not None
+    seen = [zone.tracer(np.nan_to_num(recording.maps[n])) for n in later]
     return WhatIfStudy(
         rig=recording.rig,
         grid=grid,

@@ -1,4 +1,4 @@
-"""The gate that judges free runs: how much of a correction is trusted, and for which rates.
+"""The gate judges free runs: it decides on the trust in a correction and the range of rates.
 
 The model alone and the corrected model run freely over kept experiments; the errors of single steps
 do not count. The trust in the network is the one of TRUSTS with the least error, and no frame of a
@@ -27,7 +27,7 @@ TRUSTS = (1.0, 0.5, 0.0)
 """Shares of the network's answer that are tried."""
 
 LARGEST_LOSS = 1.02
-"""Largest error of a corrected run over that of the model alone, at any frame [-]."""
+"""Largest error of a corrected run relative to the model alone, at any frame [-]."""
 
 LEAST_ERROR = 0.01
 """Errors below this are equal [-]: noise decides which one is smaller."""
@@ -69,7 +69,7 @@ class RunErrors:
 
 @dataclass(frozen=True)
 class KeptRun:
-    """A kept experiment, of which the frames after `judged_from` [s] are judged."""
+    """A kept experiment; its frames after `judged_from` [s] are judged."""
 
     frames: Frames
     judged_from: float
@@ -161,7 +161,7 @@ def corrector(model: CorrectiveModel, solver: LearntSolver) -> CorrectorFn:
 def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
     """Return `model` with the trust, the learnt physics and the range of rates that proved good.
 
-    Its provenance says what was decided, as `gate`.
+    The entry `gate` of its provenance holds the decision.
     """
     tried = [replace(model, trust=trust) for trust in TRUSTS]
     if model.learnt is not None:
@@ -174,7 +174,7 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
     for factor in RATE_FACTORS if chosen.trust > 0 else ():
         anywhere = replace(chosen, trained_on=chosen.trained_on.widened(0.0, 2.0 * factor))
         scaled = judge.at_rates(anywhere, factor)
-        if scaled.mean_corrected <= scaled.mean_alone:
+        if len(scaled.alone) and scaled.mean_corrected <= scaled.mean_alone:
             passed.append(factor)
             low, high = min(low, factor), max(high, factor)
     gate = {
@@ -193,7 +193,7 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
 
 
 def _decision(gate: Mapping[str, Any]) -> str:
-    """Return what the gate decided, as a line for a person."""
+    """Return the decision as a line for a person."""
     if not gate['trust'] and not gate['physics']:
         return f'gate shut: nothing lowers the free-run error {gate["alone"]:.3f} of kept maps'
     applied = [

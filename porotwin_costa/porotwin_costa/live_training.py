@@ -19,12 +19,15 @@ from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames
-from porotwin_costa.free_run_gate import Judge, gated, kept_runs
+from porotwin_costa.free_run_gate import LEAST_ERROR, Judge, gated, kept_runs
 from porotwin_costa.networks import Architecture
 from porotwin_costa.training import ProgressFn, train
 
 NOT_USED = '_not_used'
 """Ending of the name of a file with weights that did not replace those in use."""
+
+LEAST_IMPROVEMENT = 0.98
+"""Error of a new model relative to the one in use, below which it replaces it [-]."""
 
 JUDGED_PAIRS = 20
 """Fewest pairs that a free run can judge: ten minutes of photographs every 30 s."""
@@ -51,7 +54,7 @@ class LiveTraining:
     ) -> tuple[CorrectiveModel, bool]:
         """Return a model trained on `pairs`, and whether it shall replace the `current` one.
 
-        Learnt physics of the current model stays; the network learns what it leaves.
+        Learnt physics of the current model stays; the network learns the remainder.
 
         Raises:
             InputError: too few pairs.
@@ -72,7 +75,7 @@ class LiveTraining:
         model = gated(model, judge)
         gate = model.provenance['gate']
         best = gate['alone'] if current is None else judge.errors(current).mean_corrected
-        return model, bool(gate['corrected'] < min(best, gate['alone']))
+        return model, _is_better(gate['corrected'], min(best, gate['alone']))
 
     def _behind(self, learnt: LearntPhysics, frames: list[Frames], pairs: Dataset) -> Dataset:
         """Return the pairs of `frames` for the model with `learnt` physics."""
@@ -86,6 +89,10 @@ class LiveTraining:
             residual=step.residual,
             preset=self.preset,
         )
+
+
+def _is_better(error: float, other: float) -> bool:
+    return error + LEAST_ERROR < LEAST_IMPROVEMENT * (other + LEAST_ERROR)
 
 
 def not_used(output: Path) -> Path:

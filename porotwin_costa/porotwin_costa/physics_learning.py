@@ -22,7 +22,7 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 40
-"""Most columns of the grid on which parts are chosen; the last fit is on the grid of the maps. A
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A
 run on half the columns and rows takes an eighth of the time."""
 
 LEAST_GAIN = 0.1
@@ -31,6 +31,13 @@ part, and may be the numerics."""
 
 LEAST_KEPT_GAIN = 0.08
 """The same share on the kept frames; fronts on a coarse grid alone move by a few per cent."""
+
+CLEAR_GAIN = 0.7
+"""Share of the squared error that makes a part so clear that no leak or patch is tried."""
+
+UNKNOWN_COST = 0.1
+"""Share of the squared error that another unknown must take, to be preferred: a patch can imitate
+a denser tracer for a while."""
 
 MOST_PARTS = 3
 """Most parts that are added."""
@@ -42,10 +49,10 @@ TRIED_PLACES = 2
 """Places of a leak or a patch that are fitted, the most promising ones of all."""
 
 SCANNED_RUNS = 2
-"""Runs in which places are tried: those with the largest errors."""
+"""Runs for trying places: the ones with the largest errors."""
 
 MOST_FITTED = 4
-"""Most runs to which parts are fitted: the ones with most frames."""
+"""Most runs for fitting parts: the ones with most frames."""
 
 KEPT_SHARE = 0.25
 """Share of a single experiment, its end, that is kept to judge parts."""
@@ -152,12 +159,9 @@ def learn_physics(
     )
     best = Trial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
-        trials = [
-            _fitted(part, best, share, workers) for part in _candidates(maker, share, best, workers)
-        ]
-        found = min(trials, key=lambda trial: trial.fitted + trial.kept)
+        found = _best_trial(maker, share, best, workers)
         name = found.learnt.parts[-1].name
-        gain, kept_gain = 1 - found.fitted / best.fitted, 1 - found.kept / best.kept
+        gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
             say(f'no more physics to learn: {name} takes {max(kept_gain, 0.0):.0%} of the gap')
             break
@@ -172,8 +176,18 @@ def learn_physics(
     return physics_of(parts, values)
 
 
+def _judged(trial: Trial) -> float:
+    """Return the squared error, more for parts with more unknowns."""
+    return (trial.fitted + trial.kept) * (1.0 + UNKNOWN_COST * len(trial.learnt.values))
+
+
+def _gain(before: float, after: float) -> float:
+    """Return the share of the squared error that is gone [-]."""
+    return 1.0 - after / before if before > 0.0 else 0.0
+
+
 def coarse_grid(grid: Grid) -> Grid:
-    """Return the grid on which parts are chosen."""
+    """Return the grid for choosing parts."""
     shrink = max(1.0, max(grid.nx, grid.nz) / LEARNING_COLUMNS)
     cells = round(grid.nx / shrink), round(grid.nz / shrink)
     return Grid(*cells, grid.width, grid.height)
@@ -191,13 +205,19 @@ def _fitted(part: PhysicsPart, best: Trial, share: Share, workers: int) -> Trial
         return Trial(learnt, np.inf, np.inf)
 
 
-def _candidates(maker: PartMaker, share: Share, best: Trial, workers: int) -> list[PhysicsPart]:
-    """Return the parts that may be added: those without a place, and promising leaks, patches."""
+def _best_trial(maker: PartMaker, share: Share, best: Trial, workers: int) -> Trial:
+    """Return the best of all trials with one more part.
+
+    Leaks and patches are tried only if no part without a place explains nearly everything.
+    """
     taken = {part.name for part in best.learnt.parts}
     parts = [part for part in maker.everywhere() if part.name not in taken]
-    if not maker.rig.closed:
-        parts += _promising(maker.leak_at, maker, share, best, workers)
-    return parts + _promising(maker.patch_at, maker, share, best, workers)
+    trials = [_fitted(part, best, share, workers) for part in parts]
+    if all(_gain(best.fitted, trial.fitted) < CLEAR_GAIN for trial in trials):
+        placed = [] if maker.rig.closed else _promising(maker.leak_at, maker, share, best, workers)
+        placed += _promising(maker.patch_at, maker, share, best, workers)
+        trials += [_fitted(part, best, share, workers) for part in placed]
+    return min(trials, key=_judged)
 
 
 def _promising(

@@ -50,7 +50,7 @@ ApplyFn = Callable[..., LearntPhysics]
 
 @dataclass(frozen=True)
 class PhysicsPart:
-    """A part of learnt physics: its unknowns, where their fit starts, and what they do."""
+    """A part of learnt physics: its unknowns, the start of their fit, and their effect."""
 
     name: str
     unknowns: tuple[LearntUnknown, ...]
@@ -59,7 +59,7 @@ class PhysicsPart:
 
     @property
     def first(self) -> FloatArray:
-        """The scaled values from which the fit starts, (unknowns,)."""
+        """The scaled values at the start of the fit, (unknowns,)."""
         return np.array(self.start or [0.0] * len(self.unknowns), dtype=float)
 
     def values(self, scaled: FloatArray) -> list[float]:

@@ -32,15 +32,19 @@ class Stage(NamedTuple):
     updates: int
     batch: int = 2
 
+    def shortened(self, share: float) -> 'Stage':
+        """Return the stage with this share of its updates, at most all and at least one."""
+        return self._replace(updates=max(1, round(min(share, 1.0) * self.updates)))
+
 
 CURRICULUM = (Stage(5, 40), Stage(20, 20), Stage(40, 10))
 """The roll-outs grow; a few long ones are enough after many short ones."""
 
 LEARNING_RATE = 5e-4
-"""First step size of Adam: a sixth of that of one-step training, which it continues."""
+"""First step size of Adam: a sixth of the one of single steps, which it continues."""
 
 LARGEST_GRADIENT = 1.0
-"""Norm to which a gradient is clipped [-]; one roll-out with a large error must not undo others."""
+"""Largest norm of a gradient [-]: one roll-out with a large error must not undo the others."""
 
 WEIGHED_DEVIATION = 0.01
 """Deviation [-] whose square is added to that of the maps: errors of the maps that they do not
@@ -79,7 +83,7 @@ class RollOuts:
     ) -> None:
         """Run `step`, corrected by `model`.
 
-        Without `through_solver` a step is not told what its map does to later steps.
+        Without `through_solver` a step does not know the effect of its map on later steps.
         """
         self._model, self._step, self._through = model, step, through_solver
         empty = np.zeros(model.grid.shape)
@@ -99,7 +103,7 @@ class RollOuts:
             loss += float(np.sum(weight * error**2))
             bars.append((2.0 * weight * error, (corrected >= 0.0) & (corrected <= 1.0)))
             states.append(np.clip(corrected, 0.0, 1.0))
-        bar = np.zeros(self._model.grid.shape)
+        bar: FloatArray = np.zeros(self._model.grid.shape)
         for k in range(steps - 1, -1, -1):
             own, inside = bars[k]
             bar = (bar + own) * inside

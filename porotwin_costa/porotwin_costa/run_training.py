@@ -67,15 +67,17 @@ def train_from_runs(
         experiments: the maps and the model to correct.
         architecture: the network; it says whether physics is learnt first.
         seed: of weights, samples and roll-outs.
-        epochs: passes over the single steps; 0: as suits the network.
+        epochs: passes over the single steps; 0: as suits the network. Fewer passes than usual
+            shorten the roll-outs in proportion.
         workers: threads that make free runs.
         curriculum: stages of the roll-outs; empty: single steps only.
         progress: called after every epoch.
-        say: told what is learnt and decided.
+        say: told every decision.
 
     Raises:
         InputError: too few maps, or the model cannot run.
     """
+    usual = architecture.training.epochs
     settings = architecture.training.with_epochs(epochs)
     learning, kept = kept_runs(experiments.frames, settings.validation_share)
     if not kept:
@@ -102,7 +104,7 @@ def train_from_runs(
         learning,
         lambda one: judge.errors(one).mean_corrected,
         seed=seed,
-        curriculum=curriculum,
+        curriculum=[stage.shortened(settings.epochs / usual) for stage in curriculum],
         say=say,
     )
     model = gated(model, judge)

@@ -11,7 +11,7 @@ from porotwin_diagnosis.mending.shadow_forecast import (
     LEAST_WATCHED,
     WATCHED,
     ShadowForecast,
-    TrialState,
+    ShadowJudgement,
 )
 from porotwin_solver.model import Model
 
@@ -41,15 +41,15 @@ def shadow():
 
 def test_an_effect_that_the_rig_has_is_kept(shadow):
     judged = [shadow.see(*seen) for seen in photographs(weak_pump(0.75), count=WATCHED + 1)]
-    assert judged[-1] is TrialState.KEPT
-    assert set(judged[:-1]) == {TrialState.WATCHING}
+    assert judged[-1] is ShadowJudgement.KEPT
+    assert set(judged[:-1]) == {ShadowJudgement.WATCHING}
     assert shadow.errors[0] < 0.8 * shadow.errors[1]
     assert f'forecasts of {WATCHED} photographs erred by' in shadow.in_words
 
 
 def test_an_effect_that_the_rig_has_not_is_taken_back_soon(shadow):
     judged = [shadow.see(*seen) for seen in photographs(count=WATCHED + 1)]
-    assert judged.index(TrialState.WORSE) <= LEAST_WATCHED + 1
+    assert judged.index(ShadowJudgement.WORSE) <= LEAST_WATCHED + 1
 
 
 def test_an_interruption_begins_with_the_next_photograph(shadow):
@@ -57,12 +57,12 @@ def test_an_interruption_begins_with_the_next_photograph(shadow):
     for observed, periods in seen[:3]:
         shadow.see(observed, periods)
     shadow.interrupt()
-    assert shadow.see(*seen[5]) is TrialState.WATCHING
+    assert shadow.see(*seen[5]) is ShadowJudgement.WATCHING
     assert shadow.photographs == 2
 
 
 def test_a_photograph_without_any_tracer_judges_nothing(shadow):
     shadow.see(np.zeros(GRID.shape), [])
     still = [RatePeriod(0.0, 30.0, {})]
-    assert shadow.see(np.zeros(GRID.shape), still) is TrialState.WATCHING
+    assert shadow.see(np.zeros(GRID.shape), still) is ShadowJudgement.WATCHING
     assert shadow.photographs == 0

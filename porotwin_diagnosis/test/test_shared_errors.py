@@ -102,6 +102,11 @@ def test_decorrelated_residuals_have_the_covariance_of_independent_ones():
     np.testing.assert_allclose(root @ covariance @ root.T, np.eye(40), atol=1e-9)
 
 
+def test_errors_that_the_residuals_hardly_show_cost_less():
+    modes = np.diag([100.0, 0.01]) @ np.eye(2, 30)
+    assert SharedErrors(modes, cost=1.0).effective_number == pytest.approx(1.0, abs=0.01)
+
+
 def test_equal_modes_count_once():
     modes = np.ones((2, 10))
     twice = SharedErrors(modes, cost=1.0).decorrelated(np.ones(10))

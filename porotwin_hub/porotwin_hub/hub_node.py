@@ -8,8 +8,6 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -28,27 +26,25 @@ from porotwin_hub.clients import (
     Caller,
     DataDrivenModelClient,
     PhysicsModelClient,
-    PlanModelClient,
     send_control,
 )
-from porotwin_hub.controller import Controller, Planner, WithSubstitute
+from porotwin_hub.cycle import Cycle
+from porotwin_hub.cycle_report import report_of
 from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.planner_parameters import PlannerParameters
 from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Cycle, Twin
+from porotwin_hub.twin import Twin
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
     ModelEffects,
     NewState,
-    RateFactor,
     RigDescription,
     Setpoint,
     StateRefreshed,
@@ -62,19 +58,6 @@ SIMULATED_PATIENCE_S = 60.0
 REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
 
-OPTIMISER_SHARE = 0.5
-"""Share of the photo interval that one optimisation may take: the rest is for the forecast."""
-
-
-@dataclass(frozen=True)
-class ControlSettings:
-    """The parameters of the controller: `optimiser`, `horizon` [s], `evaluations` of COBYLA."""
-
-    enabled: bool
-    optimiser: str
-    horizon: float
-    evaluations: int
-
 
 def steady_time() -> Callable[[], float]:
     """Return a clock [s] since 1970 that goes on steadily when this machine's clock is set."""
@@ -84,8 +67,6 @@ def steady_time() -> Callable[[], float]:
 
 class HubNode(Node):
     """Listens to the asset's states, asks the models, publishes forecasts and setpoints."""
-
-    _settings: ControlSettings
 
     def __init__(
         self,
@@ -120,14 +101,16 @@ class HubNode(Node):
             at_most=DAY_S,
         )
         self._call = Caller(self, timeout=self._declare_timeout())
-        self._changed = threading.Event()
-        self._controller = self._declare_controller(rig, interval)
+        self._planning = PlannerParameters(
+            self, rig, self._grid, self._call, interval=interval, simulated=self._simulated
+        )
+        planner = self._planning.planner()
         state_filter = self._declare_filter(rig)
         twin = Twin(
             physics or PhysicsModelClient(self._call, self._grid),
             data_driven or DataDrivenModelClient(self._call, self._grid),
             photo_interval=interval,
-            controller=self._controller,
+            controller=planner,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
             state_filter=state_filter,
@@ -154,7 +137,7 @@ class HubNode(Node):
         self._model_changed = threading.Event()
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
-        if self._controller is None:
+        if planner is None:
             self._log_prediction_only(rig)
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -204,81 +187,6 @@ class HubNode(Node):
                 on_change=change,
             )
         )
-
-    def _declare_controller(self, rig: Rig, interval: float) -> Planner | None:
-        """Return the controller of the parameters; None: choose no setpoints."""
-
-        def replace_controller(**changes: Any) -> None:
-            self._settings = replace(self._settings, **changes)
-            self._changed.set()
-
-        enabled = declare(
-            self,
-            'control',
-            True,
-            'choose setpoints when rig.yaml allows it',
-            on_change=lambda value: replace_controller(enabled=value),
-        )
-        horizon = declare(
-            self,
-            'horizon_s',
-            1800.0,
-            'how far the optimiser looks ahead, where rig.yaml names no end of the experiment [s]',
-            at_least=1.0,
-            at_most=DAY_S,
-            on_change=lambda value: replace_controller(horizon=value),
-        )
-        evaluations = declare(
-            self,
-            'evaluations',
-            60,
-            'predictions per search of COBYLA',
-            at_least=1,
-            at_most=10_000,
-            on_change=lambda value: replace_controller(evaluations=value),
-        )
-        optimiser = declare(
-            self,
-            'optimiser',
-            'gradient',
-            'how setpoints are chosen: gradient plans to the end of the experiment, cobyla (the '
-            "paper's) searches constant rates over the horizon",
-            choices=('gradient', 'cobyla'),
-            on_change=lambda value: replace_controller(optimiser=value),
-        )
-        judge = declare(
-            self,
-            'plans_judged_by',
-            'solver',
-            'source of the cost of a plan: the solver, or the mean of some siblings with all their '
-            'doubt, at several times the work',
-            choices=('solver', 'siblings'),
-        )
-        self._settings = ControlSettings(enabled, optimiser, horizon, evaluations)
-        if self._known_limits is None:
-            return None
-        patience = math.inf if self._simulated else OPTIMISER_SHARE * interval
-        self._make_constant = partial(
-            Controller, self._known_limits, make_objective(rig, self._grid), patience=patience
-        )
-        self._make_plan = partial(
-            plan_controller,
-            rig,
-            self._grid,
-            PlanModelClient(self._call, rig, judge),
-            interval=interval,
-            patience=patience,
-        )
-        return self._controller_in_use()
-
-    def _controller_in_use(self) -> Planner | None:
-        settings = self._settings
-        if self._known_limits is None or not settings.enabled:
-            return None
-        constant = self._make_constant(horizon=settings.horizon, evaluations=settings.evaluations)
-        if settings.optimiser == 'cobyla':
-            return constant
-        return WithSubstitute(self._make_plan(horizon=settings.horizon), constant)
 
     def _log_prediction_only(self, rig: Rig) -> None:
         known = rig.control is not None
@@ -371,9 +279,9 @@ class HubNode(Node):
             sequence = ready.state.sequence
             try:
                 self._log_sequence_of_time(ready)
-                if self._changed.is_set():
-                    self._changed.clear()
-                    self._twin.change_controller(self._controller_in_use())
+                if self._planning.changed.is_set():
+                    self._planning.changed.clear()
+                    self._twin.change_controller(self._planning.planner())
                 if self._model_changed.is_set():
                     self._model_changed.clear()
                     self._twin.forget_rate_factors()
@@ -444,33 +352,6 @@ class HubNode(Node):
         self._diagnostics.report(level, summary, cycle_duration_s=f'{cycle.durations["cycle"]:.3f}')
         if cycle.remarks:
             self.get_logger().warning(f'state {state.sequence}: {summary}')
-
-
-def report_of(cycle: Cycle, state: NewState) -> CycleReport:
-    """Return the report of a cycle that began with the message `state`."""
-    decision, forecast = cycle.decision, cycle.forecast
-    return CycleReport(
-        header=state.header,
-        sequence=state.sequence,
-        prediction_error=cycle.prediction_error,
-        corrected_error=cycle.corrected_error,
-        expected_error=cycle.expected_error,
-        disallowed_tracer=cycle.disallowed_tracer,
-        objective_unchanged=decision.cost_unchanged if decision else math.nan,
-        objective=decision.cost if decision else math.nan,
-        objective_evaluations=decision.evaluations if decision else 0,
-        corrected=forecast is not None and forecast.is_corrected,
-        correction_status=forecast.correction_status if forecast else 'no forecast',
-        predict_duration=cycle.durations.get('predict', math.nan),
-        correct_duration=cycle.durations.get('correct', math.nan),
-        optimise_duration=cycle.durations.get('optimise', math.nan),
-        cycle_duration=cycle.durations['cycle'],
-        rate_factors=[
-            RateFactor(well=well, factor=found.factor, deviation=found.deviation)
-            for well, found in cycle.rate_factors.items()
-        ],
-        remarks=[*cycle.remarks, *cycle.notes],
-    )
 
 
 def main() -> None:

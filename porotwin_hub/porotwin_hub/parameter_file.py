@@ -26,6 +26,9 @@ from porotwin_hub.node_description import NAMESPACE, NodeDescription
 Rules = Mapping[str, Mapping[str, ParameterRule]]
 """The rules of all parameters by node and name."""
 
+NETWORK = 'network'
+"""Section of a parameter file that is not of a node; see `network.py`."""
+
 KEY = 'ros__parameters'
 """Key of the parameters of a node in a parameter file."""
 
@@ -92,7 +95,7 @@ def with_parameters(
     namespace = nodes[0].namespace if nodes else NAMESPACE
     taken: dict[str, dict[str, Any]] = {name: {} for name in rules}
     try:
-        for pattern, parameters in _entries(_read(path)):
+        for pattern, parameters in _entries(read_parameter_file(path)):
             matched = _matched(pattern, rules, namespace)
             for name, value in parameters.items():
                 for node in _nodes_with(name, pattern, matched, rules):
@@ -109,7 +112,12 @@ def with_parameters(
     ]
 
 
-def _read(path: Path) -> Any:
+def read_parameter_file(path: Path) -> Any:
+    """Return the content of a parameter file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     from porotwin_core.rig.yaml_reader import read_yaml  # brings large packages
 
     try:
@@ -122,6 +130,8 @@ def _read(path: Path) -> Any:
 
 def _entries(content: Any) -> list[tuple[str, dict[str, Any]]]:
     """Return names or patterns of nodes with their parameters, the most general ones first."""
+    if isinstance(content, dict):
+        content = {key: value for key, value in content.items() if key != NETWORK}
     found = list(_sections('', content or {}))
     return sorted(found, key=lambda entry: ('*' not in entry[0], '**' not in entry[0]))
 

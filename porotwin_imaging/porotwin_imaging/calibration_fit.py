@@ -12,6 +12,7 @@ The steps, each with its evidence:
 Without a core the mass gives the level of stock; without a pump log too, the strongest signal does.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -58,6 +59,8 @@ _STOCK = 0.999
 """Dilutions above this concentration are stock and show its level [-]."""
 _MEASURED = ('dilutions', 'core')
 """Anchors that measure the level of stock; the others take it from the mass."""
+_PIXELS_OF_A_MODEL_CELL = 8
+"""Pixels of the photograph that a cell of the model covers: fronts finer than this are blurred."""
 _OWN_SAND = np.ones((3, 3), np.uint8)
 """Cells with another sand next to them are mixed."""
 
@@ -118,7 +121,7 @@ def fit_calibration(
     schedule: Schedule | None = None,
     dilutions: Sequence[DilutionPhoto] = (),
     contrast: Contrast | None = None,
-    plumes: Callable[[Sequence[float]], PlumeModel] | None = None,
+    plumes: Callable[[Sequence[float], int], PlumeModel] | None = None,
     source: str = '',
     progress: Callable[[str], None] = lambda _: None,
     settings: ImagingSettings = DEFAULTS,
@@ -134,7 +137,8 @@ def fit_calibration(
         schedule: injected rates in the time of the photographs, None if they are unknown.
         dilutions: photographs of known dilutions.
         contrast: 'absorbance' or 'difference'; None: the one that the colours prefer.
-        plumes: returns the modelled injection at times [s]; None: fronts are not compared.
+        plumes: returns the modelled injection at times [s] with at most a number of cells; None:
+            fronts are not compared.
         source: name of the experiment, for the file.
         progress: called with a line for each photograph.
         settings: settings of all steps.
@@ -185,7 +189,7 @@ def fit_calibration(
         progress('model of the plume')
         held = _integrals([response.concentration_of(plane) for plane in relative], volume)
         rough = fit_line(held, injected, settings.mass_balance)
-        seen = FrontPhotographs(
+        photographed = FrontPhotographs(
             [plane / level for plane in signals],
             np.where(_surely_scaled(factors, labels, settings.fronts), volume, 0.0),
             _compared_fronts(rough, injected, settings.fronts),
@@ -193,7 +197,11 @@ def fit_calibration(
             baseline.reduction * float(np.mean(baseline.sampling.pixels_per_cell)),
             baseline.sampling.samples_across,
         )
-        fronts = fit_fronts(seen, plumes(times), rough.factor, settings.fronts)
+        cells = math.prod(baseline.photo_size) // _PIXELS_OF_A_MODEL_CELL
+        try:
+            fronts = fit_fronts(photographed, plumes(times, cells), rough.factor, settings.fronts)
+        except InputError as error:  # the model cannot run this pump log; the camera can
+            lines.append(f'fronts were not compared with the model of the rig: {error}')
         response = fit_response(relative, volume, masses, known, fronts, settings.mass_balance)
     curve = response.curve(level)
     imaged = _integrals([curve.concentration_of(plane) for plane in tracer], volume)

@@ -1,6 +1,6 @@
 """The change of colour of every cell since the baseline, whatever has caused it.
 
-Maps of tracer leave out what tracer cannot make (`light_correction.py`). Here every change of
+Maps of tracer leave out other changes of colour (`light_correction.py`). Here every change of
 colour counts, and only the light of the lamps is removed: the colour chart shows it, or sand whose
 colour has not changed.
 """
@@ -22,7 +22,7 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.light_check import refuse_unknown_light
-from porotwin_imaging.light_drift import light_drift
+from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.photo_cells import photo_cells
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import hidden_sand, unclipped_cells
@@ -30,8 +30,12 @@ from porotwin_imaging.validity import hidden_sand, unclipped_cells
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
-_CHART_RANGE = 0.08
-"""Largest difference of light between the colour chart and the sand [log]."""
+_SAME_LIGHT = 0.08
+"""Largest difference of water from the light that is known, in any channel [log]."""
+_LEAST_WATER = 0.1
+"""Share of the sand that shows the light of the baseline if nothing else tells the light [-]."""
+_LEAST_FOR_SHAPE = 0.15
+"""Share of the sand that tells how the light varies over the rig [-]."""
 _FRONT_STEP = 0.25
 """Change of colour between neighbouring cells that is a front [log]."""
 _LEAST_GAS_LIGHT = 0.05
@@ -140,10 +144,14 @@ def _without_lamps(
 ) -> Array:
     """Return the log ratio (nz, nx, 3) without the drift of the lamps.
 
+    The colour chart or boxes of water tell the light; without them it is the light of the
+    baseline if enough of the sand agrees. Only sand that agrees in all channels is water: CO2 may
+    cover most of the rig, and change colours without changing brightness.
+
     Raises:
         InputError: nothing shows the light, or a box of water does not show any sand.
     """
-    known = gain
+    known: Array = np.zeros(3) if gain is None else gain
     if water:
         inside = np.logical_or.reduce([box.cells(baseline.grid) for box in water]) & visible
         if not inside.any():
@@ -151,12 +159,18 @@ def _without_lamps(
                 f'water {"; ".join(map(str, water))}: no visible sand in it; give another box'
             )
         known = np.median(ratio[inside], axis=0)
-    light = baseline.settings.light
-    if known is not None:
-        light = replace(light, search_range=min(light.search_range, _CHART_RANGE))
-    weight = np.where(visible, 1.0, 0.0)
-    drift = light_drift(ratio, weight, known, light)
-    refuse_unknown_light(ratio, visible, drift, chart_seen=known is not None)
+    told = gain is not None or bool(water)
+    agrees = visible & (np.abs(ratio - known).max(axis=2) < _SAME_LIGHT)
+    share = float(agrees.sum() / max(1, visible.sum()))
+    if not told and share < _LEAST_WATER:
+        drift = light_drift(ratio, visible.astype(float), None, baseline.settings.light)
+        refuse_unknown_light(ratio, visible, drift, chart_seen=False)
+    elif share < _LEAST_FOR_SHAPE:  # too little to tell how the light varies over the rig
+        constants = np.median(ratio[agrees], axis=0) if agrees.any() else known
+        drift = LightDrift(np.asarray(constants, ratio.dtype), np.zeros_like(ratio[..., 0]), share)
+    else:
+        light = replace(baseline.settings.light, search_range=_SAME_LIGHT)
+        drift = light_drift(ratio, agrees.astype(float), known, light)
     return drift.removed_from(ratio)
 
 

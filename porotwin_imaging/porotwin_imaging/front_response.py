@@ -12,6 +12,7 @@ Unknown are the bend, the blur, the dispersivity of the sand, and a common facto
 of its front falls. Dispersion is not the blur for the same reason.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -48,6 +49,8 @@ _PLUME = 0.01
 """Higher concentrations are plume [-]."""
 _MARGIN_CELLS = 4
 """Surroundings of a plume that its blur reaches [cells]."""
+_FACTORS = (0.2, 5.0)
+"""Mass factors that a model is run for [-]; others belong to a wrong pump log."""
 _LOW, _HIGH = 1, 8
 """Levels between which the width of a front is measured."""
 
@@ -98,23 +101,27 @@ def fit_fronts(
     mass_factor: float,
     settings: FrontSettings = DEFAULTS.fronts,
 ) -> FrontFit | None:
-    """Return the evidence of the fronts; None if the plumes are no plumes of the model.
+    """Return the evidence of the fronts; None if the plumes are too few or none of the model.
 
     Args:
         seen: the photographs.
         model: the modelled injection.
         mass_factor: imaged over injected volume, roughly [-].
         settings: dispersivities and expected errors.
+
+    Raises:
+        InputError: the model cannot run.
     """
+    if (
+        len(seen.chosen) < settings.fewest_photographs
+        or not _FACTORS[0] < mass_factor < _FACTORS[1]
+    ):
+        return None
     hidden = np.any([~np.isfinite(seen.signals[number]) for number in seen.chosen], axis=0)
     volume = np.where(hidden, 0.0, seen.pore_volume)
     measured = np.array([_volumes(np.nan_to_num(seen.signals[n]), volume) for n in seen.chosen])
-    table = np.array(
-        [
-            _photographed(model(mass_factor, dispersivity), seen, volume)
-            for dispersivity in settings.dispersivities_m
-        ]
-    )
+    modelled = [model(mass_factor, dispersivity) for dispersivity in settings.dispersivities_m]
+    table = np.array([_photographed(maps, seen, volume) for maps in modelled])
     widths = measured[:, _LOW] - measured[:, _HIGH]
     if not (widths > 0).all() or not measured.all():
         return None
@@ -129,13 +136,23 @@ def fit_fronts(
     by_bend = likely.sum(axis=(0, 2))
     bend = float(np.average(bends, weights=by_bend))
     spread = float(np.sqrt(np.average((bends - bend) ** 2, weights=by_bend)))
+    blur = float(np.average(blurs, weights=likely.sum(axis=(0, 1))))
     return FrontFit(
         bend=bend,
         deviation=float(np.hypot(spread, settings.model_error)),
-        blur_px=float(np.average(blurs, weights=likely.sum(axis=(0, 1)))),
+        blur_px=float(np.hypot(blur, _interpolation_px(modelled[0][0], seen))),
         dispersivity_m=float(np.average(roots**2, weights=likely.sum(axis=(1, 2)))),
         misfit=misfit,
     )
+
+
+def _interpolation_px(concentration: Array, seen: FrontPhotographs) -> float:
+    """Return the blur of linear interpolation between the cells of a modelled map [px].
+
+    The photograph shows it beside the fitted blur: a map of cells knows no sharper front.
+    """
+    columns = seen.pore_volume.shape[1] / concentration.shape[1]
+    return seen.pixels_per_cell * columns / math.sqrt(6.0)
 
 
 def _volumes(signal: Array, volume: Array) -> Array:
@@ -178,8 +195,7 @@ def _around_plume(
         used = np.nonzero(cells.any(axis=axis))[0]
         low, high = (used[0], used[-1] + 1) if used.size else (0, size)
         place.append(slice(max(0, low - _MARGIN_CELLS), min(size, high + _MARGIN_CELLS)))
-    size = (columns * points, rows * points)
-    finer = cv2.resize(single, size, interpolation=cv2.INTER_LINEAR)
+    finer = cv2.resize(single, (columns * points, rows * points), interpolation=cv2.INTER_LINEAR)
     up, across = (slice(one.start * points, one.stop * points) for one in place)
     return np.ascontiguousarray(finer[up, across]), (place[0], place[1])
 

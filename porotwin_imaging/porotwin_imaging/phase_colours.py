@@ -2,8 +2,8 @@
 
 Water with a pH indicator fills the pores of the baseline. CO2 that dissolves changes the colour of
 the indicator. Gas drives the water away: the colour of the indicator is gone, and dry sand is
-brighter. A change of colour is a log ratio to the baseline, in which the colour of the sand and the
-lamps are gone. Its size still depends on the sand, so that each sand has colours of its own.
+brighter. A change of colour is a log ratio to the baseline, without the colour of the sand and the
+lamps. Its size still depends on the sand, so that each sand has colours of its own.
 
 The colours come from boxes that a person gives, or from clusters of all changed cells. The
 brightest cluster is gas if all its channels are brighter than water; the others are dissolved CO2.
@@ -37,7 +37,7 @@ _CLUSTERING_TRIALS = 3
 _CLUSTERS = 8
 """Clusters that are searched, more than there are colours; then similar ones are merged."""
 _WINDOW = 3
-"""Cells across the window in which a colour is averaged and its evenness is judged."""
+"""Cells across the window that averages a colour and tells whether it is even."""
 _READILY = 0.1
 """Factor on the difference of clusters that are small or of one hue: they merge first [-]."""
 _FULL_PERCENTILE, _FULL_SHARE = 90.0, 0.6
@@ -287,9 +287,9 @@ def _fitted(
     settings: PhaseSettings,
     before: PhaseColours | None = None,
 ) -> PhaseColours:
-    """Return the colours of the samples: medians of each sand, drawn to those of all sands.
+    """Return the colours of the samples: medians of each sand, drawn to the medians of all.
 
-    A colour without samples keeps what it was `before`.
+    A colour without samples stays as it was `before`.
     """
     change = np.zeros((sand_count, len(phase), 3))
     residuals = np.zeros((0, 3))

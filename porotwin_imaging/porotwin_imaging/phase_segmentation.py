@@ -45,7 +45,7 @@ _SMALLEST_DIVISOR = 1e-6
 _IN_DOUBT = 0.5
 """Largest confidence of cells that may show a bright object instead of gas [-]."""
 _REFITS = 2
-"""Segmentations from which the colours are found again."""
+"""Segmentations after which the colours are fitted again."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ Boxes = Mapping[int, Sequence[Box]]
 """Boxes of the rig by the number of the phase that they show."""
 
 MOST_FOR_COLOURS = 12
-"""Photographs from which colours are found, spread over the experiment."""
+"""Photographs that tell the colours, spread over the experiment."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ class PhaseStudy:
         Args:
             photographs: readers of the files by time [s], in order.
             baseline: the baseline.
-            boxes: what a person knows; without boxes of dissolved CO2 and gas, colours are found.
+            boxes: places that a person knows; without any of dissolved CO2 or gas, colours are
+                found.
 
         Raises:
             InputError: the colours cannot be found, or the boxes contradict each other.
@@ -99,7 +100,7 @@ def _changes(
     water: Sequence[Box],
     given: Boxes,
 ) -> dict[float, ColourChange]:
-    """Return the changes of colour in the photographs from which colours are found, by time.
+    """Return the changes of colour in the photographs that tell the colours, by time.
 
     Photographs that cannot be used are left out.
 

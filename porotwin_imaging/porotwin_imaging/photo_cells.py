@@ -1,4 +1,4 @@
-"""The cells of one photograph beside those of the baseline: decoded, aligned, sampled and summed.
+"""The cells of one photograph beside the baseline: decoded, aligned, sampled and summed.
 
 Maps of tracer (`photo_to_map.py`) and of phases (`colour_change.py`) start from this.
 """

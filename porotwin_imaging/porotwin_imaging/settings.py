@@ -27,8 +27,8 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 512
-    """Side of a tile [cells]: its overlap costs a fifth, its arrays stay near a core's cache."""
+    tile_cells: int = 256
+    """Side of a tile [cells]: its overlap costs a third, its arrays nearly fit a core's cache."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -346,6 +346,10 @@ class SandSettings:
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
+    lamp_jump: float = 0.05
+    """Jump of a colour channel at an interface below which it is no edge of a sand [log]."""
+    lamp_texture: float = 0.25
+    """Difference of texture across an interface below which it is no edge of a sand [log]."""
     least_signal: float = 0.3
     """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
     tracer at an interface has often not entered the finer sand."""
@@ -435,9 +439,10 @@ class FrontSettings:
     level_error: float = 0.012
     """Standard deviation of the volume above a level, relative to the width of a front [-]: grains
     and cells. On composed photographs it is 0.007 to 0.013."""
-    offset_error: float = 0.001
-    """Standard deviation of the volume at zero injection, relative to the largest [-]."""
-    photograph_error: float = 0.0005
+    offset_error: float = 3e-4
+    """Standard deviation of the volume at zero injection, relative to the largest [-]: dead volume
+    and clocks. An offset of 0.002 that nobody tells bends the response by 0.025."""
+    photograph_error: float = 2e-4
     """Standard deviation of the volume of one photograph, relative [-]: light."""
     factor_error: float = 0.1
     """Standard deviation of the common factor of all volumes [-]: porosity, sorption, pumps."""
@@ -445,10 +450,12 @@ class FrontSettings:
     """Standard deviation of the bend from a model that is not the rig [-]."""
     most_misfit: float = 0.06
     """Larger distances from the model are no evidence, relative to the width of a front [-]."""
-    least_share: float = 0.3
+    least_share: float = 0.1
     """Photographs with less of the largest injected volume are not compared [-]."""
-    most_photographs: int = 3
-    """Photographs that are compared; more cost time and tell the same."""
+    most_photographs: int = 5
+    """Photographs that are compared, small and large plumes; more cost time."""
+    fewest_photographs: int = 3
+    """Photographs that tell the bend from the factor of all volumes."""
     surest_factor: float = 0.05
     """Sands with a larger relative deviation of their factor do not count [-]."""
 
@@ -545,7 +552,7 @@ class PhaseSettings:
     same_hue: float = 0.96
     """Cosine between two changes of colour from which they have one hue [-]."""
     cells_for_sand: float = 40.0
-    """Cells from which a sand has colours of its own rather than those of all sands."""
+    """Cells that give a sand colours of its own; fewer are drawn to the colours of all sands."""
     least_spread: float = 0.04
     """Standard deviation of the colour of a cell that is added to its scatter [log]."""
     most_samples: int = 60_000

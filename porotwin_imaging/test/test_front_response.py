@@ -56,10 +56,11 @@ def test_fronts_tell_bend_and_blur_for_any_sand(bend, dispersivity_m, factor) ->
     assert found is not None
     assert abs(found.bend - bend) < 0.02
     assert 0.02 <= found.deviation < 0.04
-    assert found.blur_px == pytest.approx(np.sqrt(2), abs=0.5)
+    assert found.blur_px == pytest.approx(np.sqrt(2), abs=0.5)  # the fine model interpolates little
 
 
 def test_fronts_that_no_model_has_are_no_evidence() -> None:
     assert fit_fronts(photographs(0.0, dispersivity_m=0.02), model, 1.0) is None
     empty = replace(photographs(0.0), pore_volume=np.zeros(CELLS))
     assert fit_fronts(empty, model, 1.0) is None
+    assert fit_fronts(replace(empty, chosen=(0, 1)), model, 1.0) is None

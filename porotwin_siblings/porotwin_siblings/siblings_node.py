@@ -20,7 +20,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import LastingCrew, crew
 from porotwin_core.rates_in_force import KnownRates
@@ -32,14 +32,21 @@ from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
-from porotwin_siblings.expected_cost import expected_cost
+from porotwin_siblings.expected_cost import chosen_judges, expected_cost
+from porotwin_siblings.outlook import TIMES, Outlook
+from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
     RateLog,
     check_proposal,
     proposed_plan,
 )
-from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+from porotwin_siblings.siblings import Siblings
+from porotwin_siblings.siblings_messages import (
+    forecast_to_msg,
+    known_rates_from_msg,
+    photograph_from_msg,
+)
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
 NICENESS = 10
@@ -47,9 +54,6 @@ NICENESS = 10
 
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
-
-TIMES = 24
-"""Times of a forecast: enough for a smooth curve."""
 
 MAPS = 2
 """Maps of a forecast: half way, and at its end."""
@@ -175,8 +179,7 @@ class SiblingsNode(Node):
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
         try:
-            rates = conversions.rates_from_msg(message.wells)
-            self._check_wells(rates)
+            rates = known_rates_from_msg(message.wells, self._rig)
         except InputError as error:
             self.get_logger().error(f'measured rates ignored: {error}')
             return
@@ -186,8 +189,7 @@ class SiblingsNode(Node):
 
     def _on_setpoint(self, message: Setpoint) -> None:
         try:
-            rates = conversions.rates_from_msg(message.wells)
-            self._check_wells(rates)
+            rates = known_rates_from_msg(message.wells, self._rig)
         except InputError as error:
             self.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
             return
@@ -210,44 +212,13 @@ class SiblingsNode(Node):
 
     def _on_state(self, message: NewState) -> None:
         try:
-            photograph = self._photograph(message)
+            photograph = photograph_from_msg(message, self._map_grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
         with self._changed:
             self._arrived = _Arrived(message.sequence, photograph)
             self._changed.notify_all()
-
-    def _check_wells(self, rates: Any) -> None:
-        """Return if all wells are in the rig.
-
-        Raises:
-            InputError: one is not.
-        """
-        for name in rates:
-            if name not in self._rig.wells:
-                known = ', '.join(self._rig.wells)
-                raise InputError(f"well '{name}' is not in rig.yaml; known: {known}")
-
-    def _photograph(self, message: NewState) -> Photograph:
-        """Return a state on the grid of the siblings.
-
-        Raises:
-            InputError: its map or its deviations are wrong.
-        """
-        values, grid = conversions.tracer_from_msg(message.tracer)
-        deviation = conversions.deviation_from_msg(message.deviation, grid)
-        systematic = conversions.deviation_from_msg(message.systematic, grid)
-        if grid != self._map_grid:
-            raise InputError(f'its map is {grid}, the siblings work on {self._map_grid}')
-        stamp = conversions.time_from_msg(message.header.stamp)
-        photograph = Photograph.plain(stamp, values)
-        if deviation is None or systematic is None:
-            return photograph
-        variance = np.maximum(deviation**2 - systematic**2, 0.0)
-        return photograph._replace(
-            random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
-        )
 
     # --- work ---------------------------------------------------------------------------------
 
@@ -310,7 +281,7 @@ class SiblingsNode(Node):
             )
             present = self._rates.present(time)
         self._forecast = self._outlook([RateStep(0.0, present)], self._ahead(), None)
-        self._publisher.publish(self._message(self._forecast))
+        self._publisher.publish(self._as_message(self._forecast))
 
     def _ahead(self) -> float:
         """Return how far to look ahead [s]: to the end of the experiment where it is known."""
@@ -360,8 +331,11 @@ class SiblingsNode(Node):
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan[0].rates != rates:
             present = self._outlook([RateStep(0.0, rates)], horizon, self._quick)
-        response.present = self._message(present)
-        response.proposed = self._message(self._outlook(plan, horizon, self._quick))
+        response.present = self._as_message(present)
+        response.proposed = self._as_message(self._outlook(plan, horizon, self._quick))
+
+    def _as_message(self, outlook: Outlook) -> Forecast:
+        return forecast_to_msg(outlook, self.siblings.grid)
 
     def _cost_gradient(
         self, request: CostGradient.Request, response: CostGradient.Response
@@ -391,8 +365,7 @@ class SiblingsNode(Node):
         plan = conversions.plan_from_msg(request.schedule)
         reached = [step for step in plan if step.start < request.horizon]
         check_proposal(reached, request.horizon, self._rig)
-        ranked, count = self._forecast.ranked, min(self._judges, len(self._forecast.ranked))
-        chosen = [ranked[(2 * n + 1) * len(ranked) // (2 * count)] for n in range(count)]
+        chosen = chosen_judges(self._forecast.ranked, self._judges)
         orders = self.siblings.cost_orders(
             chosen,
             initial,
@@ -402,38 +375,6 @@ class SiblingsNode(Node):
             with_gradient=request.with_gradient,
         )
         return expected_cost(orders, self._quick)
-
-    def _message(self, outlook: Outlook) -> Forecast:
-        grid, start = self.siblings.grid, outlook.start
-        low, median, high = range(3)
-
-        def maps(values: FloatArray) -> list[Any]:
-            return [
-                conversions.tracer_to_msg(one, grid, start + float(time))
-                for one, time in zip(values, outlook.map_times, strict=True)
-            ]
-
-        return Forecast(
-            header=conversions.header_at(start),
-            schedule=conversions.plan_to_msg(outlook.plan),
-            times=outlook.times.tolist(),
-            zone_tracer=outlook.zone_tracer[median].tolist(),
-            zone_tracer_low=outlook.zone_tracer[low].tolist(),
-            zone_tracer_high=outlook.zone_tracer[high].tolist(),
-            zone_area=outlook.zone_area[median].tolist(),
-            zone_area_low=outlook.zone_area[low].tolist(),
-            zone_area_high=outlook.zone_area[high].tolist(),
-            zone_reached=outlook.zone_reached.tolist(),
-            map_times=outlook.map_times.tolist(),
-            mean=maps(outlook.mean),
-            deviation=maps(outlook.deviation),
-        )
-
-
-def _finite(values: FloatArray) -> FloatArray:
-    """Return `values` with the largest known one where they are not known."""
-    known = values[np.isfinite(values)]
-    return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
 
 
 def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:

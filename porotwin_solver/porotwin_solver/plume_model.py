@@ -12,22 +12,23 @@ from porotwin_core.units import MOLECULAR_DIFFUSION
 from porotwin_core.wells import Schedule
 from porotwin_solver.simulation import simulate
 
-CELLS = 168_000
-"""Cells of the model: 5 mm on the large FluidFlower. Fronts are then as sharp as a photograph."""
+MOST_CELLS = 168_000
+"""Most cells of the model: 5 mm on the large FluidFlower, a second for an injection."""
 TRANSVERSE_SHARE = 0.1
 """Dispersivity across the flow relative to that along it [-], as usual in sand (Bear, Dynamics of
 Fluids in Porous Media, sec. 10.4)."""
 
 
 def plume_model(
-    rig: Rig, schedule: Schedule, times: Sequence[float]
+    rig: Rig, schedule: Schedule, times: Sequence[float], cells: int = MOST_CELLS
 ) -> Callable[[float, float], list[FloatArray]]:
     """Return a function from a factor on all rates and a dispersivity to maps at `times` [s].
 
     The function returns one map (nz, nx) per time. The dispersivity [m] is that along the flow, in
-    addition to the effects of the rig; 0 leaves these alone.
+    addition to the effects of the rig; 0 leaves these alone. The model has about `cells` cells, and
+    at most `MOST_CELLS`.
     """
-    size = math.sqrt(rig.width_m * rig.height_m / CELLS)
+    size = math.sqrt(rig.width_m * rig.height_m / min(cells, MOST_CELLS))
     grid = rig.grid(round(rig.width_m / size), round(rig.height_m / size))
 
     def plumes(factor: float, dispersivity_m: float) -> list[FloatArray]:

@@ -57,7 +57,7 @@ class Fluids:
 
     @property
     def phases(self) -> NDArray[np.uint8]:
-        """The true phase of each cell: what more than half of its colour shows."""
+        """The true phase of each cell, by more than half of its colour."""
         dissolved = np.where(self.indicator > 0.5, DISSOLVED, WATER)
         return np.where(self.gas > 0.5, GAS, dissolved).astype(np.uint8)
 
@@ -91,7 +91,7 @@ class Co2Sand:
         self._inside = inside.astype(np.float32)
 
     def photograph(self, fluids: Fluids, shot: Shot, *, seed: int | tuple[int, ...]) -> bytes:
-        """Return a photograph of `fluids` as a JPEG file; `seed` is that of the noise."""
+        """Return a photograph of `fluids` as a JPEG file; `seed` draws the noise."""
         state, gas = (self._shown(part)[..., None] for part in (fluids.indicator, fluids.gas))
         colour = (1.0 - gas) * ((1.0 - state) * self._water + state * self._acid)
         change = self._strength[..., None] * (gas * self._dry - colour)

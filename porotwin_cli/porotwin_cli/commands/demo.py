@@ -63,7 +63,7 @@ def command(
     Example: ./porotwin demo
 
     With --hidden-effect the rig differs from its description. The twin diagnoses itself while it
-    runs, and an automatic operator accepts what it offers.
+    runs, and an automatic operator accepts its offers.
 
     Example: ./porotwin demo --minutes 80 --page 0.0.0.0:8765
 

@@ -1,8 +1,9 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +16,7 @@ from porotwin_hub.graph import NAMESPACE
 
 if TYPE_CHECKING:
     from porotwin_core.rig import Rig
+    from porotwin_diagnosis.rig_history import PastFinding
 
 
 def command(
@@ -34,6 +36,12 @@ def command(
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder with the findings of earlier recordings of this rig; this one is added.'
+        ),
+    ] = None,
     namespace: Namespace = NAMESPACE,
     domain: Domain = None,
     each: Annotated[
@@ -57,30 +65,35 @@ def command(
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
 
+    Example: ./porotwin diagnose runs/tuesday --output tuesday-diagnosis --history rig-history
+
     Example: ./porotwin diagnose runs/* --each --output archive --scheduler tcp://head:8786
     """
     from porotwin_core.parallel import crew
     from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
+    from porotwin_diagnosis.rig_history import read_history
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
     if live or recordings is None:
-        if rig is not None or apply or preset != 'accurate' or each or workers or scheduler:
+        asked = each or workers or scheduler or history is not None
+        if rig is not None or apply or preset != 'accurate' or asked:
             raise InputError(
                 '--live diagnoses the twin as it runs; leave out --rig, --preset, --apply, --each, '
-                '--workers and --scheduler'
+                '--history, --workers and --scheduler'
             )
         enter_domain(domain)
         _live(output, namespace_of(namespace), as_json=as_json)
         return
+    earlier = read_history(history) if history is not None else ()
     own = load_rig(rig) if rig is not None else None
     if each:
-        if apply:
-            raise InputError('--apply: writes the rig.yaml of one diagnosis; leave out --each')
+        if apply or history is not None:
+            raise InputError('--apply and --history belong to one diagnosis; leave out --each')
         _each(recordings, output, own, preset, workers, scheduler, as_json=as_json)
         return
     opened = [open_recording(recording, rig=own) for recording in recordings]
@@ -96,10 +109,13 @@ def command(
 
         result = examine(opened, preset=preset, crew=pool, progress=show)
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
+    told = _remember(history, earlier, summary, recordings[0]) if history is not None else []
     if as_json:
-        print_json({'output': output, **summary})
+        print_json({'output': output, **summary, **({'history': told} if history else {})})
         return
     print(f'{summary["verdict"]}, with confidence {summary["confidence"]:.2f}')
+    for line in told:
+        print(line)
     say(f'report: {output / "report.html"}')
     camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
     if apply and not (result.verdict.members and result.verdict.model.effects):
@@ -109,6 +125,18 @@ def command(
             f'{camera}: an effect of the camera. It is in rig.yaml, so that the next diagnosis '
             'expects it. The running twin does not correct its maps for it: correct the camera'
         )
+
+
+def _remember(
+    folder: Path, earlier: 'Sequence[PastFinding]', summary: dict[str, Any], recording: Path
+) -> list[str]:
+    """Add a finding to those in `folder`; return lines on how it fits to the `earlier` ones."""
+    from porotwin_diagnosis.rig_history import compared, finding_from, write_history
+
+    new = finding_from(summary, recording)
+    others = [found for found in earlier if found.recording != new.recording]
+    write_history(folder, [*others, new])
+    return compared(others, new)
 
 
 def _each(

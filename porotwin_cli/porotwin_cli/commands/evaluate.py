@@ -46,6 +46,7 @@ def command(
     learned.for_physics(nominal, learned.grid, preset)
     if learned.doubt:
         say(f'{model}: {learned.doubt}')
+    say(learned.summary)
     for recording in experiments:
         if source_name(recording) in learned.provenance['sources']:
             say(f'{recording.source}: the model learned from it; expect larger errors on others')

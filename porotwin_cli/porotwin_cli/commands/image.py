@@ -11,6 +11,7 @@ from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
+    from porotwin_cli.map_sureness import Doubt
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
     from porotwin_recording.photos import Photo
@@ -36,7 +37,8 @@ def command(
     """Turn the photographs of an experiment into maps of tracer concentration.
 
     A photograph that cannot be used is named and left out; the others are imaged. A picture of the
-    maps lies beside the output, with the same name and the ending .png.
+    maps lies beside the output, with the same name and the ending .png. After an interruption a
+    second call goes on.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
@@ -85,12 +87,17 @@ def command(
     imaged, refused, doubts = [], [], []
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
-    writing = ConcentrationWriter(output, map_grid, origin=origin)
+    source = f'{experiment.resolve()}, {len(baselines)} baselines'
+    writing = ConcentrationWriter(output, map_grid, origin=origin, resume=source)
+    done = set(writing.earlier)
+    left = [photo for photo in states if not done or photo.time > max(done)]
+    if done:
+        say(f'going on behind {len(done)} maps of an interrupted call')
     with pool, writing as writer, progress() as bar:
-        task = bar.add_task('photographs', total=len(states))
+        task = bar.add_task('photographs', total=len(states), completed=len(states) - len(left))
         shared = (pool.share(baseline),)
-        maps = in_order(pool, _map_or_reason, map(_read_or_reason, states), first=shared)
-        for photo, found in zip(states, maps, strict=True):
+        maps = in_order(pool, _map_or_reason, map(_read_or_reason, left), first=shared)
+        for photo, found in zip(left, maps, strict=True):
             try:
                 if isinstance(found, InputError):
                     raise found
@@ -114,8 +121,12 @@ def command(
                     }
                 )
             bar.advance(task)
-        if not imaged:
+        if not imaged and not done:
             raise WorkFailed('no photograph could be used')
+    if done:
+        before = _imaged_before(output, rig, [photo for photo in states if photo.time in done])
+        imaged = [*(entry for entry, _ in before), *imaged]
+        doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
     if as_json:
         print_json(
@@ -137,6 +148,28 @@ def command(
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)
+
+
+def _imaged_before(
+    output: Path, rig: 'Rig', photos: 'list[Photo]'
+) -> 'list[tuple[dict[str, Any], Doubt]]':
+    """Return the entries and doubts of the maps that an interrupted call had made."""
+    from porotwin_cli.map_sureness import doubt_entry, plume_doubt
+    from porotwin_recording.concentration import open_maps
+
+    found = []
+    for photo, fields in zip(photos, open_maps(output, rig).with_deviations(), strict=False):
+        values, deviation, systematic = fields
+        assert deviation is not None and systematic is not None
+        doubt = plume_doubt(values, deviation, systematic)
+        entry = {
+            'time_s': photo.time,
+            'photo': photo.name,
+            'remarks': 'imaged by an earlier call',
+            'plume': doubt_entry(doubt),
+        }
+        found.append((entry, doubt))
+    return found
 
 
 def _read_or_reason(photo: 'Photo') -> bytes | InputError:

@@ -5,12 +5,15 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_core.errors import InputError
+from porotwin_core.ros_environment import enter_domain, namespace_of
+from porotwin_hub.graph import NAMESPACE
 
 
 class Answer(StrEnum):
-    """What to do with the newest offer."""
+    """An answer to the newest offer, or none."""
 
     SHOW = 'show'
     ACCEPT = 'accept'
@@ -24,6 +27,8 @@ def command(
     offer: Annotated[
         int | None, typer.Option(help='Number of the offer. Default: the newest.', min=1)
     ] = None,
+    namespace: Namespace = NAMESPACE,
+    domain: Domain = None,
     as_json: Json = False,
 ) -> None:
     """Show or answer the offer of the running twin to mend its model.
@@ -36,7 +41,8 @@ def command(
     """
     from porotwin_cli.live_mend import MendDesk
 
-    with MendDesk() as desk:
+    enter_domain(domain)
+    with MendDesk(namespace=namespace_of(namespace)) as desk:
         desk.wait_for_node()
         shown = desk.offer()
         number = offer or (shown.sequence if shown is not None else 0)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from porotwin_recording.catalogue import CatalogueEntry
 
 AT_ONCE = 8
-"""Recordings that are looked at side by side: the disk or the network is what takes time."""
+"""Number of recordings side by side: the disk or the network takes the time."""
 
 HASH_DIGITS = 8
 """Digits of a calibration's hash in the table; --json has all."""

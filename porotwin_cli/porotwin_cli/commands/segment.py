@@ -124,7 +124,7 @@ def _tell_colours(study: 'PhaseStudy', *, given: bool) -> None:
 
 @dataclasses.dataclass
 class _Work:
-    """What a run has made: rows of measures, some maps and the remarks by time, the refused."""
+    """The results of a run: rows of measures, some maps and the remarks by time, the refused."""
 
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     shown: 'dict[float, PhaseMap]' = dataclasses.field(default_factory=dict)

@@ -122,7 +122,7 @@ class _Beside(threading.Thread):
             self._ended.append((name, done))
 
     def finish(self) -> list[str]:
-        """Wait for the end and show the output; return the names of what failed."""
+        """Wait for the end and show the output; return the names of failed runs."""
         self.join()
         for name, done in self._ended:
             say(f'{name} ...\n{done.stdout.strip()}')

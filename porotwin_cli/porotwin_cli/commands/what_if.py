@@ -13,7 +13,7 @@ from porotwin_core.errors import InputError
 if TYPE_CHECKING:
     from porotwin_cli.what_if_study import WhatIfStudy
     from porotwin_core.wells import WellRates
-    from porotwin_siblings.siblings import Outlook
+    from porotwin_siblings.outlook import Outlook
 
 TABLE_ROWS = 6
 """Times in the table."""

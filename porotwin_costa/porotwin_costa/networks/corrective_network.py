@@ -91,7 +91,7 @@ class Architecture:
     of each well must lie within the training range (`gate.TrainingRange`).
 
     With `learns_physics`, coefficients of the physics are learnt before the network, which then
-    corrects what they leave (`physics_learning`).
+    corrects the remainder (`physics_learning`).
     """
 
     name: str

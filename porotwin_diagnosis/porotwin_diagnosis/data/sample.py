@@ -174,6 +174,12 @@ class Sample:
         deviation = self._noise_deviation(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
         return (deviation * self.weight(SMOOTHING_WIDTH)) ** 2
 
+    @cached_property
+    def expected_shared_square(self) -> float:
+        """Expected part of a squared misfit [-] that the errors of all maps cost; 0 without any."""
+        shared = self._shared(SMOOTHING_WIDTH, len(self.times))
+        return 0.0 if shared is None else SYSTEMATIC_MISFIT**2 * shared.effective_number
+
     def weight(self, width: float) -> FloatArray:
         """Return 1 / sigma of residuals smoothed over `width` [cells], (nt, nz', nx').
 
@@ -229,6 +235,15 @@ class Sample:
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
+        return self.weighted(smooth, width)
+
+    def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
+        """Return a `smooth` change [-] at the compared cells as a whitened residual.
+
+        Both are (nt, nz', nx'), for all frames or for the first ones. `width` [cells] is that of
+        the smoothing.
+        """
+        count = len(smooth)
         white = smooth * self.weight(width)[:count]
         shared = self._shared(width, count)
         return white if shared is None else shared.decorrelated(white)
@@ -270,7 +285,8 @@ def read_sample(recording: Recording) -> Sample:
     Raises:
         InputError: too few frames, or no tracer in the fitted or in the held-out part.
     """
-    times, maps = recording.times, recording.concentration
+    times, maps = recording.times, recording.maps
+    assert maps is not None  # `times` says so otherwise
     held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
     before = np.flatnonzero((times < held_out) & (times > times[0]))
     after = np.flatnonzero(times >= held_out)
@@ -295,7 +311,7 @@ def read_sample(recording: Recording) -> Sample:
         schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
-        observed=maps[chosen].astype(float),
+        observed=np.stack([maps[int(index)] for index in chosen]).astype(float),
         fitted_frames=min(len(fitted), FITTED_FRAMES),
         noise=_noise(recording, max(1, len(times) // NOISE_FRAMES)),
         start=float(times[0]),
@@ -332,9 +348,11 @@ def _delivered(
 
 def _noise(recording: Recording, step: int) -> Noise:
     """Return the noise of every `step`-th map, and what the recording says about its errors."""
-    maps = recording.concentration[::step]
-    noise, stored = measure_noise(maps), recording.maps
-    if stored is None or stored.deviation is None or stored.systematic is None:
+    stored = recording.maps
+    assert stored is not None
+    maps = stored[::step]
+    noise = measure_noise(maps)
+    if stored.deviation is None or stored.systematic is None:
         return noise
     return add_delivered(noise, maps, stored.deviation[::step], stored.systematic[::step])
 
@@ -345,7 +363,8 @@ def _initial_tracer(recording: Recording) -> FloatArray | None:
     It is None as well where tracer is injected from that moment on: a late clock looks the same
     and must be able to compete.
     """
-    start, first = recording.times[0], recording.concentration[0]
+    assert recording.maps is not None
+    start, first = recording.times[0], recording.maps[0]
     rows = recording.delivered.rows
     pumped = any(row.rate.rate and row.time < start for row in rows)
     injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)

@@ -175,6 +175,15 @@ class SharedErrors:
         return np.asarray(residual - taken.reshape(residual.shape))
 
     @cached_property
+    def effective_number(self) -> float:
+        """Number of unknown errors that the residuals determine, sum of e / (e + v) [-].
+
+        e are the eigenvalues of A A^T. Each of these errors costs v in the mean.
+        """
+        squares = np.linalg.eigvalsh(self._flat @ self._flat.T)
+        return float(np.sum(squares / (squares + self.cost)))
+
+    @cached_property
     def _flat(self) -> FloatArray:
         return self.modes.reshape(len(self.modes), -1)
 

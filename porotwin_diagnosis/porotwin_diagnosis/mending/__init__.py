@@ -1,1 +1,1 @@
-"""The running twin gets better: when to diagnose, what to offer, and when to take it back."""
+"""The running twin gets better: diagnoses in time, offers, and their taking back."""

@@ -22,7 +22,7 @@ LEAST_GAIN = 0.1
 """Share by which an offered effect lowers the error of the model at least."""
 
 Cause = frozenset[tuple[str, str]]
-"""Names of effects, each with its well or an empty text: what a verdict says, without numbers."""
+"""Names of effects, each with its well or an empty text: a verdict without its numbers."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """What the operator hears: the cause and the size of the improvement."""
+        """The sentence for the operator: the cause and the size of the improvement."""
         parts = []
         if self.effects:
             words = in_words(self.effects)

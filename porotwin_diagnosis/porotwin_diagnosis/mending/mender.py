@@ -1,6 +1,6 @@
-"""What the running twin does about a gap: asks for a diagnosis, offers, lets act, takes back.
+"""The running twin closes its gap: it asks for a diagnosis, offers, lets act, takes back.
 
-It knows no messages: callers tell it what happens, and give it functions that act on the graph.
+It knows no messages: callers tell it every event, and give it functions that act on the graph.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from porotwin_core.rig import EffectDescription, Rig
 from porotwin_diagnosis.mending.finding import Finding
 from porotwin_diagnosis.mending.forecast_band import ForecastBand
 from porotwin_diagnosis.mending.offer_book import Offer, OfferBook
-from porotwin_diagnosis.mending.shadow_forecast import ShadowForecast, TrialState
+from porotwin_diagnosis.mending.shadow_forecast import ShadowForecast, ShadowJudgement
 from porotwin_solver.effects_in_force import in_words
 from porotwin_solver.model import Model
 
@@ -24,7 +24,7 @@ LEAST_MAPS = 12
 
 SHORTEST_S = 300.0
 """Shortest time between two diagnoses for forecasts out of their band [s]: until the plume has
-moved, the next one would see the same."""
+moved, the next one would see the same. It doubles with each such diagnosis until effects change."""
 
 MOST_AGE = 0.5
 """Largest age of a verdict, as a share of the run that it has seen: later it is outdated."""
@@ -79,6 +79,7 @@ class Mender:
         self._began: float | None = None
         self._asked: float | None = None
         self._maps = 0
+        self._shortest = SHORTEST_S
 
     @property
     def in_force(self) -> Effects:
@@ -113,6 +114,7 @@ class Mender:
         self._band.begin_anew()
         self._began = self._asked = None
         self._maps = 0
+        self._shortest = SHORTEST_S
 
     def occasion(self, stamp: float, error: float, expected: float) -> str:
         """Return why a diagnosis is wanted after the photograph at `stamp` [s]; empty: it is not.
@@ -131,8 +133,10 @@ class Mender:
         reason = ''
         if since >= self._settings.every_s:
             reason = f'{since / 60.0:.0f} min have passed'
-        elif left and (self._asked is None or since >= SHORTEST_S):
+        elif left and (self._asked is None or since >= self._shortest):
             reason = 'the forecasts have left their band'
+            self._shortest *= 2.0
+            self._band.begin_anew()
         if reason:
             self._asked = stamp
         return reason
@@ -178,6 +182,7 @@ class Mender:
             raise
         self._before, self._in_force = self._in_force, wanted
         self._shadow = ShadowForecast(mended, before)
+        self._shortest = SHORTEST_S
         self._band.begin_anew()
         return self._tell(self._book.accept())
 
@@ -204,10 +209,10 @@ class Mender:
             self._say(f'no shadow forecast for this photograph: {error}')
             shadow.interrupt()
             return
-        if judgement is TrialState.KEPT:
+        if judgement is ShadowJudgement.KEPT:
             self._shadow = None
             self._tell(self._book.confirm(f'Since then {shadow.in_words}'))
-        elif judgement is TrialState.WORSE:
+        elif judgement is ShadowJudgement.WORSE:
             self._take_back(shadow)
 
     def _take_back(self, shadow: ShadowForecast) -> None:

@@ -11,7 +11,7 @@ NEW_EVIDENCE = 1.25
 
 
 class OfferState(Enum):
-    """What has become of an offer; the values are those of `MendOffer`."""
+    """The state of an offer; `MendOffer` has the same values."""
 
     OFFERED = 0
     ACCEPTED = 1
@@ -26,10 +26,10 @@ class Offer:
 
     Attributes:
         sequence: its number, from 1.
-        state: what has become of it.
+        state: its state.
         stamp: of the last photograph that the diagnosis has seen [s].
         finding: the verdict behind it.
-        sentence: what the operator hears now.
+        sentence: the words for the operator now.
     """
 
     sequence: int

@@ -22,14 +22,14 @@ LEAST_WATCHED = 4
 """Photographs before an effect is taken back: fewer may be a passing hand."""
 
 WORSE = 1.05
-"""Ratio of the errors with and without an effect from which on it is worse."""
+"""Ratio of the errors with and without an effect; above it, the effect makes forecasts worse."""
 
 LEAST_DIFFERENCE = 0.002
 """Least difference of two relative errors that means anything [-]."""
 
 
-class TrialState(Enum):
-    """What the photographs say about an accepted effect."""
+class ShadowJudgement(Enum):
+    """The judgement of the photographs on an accepted effect."""
 
     WATCHING = 'not enough photographs yet'
     KEPT = 'as good as without, or better'
@@ -71,8 +71,8 @@ class ShadowForecast:
             f'by {without} without it.'
         )
 
-    def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> TrialState:
-        """Return what the photograph `observed` (nz, nx) [-] and those before it say.
+    def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> ShadowJudgement:
+        """Return the judgement of the photograph `observed` (nz, nx) [-] and all before it.
 
         Args:
             observed: its map; NaN where nothing was seen.
@@ -94,13 +94,13 @@ class ShadowForecast:
             self._errors.append((mended, before))
         return self._judgement()
 
-    def _judgement(self) -> TrialState:
+    def _judgement(self) -> ShadowJudgement:
         mended, before = self.errors
         if self.photographs >= LEAST_WATCHED and mended > max(
             WORSE * before, before + LEAST_DIFFERENCE
         ):
-            return TrialState.WORSE
-        return TrialState.KEPT if self.photographs >= WATCHED else TrialState.WATCHING
+            return ShadowJudgement.WORSE
+        return ShadowJudgement.KEPT if self.photographs >= WATCHED else ShadowJudgement.WATCHING
 
 
 def _advanced(model: Model, state: FloatArray, periods: Sequence[RatePeriod]) -> FloatArray:

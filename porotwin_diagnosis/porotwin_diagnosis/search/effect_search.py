@@ -6,6 +6,9 @@ cells.
 3. Judgement: the best of those are fitted on fine cells, then again with the multifidelity
    correction and the point spread that suit them (`levels`).
 4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`).
+
+If the model without effects surely leaves no gap, the search ends early: effects without a place
+are screened, and the best one is judged.
 """
 
 from collections.abc import Collection, Sequence
@@ -33,11 +36,17 @@ from porotwin_diagnosis.search.ranking import (
 )
 from porotwin_diagnosis.search.single_effects import (
     SearchSpace,
+    coarsely_fitted_singles,
     refitted_singles,
     screened_singles,
     search_space,
 )
-from porotwin_diagnosis.thresholds import CORRECTABLE_MISFIT, EXPLAINED_MISFIT, REFINED_FITS
+from porotwin_diagnosis.thresholds import (
+    CORRECTABLE_MISFIT,
+    EXPLAINED_MISFIT,
+    REFINED_FITS,
+    SURELY_NO_GAP_MISFIT,
+)
 
 
 class SearchResult(NamedTuple):
@@ -71,6 +80,9 @@ def search_effects(
     null = levels.null()
     if score(null) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
+    corrected = levels.corrected_at(null)
+    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < SURELY_NO_GAP_MISFIT:
+        return _found_no_gap(corrected, space)
     screened = screened_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     levels, singles = _judged_singles(levels, screened, null)
@@ -84,6 +96,16 @@ def search_effects(
     findings = replace(findings, parts=_parts(levels, findings.pairs))
     levels, singles = fitted_again_alone(levels, findings)
     findings = replace(findings, singles=singles)
+    return SearchResult(_with_distances(levels, findings), levels)
+
+
+def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
+    """Return the findings on a recording that the model without effects surely explains."""
+    screened = coarsely_fitted_singles(levels, space)
+    screened_null = levels.screening.evaluate((), np.zeros(0))
+    first, *_ = screened
+    singles = [levels.judging.polish(first, levels.refining)]
+    findings = Findings(levels.null(), screened_null, screened, singles)
     return SearchResult(_with_distances(levels, findings), levels)
 
 

@@ -54,13 +54,7 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
     residuals. An effect with a place is fitted from the most promising places.
     """
-
-    def tried(number: int) -> Fit:
-        candidate, share = space.candidates[number], number / len(space.candidates)
-        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * share)
-        return _fit_from_best_start(levels, candidate)
-
-    fits = feasible(levels.side_by_side(tried, range(len(space.candidates))))
+    fits = coarsely_fitted_singles(levels, space)
     limit = UNPROMISING * min(map(score, fits))
 
     def fitted(number: int) -> Fit:
@@ -74,6 +68,18 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     for effect in space.local_effects:
         levels.progress(f'looking for a place of {effect}', 0.29)
         fits.extend(_best_placed(levels, effect))
+    return sorted(feasible(fits), key=score)
+
+
+def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
+    """Return fits of the effects without a place to coarse residuals, the best score first."""
+
+    def tried(number: int) -> Fit:
+        candidate, share = space.candidates[number], number / len(space.candidates)
+        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * share)
+        return _fit_from_best_start(levels, candidate)
+
+    fits = levels.side_by_side(tried, range(len(space.candidates)))
     return sorted(feasible(fits), key=score)
 
 
