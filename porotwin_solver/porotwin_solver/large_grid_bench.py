@@ -37,7 +37,7 @@ class LargeGridCost(NamedTuple):
     wall_s: time on the clock [s].
     nanoseconds: processor time per cell and frame [ns].
     memory_gb: peak memory of the process so far [GB].
-    lost: share of the injected tracer that is missing at the end [-].
+    lost: share of the injected tracer that left the rig through its open top [-].
     """
 
     processor_s: float
