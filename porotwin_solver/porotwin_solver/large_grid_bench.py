@@ -27,7 +27,7 @@ WIDTH_M, HEIGHT_M = 2.8, 1.5
 """Size of the rig [m]."""
 
 RATE_ML_H = 500.0
-"""Rate of each well [ml/h]. The substeps of a cell grow with the rate and with the number of columns."""
+"""Rate of each well [ml/h]; the substeps of a cell grow with it."""
 
 SANDS_M2 = (1.1e-9, 6.0e-9, 1.8e-10, 4.2e-9)
 """Permeability of the layers from below [m^2]."""
