@@ -36,7 +36,7 @@ PROCESSES = (1, 2)
 
 CASES, CASE_CELL_M = (0, 1, 7), 0.008
 """Cases of the blind check that are diagnosed here, and the width of their cells [m]: without an
-effect, with one, and with two. Their durations stand for those of all."""
+effect, with one, and with two. All other cases are taken to last as long."""
 
 ALL_CASES, ALL_PHOTOGRAPHS = 100, 1000
 """Size of the blind check and of the archive of photographs whose schedules are simulated."""
@@ -163,7 +163,7 @@ def _simulated(work: str, trace: Strand, workers: Sequence[int]) -> list[Row]:
 
 
 def _bound(trace: Strand, workers: int) -> str:
-    """Return what bounds the time with so many workers."""
+    """Return the largest bound of the time with so many workers."""
     bounds = {
         'work of the workers': trace.seconds(Away) / workers,
         'the process that hands out': handing_seconds(trace),

@@ -1,4 +1,4 @@
-"""The options of all commands that do many tasks: how many at a time, and on which machines."""
+"""The options of all commands that do many tasks: how many at a time, and where."""
 
 from typing import Annotated
 

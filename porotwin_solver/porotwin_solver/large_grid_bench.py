@@ -26,6 +26,9 @@ LARGE_FRAMES, FRAME_S = 100, 144.0
 WIDTH_M, HEIGHT_M = 2.8, 1.5
 """Size of the rig [m]."""
 
+RATE_ML_H = 500.0
+"""Rate of each well [ml/h]; the substeps of a cell grow with it."""
+
 SANDS_M2 = (1.1e-9, 6.0e-9, 1.8e-10, 4.2e-9)
 """Permeability of the layers from below [m^2]."""
 
@@ -37,7 +40,7 @@ class LargeGridCost(NamedTuple):
     wall_s: time on the clock [s].
     nanoseconds: processor time per cell and frame [ns].
     memory_gb: peak memory of the process so far [GB].
-    lost: share of the injected tracer that is missing at the end [-].
+    lost: share of the injected tracer that left the rig through its open top [-].
     """
 
     processor_s: float
@@ -74,7 +77,7 @@ def large_grid_cost(columns: int, rows: int, *, frames: int = LARGE_FRAMES) -> L
         InputError: as `simulated_maps`.
     """
     rig = large_bench_rig()
-    rate, cells = from_ml_h(2000.0), columns * rows
+    rate, cells = from_ml_h(RATE_ML_H), columns * rows
     schedule = Schedule.constant({'left': WellRate(rate, 1.0), 'right': WellRate(rate, 1.0)})
     times = FRAME_S * np.arange(1, frames + 1)
     begin, clock = time.process_time(), time.perf_counter()

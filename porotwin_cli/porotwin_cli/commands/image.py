@@ -193,7 +193,7 @@ def _map_or_reason(baseline: Any, content: bytes | InputError) -> Any:
 
 
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:
-    """Return the memory that a map takes [B]; say what the maps cost if a photograph takes long."""
+    """Return the memory of one map [B]; tell the cost of the maps if a photograph takes long."""
     from porotwin_imaging.imaging_cost import map_cost
     from porotwin_imaging.photo_file import photo_size
 
