@@ -134,7 +134,7 @@ class Patterns:
         up, right = np.gradient(smooth, grid.dz, grid.dx, axis=(1, 2))
         bend: FloatArray = np.gradient(up, grid.dz, axis=1) + np.gradient(right, grid.dx, axis=2)
         self._c, self._up, self._right, self._bend = (
-            part[:, ::STRIDE, ::STRIDE] for part in (smooth, up, right, bend)
+            np.asarray(part)[:, ::STRIDE, ::STRIDE] for part in (smooth, up, right, bend)
         )
         self._x, self._z = (part[::STRIDE, ::STRIDE] for part in np.meshgrid(grid.x, grid.z))
         self._later = np.gradient(self._c, sample.times, axis=0)
