@@ -89,8 +89,9 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
     columns, rows = to_pixels(*np.meshgrid(grid.x, grid.z))
     for frame, colour, line in _fronts(result, part):
         if np.nanmin(frame) < FRONT < np.nanmax(frame):
-            lines = axis.contour(columns, rows, frame, [FRONT], colors=colour, linewidths=1.8)
-            lines.set_linestyle(line)
+            axis.contour(
+                columns, rows, frame, [FRONT], colors=colour, linestyles=line, linewidths=1.8
+            )
 
 
 def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str]]:
