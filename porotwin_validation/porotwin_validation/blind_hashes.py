@@ -17,7 +17,7 @@ HASHES = 'truth_hashes.json'
 
 
 Source = Literal['maps', 'photographs']
-"""What the diagnosis gets: maps of the rig with noise, or maps made from photographs of it."""
+"""Input of the diagnosis: maps of the rig with noise, or maps made from photographs of it."""
 
 
 def publish_hashes(

@@ -180,8 +180,7 @@ def photograph_case(
 ) -> None:
     """Write the recording of `case` with maps from photographs into `folder`.
 
-    What exists already and is complete stays. The recording holds nothing but what a laboratory
-    would know.
+    Complete maps are kept. The recording holds only the knowledge of a laboratory.
 
     Args:
         case: the case.
@@ -250,7 +249,7 @@ def _experiment(
 ) -> None:
     """Run experiment `number` on the rig of `case`, and write it with photographs at `times` [s].
 
-    The first of `times` is that of the baseline. A folder that exists is unfinished, and is made
+    The baseline is taken at the first of `times`. A folder that exists is unfinished, and is made
     again.
     """
     if folder.exists():

@@ -88,7 +88,7 @@ def score_case(
 def failed_score(case: BlindCase, verdict: str = 'failed') -> CaseScore:
     """Return the score of a `case` that has no verdict: wrong, confidence 0.
 
-    `verdict` says what happened: `failed`, or `refused` where the calibration was refused.
+    `verdict` is `failed`, or `refused` where the calibration was refused.
     """
     return CaseScore(
         name=case.name,

@@ -86,8 +86,8 @@ def blind_check(
         progress: called after every case.
         draw: returns case `number` of the check with `seed`; not used with a `baseline`.
         source: whether maps of the rig are disturbed, or photographs of it become maps.
-        baseline: experiment folder with the baseline photograph of a real rig, on which all
-            photographs are composed.
+        baseline: experiment folder with the baseline photograph of a real rig; all photographs are
+            composed on it.
 
     Raises:
         InputError: the folder holds a check with other truths, `baseline` has no photograph, or a
@@ -160,7 +160,7 @@ def photograph_and_diagnose(case: BlindCase, folder: Path, *, baseline: Path | N
 
 
 def _photographs(cases: Sequence[BlindCase], folder: Path) -> Iterator[str]:
-    """Yield what the photographs and calibrations of the check are worth, as Markdown."""
+    """Yield the errors of the maps, and the effects that calibrations absorbed, as Markdown."""
     figures = {
         case.name: MapFigures.read(folder / case.name / MAP_FIGURES)
         for case in cases

@@ -31,7 +31,7 @@ LEAST_GAP = 0.02
 """Relative L2 norm of an effect below which the part that is left is mostly an error of maps."""
 
 WITNESSES: Mapping[str, str] = {
-    'rate': 'weigh what the pump delivers',
+    'rate': 'weigh the water of the pump',
     'porosity': 'the mass in the maps against the pump log; weigh the sand',
     'depth': 'the mass in the maps against the pump log; measure the gap of the plates',
     'retardation': 'the mass in the maps against the pump log; a column test',
@@ -41,10 +41,10 @@ WITNESSES: Mapping[str, str] = {
     'illumination': 'clean sand and the colour chart in every photograph',
     'registration': 'a ruler or a grid in front of the sand',
     'clock': 'photograph a clock',
-    'leak': 'weigh what flows out',
-    'background_flow': 'weigh what flows out while all pumps rest',
+    'leak': 'weigh the outflow',
+    'background_flow': 'weigh the outflow while all pumps rest',
 }
-"""What shows an effect without the camera, or without the same injection."""
+"""Checks that show an effect without the camera, or without the same injection."""
 
 OTHER_WITNESS = 'an injection into another well'
 
@@ -140,10 +140,10 @@ def absorption_table(figures: Iterable[MapFigures]) -> Iterator[str]:
     yield '| --- | --- | --- | --- | --- |'
     for name in sorted(gaps):
         absorbed = f'{np.median(parts[name]):.0%}' if parts[name] else '-'
-        shown = f'{np.median(gaps[name]):.0%}'
-        yield f'| {name} | {len(gaps[name])} | {shown} | {absorbed} | {witness_of(name)} |'
+        size = f'{np.median(gaps[name]):.0%}'
+        yield f'| {name} | {len(gaps[name])} | {size} | {absorbed} | {witness_of(name)} |'
 
 
 def witness_of(effect: str) -> str:
-    """Return what shows `effect` without the camera, or without the same injection."""
+    """Return the check that shows `effect` without the camera, or without the same injection."""
     return WITNESSES.get(effect, OTHER_WITNESS)

@@ -34,5 +34,5 @@ def test_the_table_names_what_would_show_an_effect(tmp_path):
     figures.write(tmp_path / 'maps.json')
     assert MapFigures.read(tmp_path / 'maps.json') == figures
     rows = list(absorption_table([figures, figures]))
-    assert rows[-1] == '| rate | 2 | 20% | 5% | weigh what the pump delivers |'
+    assert rows[-1] == '| rate | 2 | 20% | 5% | weigh the water of the pump |'
     assert witness_of('streak') == 'an injection into another well'

@@ -32,6 +32,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.sample import STRIDE, Sample
+from porotwin_diagnosis.data.shared_errors import derivatives
 
 Kind = Literal['source', 'transport', 'storage', 'camera']
 
@@ -55,7 +56,8 @@ FINER_PLACES = np.linspace(-0.5, 0.5, 4)
 """Places that are tried around the best one, relative to the distance of the first ones."""
 
 GLOW_RADIUS = 0.06
-"""Radius of a glow relative to the width of the rig."""
+"""Radius of a glow relative to the width of the rig. It is not fitted: a smaller glow is stated too
+faint, and its strength times the square of the radius is right."""
 
 CORE_CELLS = 4.0
 """Cells around a source within which the displacement is that of the edge: there it is no small
@@ -131,8 +133,7 @@ class Patterns:
     def __init__(self, sample: Sample, predicted: FloatArray) -> None:
         grid = sample.grid
         smooth = blurred(np.clip(predicted, 0.0, 1.0), PATTERN_WIDTH)
-        up, right = np.gradient(smooth, grid.dz, grid.dx, axis=(1, 2))
-        bend: FloatArray = np.gradient(up, grid.dz, axis=1) + np.gradient(right, grid.dx, axis=2)
+        up, right, bend = derivatives(smooth, grid)
         self._c, self._up, self._right, self._bend = (
             np.asarray(part)[:, ::STRIDE, ::STRIDE] for part in (smooth, up, right, bend)
         )
@@ -196,8 +197,9 @@ def describe_remainder(sample: Sample, predicted: FloatArray) -> RemainderForm:
     known = Patterns(sample, predicted)
     fitted = sample.fitted_frames
     chosen: list[Pattern] = []
-    columns, closed = np.zeros((0, *remainder.shape)), 0.0
+    columns: FloatArray = np.zeros((0, *remainder.shape))
     factors: FloatArray = np.zeros(0)
+    closed = 0.0
     while len(chosen) < MOST_TERMS:
         left = (remainder - np.tensordot(factors, columns, axes=1))[:fitted]
         names = {pattern.name for pattern in chosen}
@@ -255,7 +257,7 @@ def _solved(left: FloatArray, columns: FloatArray) -> FloatArray:
 
 def _closed(left: FloatArray, columns: FloatArray, factors: FloatArray) -> float:
     after = left - np.tensordot(factors, columns, axes=1)
-    return 1.0 - float(np.linalg.norm(after)) / max(float(np.linalg.norm(left)), 1e-12)
+    return 1.0 - float(np.linalg.norm(after) / max(float(np.linalg.norm(left)), 1e-12))
 
 
 def _terms(sample: Sample, chosen: Sequence[Pattern], factors: FloatArray) -> Iterator[Term]:
@@ -305,7 +307,8 @@ def _words(sample: Sample, pattern: Pattern, values: FloatArray) -> str:
         f'{"slower" if first > 0 else "faster"} than stock',
         'spreading': f'fronts {"spread" if first > 0 else "are sharper"} as by a diffusion of '
         f'{size:.1e} m2/s',
-        'glow': f'a signal of {first:+.3f} that is no tracer{at}',
+        'glow': f'a signal of {first:+.3f} that is no tracer, if it is '
+        f'{1e3 * GLOW_RADIUS * sample.rig.width_m:.0f} mm wide{at}',
     }[pattern.name]
 
 

@@ -90,7 +90,7 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
     for frame, colour, line in _fronts(result, part):
         if np.nanmin(frame) < FRONT < np.nanmax(frame):
             axis.contour(
-                columns, rows, frame, [FRONT], linewidths=1.8, colors=colour, linestyles=line
+                columns, rows, frame, [FRONT], colors=colour, linestyles=line, linewidths=1.8
             )
 
 
