@@ -97,7 +97,7 @@ def train_on_runs(
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    The arguments are those of `dataset_of` and `train_from_runs`.
+    `dataset_of` and `train_from_runs` explain the arguments.
 
     Raises:
         InputError: too few maps, or the model cannot run.

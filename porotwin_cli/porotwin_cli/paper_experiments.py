@@ -57,9 +57,9 @@ FREE_RUN_FROM_S = 66 * 60.0
 
 @dataclass(frozen=True)
 class PaperExperiment:
-    """What is learnt from and what is predicted.
+    """The maps to learn from and the unseen maps to predict.
 
-    `shown_times` [s] are those of the pictures of maps.
+    `shown_times` [s]: the times of the pictures of maps.
     """
 
     rig: Rig

@@ -21,9 +21,10 @@ from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
-LEARNING_COLUMNS = 40
-"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A
-run on half the columns and rows takes an eighth of the time."""
+LEARNING_COLUMNS = 96
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A run on
+half the columns and rows takes an eighth of the time. Cells of 20 mm on the small rig smear as much
+as dispersion does, and a patch would be taken for it."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -82,7 +83,7 @@ class Learnt(NamedTuple):
         return physics_of(self.parts, self.values)
 
 
-class Trial(NamedTuple):
+class PhysicsTrial(NamedTuple):
     """Parts that were fitted, with the squared errors where they were fitted and kept."""
 
     learnt: Learnt
@@ -157,7 +158,7 @@ def learn_physics(
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
-    best = Trial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
+    best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         found = _best_trial(maker, share, best, workers)
         name = found.learnt.parts[-1].name
@@ -176,7 +177,7 @@ def learn_physics(
     return physics_of(parts, values)
 
 
-def _judged(trial: Trial) -> float:
+def _judged(trial: PhysicsTrial) -> float:
     """Return the squared error, more for parts with more unknowns."""
     return (trial.fitted + trial.kept) * (1.0 + UNKNOWN_COST * len(trial.learnt.values))
 
@@ -193,19 +194,19 @@ def coarse_grid(grid: Grid) -> Grid:
     return Grid(*cells, grid.width, grid.height)
 
 
-def _fitted(part: PhysicsPart, best: Trial, share: Share, workers: int) -> Trial:
+def _fitted(part: PhysicsPart, best: PhysicsTrial, share: Share, workers: int) -> PhysicsTrial:
     """Return `best` with one more part, all of them fitted together."""
     parts = (*best.learnt.parts, part)
     start = np.concatenate([best.learnt.values, part.first])
     values = fit(parts, share.fitted, start, iterations=ITERATIONS, workers=workers)
     learnt = Learnt(parts, values)
     try:
-        return Trial(learnt, *share.cost(learnt.physics))
+        return PhysicsTrial(learnt, *share.cost(learnt.physics))
     except InputError:  # a model that cannot have this part
-        return Trial(learnt, np.inf, np.inf)
+        return PhysicsTrial(learnt, np.inf, np.inf)
 
 
-def _best_trial(maker: PartMaker, share: Share, best: Trial, workers: int) -> Trial:
+def _best_trial(maker: PartMaker, share: Share, best: PhysicsTrial, workers: int) -> PhysicsTrial:
     """Return the best of all trials with one more part.
 
     Leaks and patches are tried only if no part without a place explains nearly everything.
@@ -221,7 +222,7 @@ def _best_trial(maker: PartMaker, share: Share, best: Trial, workers: int) -> Tr
 
 
 def _promising(
-    make: PlaceFn, maker: PartMaker, share: Share, best: Trial, workers: int
+    make: PlaceFn, maker: PartMaker, share: Share, best: PhysicsTrial, workers: int
 ) -> list[PhysicsPart]:
     """Return the parts that best explain the errors, at every place and of either sign.
 

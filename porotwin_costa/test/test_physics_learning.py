@@ -36,5 +36,5 @@ def test_two_maps_are_too_few(rig, grid):
 
 
 def test_parts_are_chosen_on_a_coarse_grid(rig):
-    assert max(coarse_grid(rig.grid(180, 120)).shape) == 40
+    assert max(coarse_grid(rig.grid(180, 120)).shape) == 96
     assert coarse_grid(rig.grid(30, 20)) == rig.grid(30, 20)

@@ -140,8 +140,8 @@ def absorption_table(figures: Iterable[MapFigures]) -> Iterator[str]:
     yield '| --- | --- | --- | --- | --- |'
     for name in sorted(gaps):
         absorbed = f'{np.median(parts[name]):.0%}' if parts[name] else '-'
-        gap = f'{np.median(gaps[name]):.0%}'
-        yield f'| {name} | {len(gaps[name])} | {gap} | {absorbed} | {witness_of(name)} |'
+        shown = f'{np.median(gaps[name]):.0%}'
+        yield f'| {name} | {len(gaps[name])} | {shown} | {absorbed} | {witness_of(name)} |'
 
 
 def witness_of(effect: str) -> str:

@@ -132,9 +132,9 @@ class Patterns:
         grid = sample.grid
         smooth = blurred(np.clip(predicted, 0.0, 1.0), PATTERN_WIDTH)
         up, right = np.gradient(smooth, grid.dz, grid.dx, axis=(1, 2))
-        bend = np.gradient(up, grid.dz, axis=1) + np.gradient(right, grid.dx, axis=2)
+        bend: FloatArray = np.gradient(up, grid.dz, axis=1) + np.gradient(right, grid.dx, axis=2)
         self._c, self._up, self._right, self._bend = (
-            part[:, ::STRIDE, ::STRIDE] for part in (smooth, up, right, bend)
+            np.asarray(part)[:, ::STRIDE, ::STRIDE] for part in (smooth, up, right, bend)
         )
         self._x, self._z = (part[::STRIDE, ::STRIDE] for part in np.meshgrid(grid.x, grid.z))
         self._later = np.gradient(self._c, sample.times, axis=0)
@@ -196,7 +196,8 @@ def describe_remainder(sample: Sample, predicted: FloatArray) -> RemainderForm:
     known = Patterns(sample, predicted)
     fitted = sample.fitted_frames
     chosen: list[Pattern] = []
-    columns, factors, closed = np.zeros((0, *remainder.shape)), np.zeros(0), 0.0
+    columns, closed = np.zeros((0, *remainder.shape)), 0.0
+    factors: FloatArray = np.zeros(0)
     while len(chosen) < MOST_TERMS:
         left = (remainder - np.tensordot(factors, columns, axes=1))[:fitted]
         names = {pattern.name for pattern in chosen}
@@ -254,7 +255,7 @@ def _solved(left: FloatArray, columns: FloatArray) -> FloatArray:
 
 def _closed(left: FloatArray, columns: FloatArray, factors: FloatArray) -> float:
     after = left - np.tensordot(factors, columns, axes=1)
-    return 1.0 - float(np.linalg.norm(after) / max(np.linalg.norm(left), 1e-12))
+    return 1.0 - float(np.linalg.norm(after)) / max(float(np.linalg.norm(left)), 1e-12)
 
 
 def _terms(sample: Sample, chosen: Sequence[Pattern], factors: FloatArray) -> Iterator[Term]:

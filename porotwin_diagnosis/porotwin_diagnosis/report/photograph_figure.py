@@ -89,8 +89,9 @@ def _draw_upon(axis: Axes, result: Diagnosis, to_pixels: ToPixels) -> None:
     columns, rows = to_pixels(*np.meshgrid(grid.x, grid.z))
     for frame, colour, line in _fronts(result, part):
         if np.nanmin(frame) < FRONT < np.nanmax(frame):
-            style = {'colors': colour, 'linestyles': line}
-            axis.contour(columns, rows, frame, [FRONT], linewidths=1.8, **style)
+            axis.contour(
+                columns, rows, frame, [FRONT], linewidths=1.8, colors=colour, linestyles=line
+            )
 
 
 def _fronts(result: Diagnosis, part: HeldOut) -> list[tuple[FloatArray, str, str]]:
