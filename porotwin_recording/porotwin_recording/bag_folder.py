@@ -1,4 +1,4 @@
-"""The files of a bag: what metadata.yaml names, what is there, and what cannot be read here."""
+"""The files of a bag: named by metadata.yaml, present in the folder, or not readable here."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -203,7 +203,7 @@ def _unit(variable: netCDF4.Variable) -> str:
 
 
 def _origin(dataset: netCDF4.Dataset) -> MapOrigin:
-    """Return what the attributes of a file say about its maps; other words count as unknown."""
+    """Return the origin of maps by the attributes of their file; other words count as unknown."""
     calibrated = {'yes': True, 'no': False}.get(str(getattr(dataset, 'calibrated', '')).strip())
     texts = {name: str(getattr(dataset, name, '')) for name in ('calibration', 'program')}
     return MapOrigin(calibrated, **texts)

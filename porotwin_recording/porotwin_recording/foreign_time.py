@@ -32,7 +32,7 @@ def moments(
     order: DateOrder | None = None,
     zone: str = '',
 ) -> tuple[list[datetime], list[str]]:
-    """Return the times in `words`, and what was taken for granted, one line each.
+    """Return the times in `words`, and the assumptions that were made, one line each.
 
     Times without a zone are those of one clock that nobody set in between; with `zone` they follow
     its summer time. They are returned as if they were UTC, so that differences are right.
@@ -71,7 +71,7 @@ def moments(
 def _is_day_first(
     dates: Sequence[tuple[str, str, str]], where: str, order: DateOrder | None, told: list[str]
 ) -> bool:
-    """Return whether the day comes first; add to `told` what decided it."""
+    """Return whether the day comes first; add the reason to `told`."""
     first = any(int(one) > MONTHS for one, _, _ in dates)
     second = any(int(two) > MONTHS for _, two, _ in dates)
     if first and second:

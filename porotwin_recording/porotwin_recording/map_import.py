@@ -43,7 +43,7 @@ PERCENT = 100.0
 
 @dataclass(frozen=True)
 class MapAnswers:
-    """Answers to what maps leave open; empty or None: as the file shows.
+    """Answers to open questions of maps; empty or None: as the file shows.
 
     Attributes:
         time_unit: unit of times, such as min.
@@ -70,13 +70,13 @@ class _Arrays:
 
 
 def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list[str]:
-    """Write an experiment folder with the maps in a file; return what was taken for granted.
+    """Write an experiment folder with the maps in a file; return the assumptions made.
 
     Args:
         path: a file .npz, .csv or .nc, or a folder .zarr.
         target: the new experiment folder.
         rig: the rig that the maps cover completely.
-        answers: answers to what the file leaves open.
+        answers: answers to the questions that the file leaves open.
 
     Raises:
         InputError: one line with the file, the fault and the remedy.

@@ -37,7 +37,7 @@ NEAR_M = 0.02
 
 @dataclass(frozen=True)
 class ProtocolAnswers:
-    """Answers to what protocols leave open; empty or None: as the protocols show.
+    """Answers to open questions of protocols; empty or None: as the protocols show.
 
     Attributes:
         date_order: order of day and month.
@@ -62,7 +62,7 @@ def has_protocols(folder: Path) -> bool:
 
 
 def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnswers) -> list[str]:
-    """Write an experiment folder from protocols and photographs; return what was taken for granted.
+    """Write an experiment folder from protocols and photographs; return the assumptions made.
 
     Time zero is the first injection, or the first photograph where nothing is injected. Photographs
     before time zero are baselines. Photographs are linked where the file system allows it.
@@ -71,7 +71,7 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
         folder: the folder with the protocols.
         target: the new experiment folder.
         rig: the rig, whose wells the locations mean.
-        answers: answers to what the protocols leave open.
+        answers: answers to the questions that the protocols leave open.
 
     Raises:
         InputError: one line with the file, the fault and the remedy.
