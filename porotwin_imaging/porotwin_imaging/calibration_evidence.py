@@ -108,6 +108,17 @@ class CalibrationEvidence:
     worst_dilution: str = ''
 
     @property
+    def bend_by_fronts(self) -> float:
+        """Bend that the fronts show [-]; NaN if they were not compared."""
+        return self.fronts.bend if self.fronts else float('nan')
+
+    @property
+    def bend_conflict(self) -> float:
+        """Difference between the bend and that of the fronts [-]; 0 with dilutions or no fronts."""
+        decided = np.isfinite(self.dilution_misfit) or self.fronts is None
+        return 0.0 if decided else abs(self.bend - self.bend_by_fronts)
+
+    @property
     def disagreeing(self) -> tuple[PhotographEvidence, ...]:
         """The photographs that disagree with the others."""
         return tuple(one for one in self.photographs if one.disagreement)
