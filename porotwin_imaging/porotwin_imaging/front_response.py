@@ -38,6 +38,8 @@ _LEVELS = np.linspace(0.14, 0.86, 10)
 _HALF_RAMP = 0.07
 """Half width of a level [-]: a cell counts gradually, because cells at a front are few."""
 _BENDS = np.array([-0.16, -0.09, -0.02, 0.05, 0.12])
+_EDGE = 0.02
+"""Bends this near to the ends of the range are no dye but a disturbed photograph [-]."""
 _BLURS_PX = np.array([0.3, 1.2, 2.1, 3.0])
 _FINE = (71, 19, 13)
 """Bends, blurs and dispersivities to which the photographed models are interpolated."""
@@ -101,7 +103,7 @@ def fit_fronts(
     mass_factor: float,
     settings: FrontSettings = DEFAULTS.fronts,
 ) -> FrontFit | None:
-    """Return the evidence of the fronts; None if the plumes are too few or none of the model.
+    """Return the evidence of the fronts; None if they are too few or unlike the model.
 
     Args:
         seen: the photographs.
@@ -135,6 +137,8 @@ def fit_fronts(
     likely = np.exp(-0.5 * (squares - squares[best]) / worse)
     by_bend = likely.sum(axis=(0, 2))
     bend = float(np.average(bends, weights=by_bend))
+    if not _BENDS[0] + _EDGE < bend < _BENDS[-1] - _EDGE:
+        return None
     spread = float(np.sqrt(np.average((bends - bend) ** 2, weights=by_bend)))
     blur = float(np.average(blurs, weights=likely.sum(axis=(0, 1))))
     return FrontFit(
