@@ -114,9 +114,13 @@ class CalibrationEvidence:
 
     @property
     def bend_conflict(self) -> float:
-        """Difference between the bend and that of the fronts [-]; 0 with dilutions or no fronts."""
-        decided = np.isfinite(self.dilution_misfit) or self.fronts is None
-        return 0.0 if decided else abs(self.bend - self.bend_by_fronts)
+        """Difference between the bend and that of the fronts [-]; 0 with dilutions or no fronts.
+
+        It is infinite if the fronts ask for a bend beyond all that are tried.
+        """
+        if np.isfinite(self.dilution_misfit) or self.fronts is None:
+            return 0.0
+        return float('inf') if self.fronts.at_end else abs(self.bend - self.fronts.bend)
 
     @property
     def disagreeing(self) -> tuple[PhotographEvidence, ...]:

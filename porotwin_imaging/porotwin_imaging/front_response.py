@@ -39,7 +39,7 @@ _HALF_RAMP = 0.07
 """Half width of a level [-]: a cell counts gradually, because cells at a front are few."""
 _BENDS = np.array([-0.16, -0.09, -0.02, 0.05, 0.12])
 _EDGE = 0.02
-"""Bends this near to the ends of the range are no dye but a disturbed photograph [-]."""
+"""Bends this near to the ends of the range may lie beyond it [-]."""
 _BLURS_PX = np.array([0.3, 1.2, 2.1, 3.0])
 _FINE = (71, 19, 13)
 """Bends, blurs and dispersivities to which the photographed models are interpolated."""
@@ -67,6 +67,7 @@ class FrontFit:
         blur_px: standard deviation of the blur of the camera [px of the file].
         dispersivity_m: dispersivity of the sand, and of the scheme of the model, along the flow.
         misfit: root mean square distance of the volumes, relative to the width of a front [-].
+        at_end: True if the bend lies at an end of the range that is tried.
     """
 
     bend: float
@@ -74,6 +75,7 @@ class FrontFit:
     blur_px: float
     dispersivity_m: float
     misfit: float
+    at_end: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,8 +139,6 @@ def fit_fronts(
     likely = np.exp(-0.5 * (squares - squares[best]) / worse)
     by_bend = likely.sum(axis=(0, 2))
     bend = float(np.average(bends, weights=by_bend))
-    if not _BENDS[0] + _EDGE < bend < _BENDS[-1] - _EDGE:
-        return None
     spread = float(np.sqrt(np.average((bends - bend) ** 2, weights=by_bend)))
     blur = float(np.average(blurs, weights=likely.sum(axis=(0, 1))))
     return FrontFit(
@@ -147,6 +147,7 @@ def fit_fronts(
         blur_px=float(np.hypot(blur, _interpolation_px(modelled[0][0], seen))),
         dispersivity_m=float(np.average(roots**2, weights=likely.sum(axis=(1, 2)))),
         misfit=misfit,
+        at_end=not _BENDS[0] + _EDGE < bend < _BENDS[-1] - _EDGE,
     )
 
 

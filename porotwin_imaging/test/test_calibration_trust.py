@@ -55,7 +55,9 @@ def test_fronts_that_contradict_the_masses_are_refused_unless_a_dilution_decides
     assert 'half of stock would look like 0.35 and 0.53' in line
     assert 'photograph one dilution (half stock)' in line
     assert refusal(replace(GOOD, fronts=fronts, dilution_misfit=0.01)) == ''
-    assert refusal(replace(GOOD, fronts=replace(fronts, bend=0.04))) == ''
+    agreeing = replace(fronts, bend=0.04)
+    assert refusal(replace(GOOD, fronts=agreeing)) == ''
+    assert 'one dilution' in refusal(replace(GOOD, fronts=replace(agreeing, at_end=True)))
 
 
 @pytest.mark.parametrize(
