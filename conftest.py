@@ -1,9 +1,10 @@
 """Settings of all tests: repeatable property tests, and a DDS domain for every test run."""
 
 import fcntl
+import itertools
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TextIO
 
@@ -23,20 +24,28 @@ DOMAINS = range(1, 102)
 WHOLE_PROJECT = Path(__file__).parent / 'tests'
 """Folder of the tests that run documents, examples and whole graphs."""
 
-_claims: list[TextIO] = []
+_claims: dict[int, TextIO] = {}
+_next = itertools.cycle(DOMAINS)
+"""Goes on behind the last domain, so that a domain rests after a test."""
 
 
 def _claimed_domain() -> int:
-    """Return a DDS domain and keep it from other tests on this machine until this process ends."""
-    for number in DOMAINS:
+    """Return a DDS domain and keep it from other tests on this machine until `_release`."""
+    for number in itertools.islice(_next, len(DOMAINS)):
+        claim = (Path(tempfile.gettempdir()) / f'porotwin_test_domain_{number}').open('w')
         try:
-            claim = (Path(tempfile.gettempdir()) / f'porotwin_test_domain_{number}').open('w')
             fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
+            claim.close()
             continue
-        _claims.append(claim)
+        _claims[number] = claim
         return number
     raise RuntimeError(f'all DDS domains up to {DOMAINS[-1]} are in use by other tests')
+
+
+def _release(number: int) -> None:
+    """Let other tests have a domain whose nodes have ended."""
+    _claims.pop(number).close()
 
 
 def pytest_configure() -> None:
@@ -66,6 +75,8 @@ def new_domain() -> Callable[[], int]:
 
 
 @pytest.fixture
-def domain() -> int:
+def domain() -> Iterator[int]:
     """A DDS domain of its own, free of nodes of earlier tests."""
-    return _claimed_domain()
+    number = _claimed_domain()
+    yield number
+    _release(number)

@@ -1,4 +1,4 @@
-"""Write the pages of the Python API from the docstrings: python docs/make_api.py FOLDER."""
+"""Write the pages of the Python API: python docs/make_api.py FOLDER [PACKAGE...]."""
 
 import sys
 import warnings
@@ -11,11 +11,12 @@ PACKAGES = sorted(path.parent.name for path in ROOT.glob('porotwin_*/setup.py'))
 
 
 def main() -> None:
-    """Write one HTML page for each module into the folder named on the command line."""
+    """Write one HTML page for each module of the named packages, or of all, into a folder."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else 'site')
+    packages = sys.argv[2:] or PACKAGES
     warnings.simplefilter('error', UserWarning)  # pdoc warns about modules it cannot read
     pdoc.render.configure(docformat='google', footer_text='PoroTwin')
-    pdoc.pdoc(*PACKAGES, output_directory=folder)
+    pdoc.pdoc(*packages, output_directory=folder)
     print(f'{folder / "index.html"}')
 
 

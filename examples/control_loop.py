@@ -13,10 +13,11 @@ from picture import draw_map, picture_path
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import load_rig
 from porotwin_hub.controller import Controller
+from porotwin_hub.cycle import Observation
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation, Twin
+from porotwin_hub.twin import Twin
 from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.model import Model
 

@@ -15,6 +15,9 @@ setup(
     zip_safe=True,
     license='Apache-2.0',
     entry_points={
-        'console_scripts': ['diagnosis_node = porotwin_diagnosis.diagnosis_node:main'],
+        'console_scripts': [
+            'diagnosis_node = porotwin_diagnosis.diagnosis_node:main',
+            'mend_node = porotwin_diagnosis.mend_node:main',
+        ],
     },
 )

@@ -121,6 +121,7 @@ def build_interfaces() -> None:
     env = {name: value for name, value in os.environ.items() if name not in ROS_VARIABLES}
     env['AMENT_PREFIX_PATH'] = env['CMAKE_PREFIX_PATH'] = str(VENV)
     env['PATH'] = f'{VENV / "bin"}:{env["PATH"]}'
+    env['MAKEFLAGS'] = f'-j{os.cpu_count()}'  # else one job while others work
     build = STAMPS / 'build'
     shutil.rmtree(build, ignore_errors=True)
     run(
@@ -133,6 +134,7 @@ def build_interfaces() -> None:
                 '-DPython3_FIND_VIRTUALENV=ONLY',
                 '-DBUILD_TESTING=OFF',
                 '-DCMAKE_BUILD_TYPE=Release',
+                '-DONLY_PYTHON=ON',
             ),
             *('-G', 'Ninja'),
         ],
@@ -169,7 +171,7 @@ STEPS: list[tuple[str, str, Callable[[], None], list[str]]] = [
     ),
     (
         'interfaces',
-        'messages, services and actions, built by colcon (about 2 minutes)',
+        'messages, services and actions, built by colcon (about 1 minute)',
         build_interfaces,
         [
             *('porotwin_msgs/CMakeLists.txt', 'porotwin_msgs/package.xml', 'porotwin_msgs/*/*'),

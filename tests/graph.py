@@ -31,13 +31,13 @@ TOPICS: dict[str, tuple[Any, Any]] = {
 class Listener:
     """Keeps every message of `TOPICS`; its `node` may be used to call services."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, namespace: str = NAMESPACE) -> None:
         """Listen in the DDS domain `domain`."""
         self.messages: dict[str, list[Any]] = {name: [] for name in TOPICS}
         self._changed = threading.Condition()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
-        self.node = rclpy.create_node('listener', namespace=NAMESPACE, context=self._context)
+        self.node = rclpy.create_node('listener', namespace=namespace, context=self._context)
         for name, (message_type, profile) in TOPICS.items():
             self.node.create_subscription(message_type, name, self._keep(name), profile)
         threading.Thread(target=self._spin, daemon=True).start()
@@ -91,7 +91,7 @@ class RunningGraph:
     def wait_for_publishers(self, *topics: str) -> None:
         """Return when the publishers of `topics` are found, so that no message is missed."""
         for topic in topics:
-            name = f'{NAMESPACE}/{topic}'
+            name = self.listener.node.resolve_topic_name(topic)
             self.listener.wait_for(
                 f'a publisher of {topic}',
                 lambda name=name: self.listener.node.count_publishers(name) > 0,
@@ -127,7 +127,7 @@ def running_graph(
     """Start `nodes` in a DDS domain of their own; print their logs when the test fails."""
     lines: list[str] = []
     environment = {'ROS_DOMAIN_ID': str(domain)}
-    listener = Listener(domain)
+    listener = Listener(domain, nodes[0].namespace)
     try:
         with GraphProcesses(nodes, folder, say=lines.append, environment=environment) as processes:
             graph = RunningGraph([node.name for node in nodes], processes, listener, lines)

@@ -25,8 +25,12 @@ ROS_SHELLS = {
     'porotwin_recording/bag_conversion.py': 'makes the bag that a live run would have recorded',
     'porotwin_recording/player.py': 'turns recorded setpoints into measured rates',
     'porotwin_hub/clients.py': 'service clients as callables',
+    'porotwin_hub/cycle_report.py': 'turns cycles into reports',
+    'porotwin_hub/planner_parameters.py': 'declares parameters of the hub',
+    'porotwin_siblings/siblings_messages.py': 'turns states and outlooks from and into messages',
     'porotwin_cli/graph_watch.py': 'listens to a running graph',
     'porotwin_cli/live_diagnosis.py': 'asks a running graph',
+    'porotwin_cli/live_mend.py': 'answers a running graph',
 }
 """Modules beside *_node.py that may know ROS, and why."""
 
@@ -53,7 +57,8 @@ MAY_IMPORT = {
 
 DIAGNOSIS_ORDER = (
     'thresholds', 'progress', 'data', 'model', 'search', 'decision', 'advice', 'diagnosis',
-    'report', 'examine', 'diagnosis_node',
+    'report', 'examine', 'archive', 'diagnosis_node', 'mending', 'mend_node',
+    'rig_history',
 )  # fmt: skip
 """Sub-packages and modules of the diagnosis; each may import only those before it and itself."""
 

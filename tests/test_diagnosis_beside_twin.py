@@ -35,7 +35,7 @@ def rig_nodes(folder: Path) -> list[NodeDescription]:
     settings = GraphSettings(
         rig=folder / 'rig.yaml',
         calibration=calibration_run(rig, folder, seed=5, photo_width=PHOTO_WIDTH),
-        grid='62x37',
+        grid='47x28',
         evaluations=4,
         photo_interval_s=90.0,
         diagnoses=folder / 'diagnoses',

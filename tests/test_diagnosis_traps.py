@@ -127,7 +127,7 @@ def test_the_point_spread_of_a_camera_is_not_taken_for_diffusion(quiet):
     blurred = np.stack([gaussian_filter(frame, 0.6) for frame in sample.observed])
     sample = replace(sample, observed=blurred)
     forward = Forward(sample, refinement=2)
-    levels = make_levels([sample], progress=lambda _stage, _share: None, workers=1)
+    levels = make_levels([sample], progress=lambda _stage, _share: None)
     measured = levels.with_point_spread_of(levels.null()).judging.point_spread_width
     found = []
     for width in (0.0, measured):

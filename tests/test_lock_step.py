@@ -1,5 +1,10 @@
-"""Tests of the closed loop on the virtual rig: the same seed gives the same run on any machine."""
+"""Tests of the closed loop on the virtual rig.
 
+The same seed gives the same run on any machine, and beside another rig on the same machine.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +14,14 @@ from graph import running_graph
 
 from porotwin_core import conversions
 from porotwin_core.rig import load_rig, write_rig
-from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
+from porotwin_hub.graph import (
+    NAMESPACE,
+    GraphSettings,
+    NodeDescription,
+    in_namespace,
+    operator_node,
+    twin_nodes,
+)
 from porotwin_msgs.msg import CleanState
 from porotwin_rig.camera import camera_before
 
@@ -19,7 +31,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PHOTO_WIDTH = 640
 
 
-def run_loop(folder: Path, domain: int) -> tuple[list[Any], list[Any]]:
+def run_loop(
+    folder: Path, domain: int, *, namespace: str = NAMESPACE, seed: int = 5
+) -> tuple[list[Any], list[Any]]:
     """Return the states and setpoints of two minutes of the closed loop."""
     folder.mkdir()
     rig = load_rig(ROOT / 'porotwin_hub' / 'config' / 'small_rig.yaml')
@@ -35,12 +49,12 @@ def run_loop(folder: Path, domain: int) -> tuple[list[Any], list[Any]]:
         {
             'rig': str(settings.rig),
             'duration_s': 120.0,
-            'seed': 5,
+            'seed': seed,
             'photo_width_px': PHOTO_WIDTH,
         },
     )
     nodes = [*twin_nodes(settings), operator_node(settings, asset=False), asset]
-    with running_graph(nodes, folder, domain) as graph:
+    with running_graph(in_namespace(nodes, namespace), folder, domain) as graph:
         graph.listener.wait_for(
             'the end of the experiment',
             lambda: any(
@@ -52,12 +66,23 @@ def run_loop(folder: Path, domain: int) -> tuple[list[Any], list[Any]]:
         return graph.messages['asset/new_state'], graph.messages['wells/setpoint']
 
 
-def test_the_same_seed_gives_the_same_run(tmp_path: Path, domain: int) -> None:
-    first_states, first_setpoints = run_loop(tmp_path / 'first', domain)
-    second_states, second_setpoints = run_loop(tmp_path / 'second', domain)
-    assert len(first_states) == len(second_states) == 5
-    for one, other in zip(first_states, second_states, strict=True):
-        np.testing.assert_array_equal(
-            conversions.tracer_from_msg(one.tracer)[0], conversions.tracer_from_msg(other.tracer)[0]
-        )
-    assert first_setpoints == second_setpoints
+def test_the_same_seed_gives_the_same_run_also_beside_another_rig(
+    tmp_path: Path, new_domain: Callable[[], int]
+) -> None:
+    alone_states, alone_setpoints = run_loop(tmp_path / 'alone', new_domain())
+    with ThreadPoolExecutor() as pool:
+        one = pool.submit(run_loop, tmp_path / 'one', new_domain(), namespace='/rig1')
+        two = pool.submit(run_loop, tmp_path / 'two', new_domain(), namespace='/rig2', seed=6)
+        states, setpoints = one.result()
+        other_states, other_setpoints = two.result()
+    assert len(alone_states) == len(states) == len(other_states) == 5
+    for first, second, other in zip(alone_states, states, other_states, strict=True):
+        np.testing.assert_array_equal(values(first), values(second))
+        assert not np.array_equal(values(second), values(other), equal_nan=True)
+    assert alone_setpoints == setpoints
+    assert len(other_setpoints) == 5
+
+
+def values(state: Any) -> np.ndarray:
+    """Return the map of a state."""
+    return conversions.tracer_from_msg(state.tracer)[0]

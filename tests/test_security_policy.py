@@ -31,6 +31,11 @@ def nodes_with(element: str, attribute: str, name: str) -> set[str]:
         ('services', 'reply', 'guard/control', {GUARD}),
         ('services', 'reply', 'asset/control', {'operator', 'pumps', 'virtual_rig'}),
         ('services', 'request', 'operator/confirm', {'page'}),
+        ('services', 'request', 'solver/set_effects', {'mend'}),
+        ('services', 'reply', 'solver/set_effects', {'solver'}),
+        ('services', 'request', 'mend/answer', {'page'}),
+        ('topics', 'publish', 'mend/offer', {'mend'}),
+        ('topics', 'publish', 'model/effects', {'solver'}),
     ],
 )
 def test_only_the_guard_may_command_rates(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from graph import running_graph
+from graph import RunningGraph, running_graph
 
 from porotwin_core import conversions
 from porotwin_core.rig import load_rig
@@ -30,13 +30,16 @@ from porotwin_rig.made_experiment import make_experiment
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 GRID = '94x56'
+PHOTOGRAPHS = 18
+FAULTS = {13: 'truncated', 15: 'half_size', 16: 'black'}
+"""Photographs that cannot be used, counted from 0."""
 START_S = 60.0
 """Longest cold start of all nodes on a busy machine [s]."""
 
 
 @pytest.fixture(scope='module')
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An experiment of five minutes on the virtual rig, photographed every 30 s."""
+    """An experiment on the virtual rig, photographed every 30 s."""
     folder = tmp_path_factory.mktemp('session') / 'experiment'
     rig = load_rig(Path(__file__).parents[1] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
     rate = from_ml_h(500.0)
@@ -50,7 +53,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder,
         rig,
         commanded=schedule,
-        duration=300.0,
+        duration=30.0 * PHOTOGRAPHS,
         photo_interval=30.0,
         seed=11,
         photo_width_px=800,
@@ -74,39 +77,88 @@ def twin_beside(session: Path, *, evaluations: int = 12) -> list[NodeDescription
     return [*twin_nodes(settings), operator_node(settings, asset=True)]
 
 
-def test_a_camera_session_leads_to_setpoints(session: Path, tmp_path: Path, domain: int) -> None:
-    limits = Limits.of(load_rig(session))
-    nodes = [*twin_beside(session), mock_camera(session, period_s=2.0)]
-    with running_graph(nodes, tmp_path, domain) as graph:
-        setpoints = graph.wait_for_messages('wells/setpoint', 8, timeout=START_S + 60.0)
-        reports = graph.wait_for_messages('hub/cycle', 8, timeout=30.0)
-        states = graph.messages['asset/new_state']
-        stamps = {conversions.time_from_msg(state.header.stamp) for state in states}
-        for setpoint in setpoints:
-            assert conversions.time_from_msg(setpoint.header.stamp) in stamps
-            assert limits.violations(conversions.rates_from_msg(setpoint.wells)) == []
-            valid = conversions.time_from_msg(setpoint.valid_until)
-            assert valid == conversions.time_from_msg(setpoint.header.stamp) + 90.0
-        errors = [report.prediction_error for report in reports[2:]]
-        assert all(0.0 < error < 0.5 for error in errors), errors
-        assert 'setpoint 1' in graph.log('operator')
-        seen, _ = conversions.tracer_from_msg(states[-1].tracer)
-        assert np.nanmax(seen) > 0.5
-
-
-def test_every_unusable_photograph_costs_one_line(
+def test_a_camera_session_leads_to_setpoints_and_a_person_confirms_them(
     session: Path, tmp_path: Path, domain: int
 ) -> None:
-    camera = mock_camera(session, period_s=1.0, faults='2:truncated,4:half_size,5:black')
-    with running_graph([*twin_beside(session), camera], tmp_path, domain) as graph:
-        states = graph.wait_for_messages('asset/new_state', 6, timeout=START_S + 60.0)
-        stamps = [round(conversions.time_from_msg(state.header.stamp)) for state in states]
-        assert not {90, 150, 180} & set(stamps)
-        log = graph.log('imaging').splitlines()
-        for moment in ('90.000', '150.000', '180.000'):
-            lines = [line for line in log if moment in line and 'left out' in line]
-            assert len(lines) == 1, (moment, lines)
-        graph.wait_for_messages('hub/cycle', 5, timeout=30.0)
+    faults = ','.join(f'{number}:{fault}' for number, fault in FAULTS.items())
+    nodes = [*twin_beside(session), mock_camera(session, period_s=1.5, faults=faults)]
+    with running_graph(nodes, tmp_path, domain) as graph:
+        check_setpoints(graph, Limits.of(load_rig(session)))
+        check_confirmations(graph, Limits.of(load_rig(session)))
+        check_unusable_photographs(graph)
+
+
+def check_setpoints(graph: RunningGraph, limits: Limits) -> None:
+    """Check that setpoints keep the limits and follow from photographs."""
+    setpoints = graph.wait_for_messages('wells/setpoint', 6, timeout=START_S + 60.0)[:6]
+    reports = graph.wait_for_messages('hub/cycle', 6, timeout=30.0)
+    states = graph.messages['asset/new_state']
+    stamps = {conversions.time_from_msg(state.header.stamp) for state in states}
+    for setpoint in setpoints:
+        assert conversions.time_from_msg(setpoint.header.stamp) in stamps
+        assert limits.violations(conversions.rates_from_msg(setpoint.wells)) == []
+        valid = conversions.time_from_msg(setpoint.valid_until)
+        assert valid == conversions.time_from_msg(setpoint.header.stamp) + 90.0
+    errors = [report.prediction_error for report in reports[2:6]]
+    assert all(0.0 < error < 0.5 for error in errors), errors
+    assert 'setpoint 1' in graph.log('operator')
+    seen, _ = conversions.tracer_from_msg(states[-1].tracer)
+    assert np.nanmax(seen) > 0.5
+
+
+def check_confirmations(graph: RunningGraph, limits: Limits) -> None:
+    """Check that the hub takes the rates that a person confirms."""
+    client = graph.listener.node.create_client(ConfirmRates, 'operator/confirm')
+    assert client.wait_for_service(10.0)
+
+    def answer(request: ConfirmRates.Request) -> ConfirmRates.Response:
+        future = client.call_async(request)
+        graph.listener.wait_for('an answer of the operator', future.done, timeout=10.0)
+        return future.result()
+
+    newest = graph.messages['wells/setpoint'][-1].sequence
+    good = answer(ConfirmRates.Request(sequence=newest))
+    assert (good.outcome.code, good.outcome.message) == (0, '')
+    cycles = len(graph.messages['hub/cycle'])
+    other = conversions.rates_to_msg(limits.setpoint(from_ml_h(1.0) * np.full(3, 123.4)))
+
+    def predicted_again() -> bool:
+        return any(
+            remark.startswith('predicted again with the rates in force')
+            for report in graph.messages['hub/cycle'][cycles:]
+            for remark in report.remarks
+        )
+
+    # a confirmation that arrives during a cycle is superseded by the setpoint of that cycle
+    for _ in range(6):
+        newest = graph.messages['wells/setpoint'][-1].sequence
+        assert answer(ConfirmRates.Request(sequence=newest, wells=other)).outcome.message == ''
+        count = len(graph.messages['hub/cycle'])
+        graph.wait_for_messages('hub/cycle', count + 1, timeout=30.0)
+        if predicted_again():
+            break
+    assert predicted_again()
+    unknown = answer(ConfirmRates.Request(sequence=999))
+    assert 'setpoint 999 is not known' in unknown.outcome.message
+
+
+def check_unusable_photographs(graph: RunningGraph) -> None:
+    """Check that every photograph that cannot be used costs one line, and the twin goes on."""
+    states = graph.wait_for_messages('asset/new_state', PHOTOGRAPHS - len(FAULTS), timeout=60.0)
+    broken = {30 * (number + 1) for number in FAULTS}
+    stamps = [round(conversions.time_from_msg(state.header.stamp)) for state in states]
+    assert not broken & set(stamps)
+    log = graph.log('imaging').splitlines()
+    for moment in broken:
+        lines = [line for line in log if f'{moment}.000' in line and 'left out' in line]
+        assert len(lines) == 1, (moment, lines)
+    last = 30 * PHOTOGRAPHS
+
+    def reported() -> bool:
+        reports = graph.messages['hub/cycle']
+        return any(round(conversions.time_from_msg(r.header.stamp)) == last for r in reports)
+
+    graph.listener.wait_for('the report on the last photograph', reported, timeout=30.0)
 
 
 def test_the_hub_uses_a_restarted_solver(session: Path, tmp_path: Path, domain: int) -> None:
@@ -140,46 +192,6 @@ def test_an_unknown_well_in_rig_yaml_is_named_at_once(
         )
         for name, line in graph.processes.failed.items():
             assert "unknown well 'control9'" in line, name
-
-
-def test_the_operator_confirms_the_rates_that_were_set(
-    session: Path, tmp_path: Path, domain: int
-) -> None:
-    nodes = [*twin_beside(session), mock_camera(session, period_s=2.0)]
-    with running_graph(nodes, tmp_path, domain) as graph:
-        setpoint = graph.wait_for_messages('wells/setpoint', 1, timeout=START_S + 60.0)[0]
-        client = graph.listener.node.create_client(ConfirmRates, 'operator/confirm')
-        assert client.wait_for_service(10.0)
-
-        def answer(request: ConfirmRates.Request) -> ConfirmRates.Response:
-            future = client.call_async(request)
-            graph.listener.wait_for('an answer of the operator', future.done, timeout=10.0)
-            return future.result()
-
-        good = answer(ConfirmRates.Request(sequence=setpoint.sequence))
-        assert (good.outcome.code, good.outcome.message) == (0, '')
-        cycles = len(graph.messages['hub/cycle'])
-        limits = Limits.of(load_rig(session))
-        other = conversions.rates_to_msg(limits.setpoint(from_ml_h(1.0) * np.full(3, 123.4)))
-
-        def predicted_again() -> bool:
-            return any(
-                remark.startswith('predicted again with the rates in force')
-                for report in graph.messages['hub/cycle'][cycles:]
-                for remark in report.remarks
-            )
-
-        # a confirmation that arrives during a cycle is superseded by the setpoint of that cycle
-        for _ in range(4):
-            newest = graph.messages['wells/setpoint'][-1].sequence
-            assert answer(ConfirmRates.Request(sequence=newest, wells=other)).outcome.message == ''
-            count = len(graph.messages['hub/cycle'])
-            graph.wait_for_messages('hub/cycle', count + 1, timeout=30.0)
-            if predicted_again():
-                break
-        assert predicted_again()
-        unknown = answer(ConfirmRates.Request(sequence=999))
-        assert 'setpoint 999 is not known' in unknown.outcome.message
 
 
 def test_real_photographs_become_maps_predictions_and_setpoints(

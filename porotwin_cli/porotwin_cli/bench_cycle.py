@@ -8,10 +8,11 @@ import numpy as np
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
 from porotwin_hub.controller import Controller
+from porotwin_hub.cycle import Observation
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation, Twin
+from porotwin_hub.twin import Twin
 from porotwin_solver.model import Model
 
 PHOTO_INTERVAL_S = 30.0

@@ -5,21 +5,16 @@ where it stopped. All figures follow from the seed, except the wall-clock times.
 """
 
 import json
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from porotwin_cli import bench_loop_table
+from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import RUNS, TWINS, LoopFigures, run_closed, run_free, run_optimum
 from porotwin_cli.bench_loop_scenarios import LoopScenario, draw_scenario
-from porotwin_cli.terminal import duration_in_words, progress, say
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 
@@ -28,6 +23,10 @@ SETTINGS = 'settings.json'
 
 SECONDS_PER_RUN = 75.0
 """One run of a scenario on one core, the mean over all kinds of runs [s]."""
+
+
+RUN_BYTES = 8e8
+"""Memory of one run [B]."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +63,7 @@ def run(
     scenarios: int = 20,
     seed: int = 1,
     workers: int | None = None,
+    scheduler: str = '',
     output: Path | None = None,
     photographs: bool = True,
     settings: LoopSettings | None = None,
@@ -75,7 +75,8 @@ def run(
     Args:
         scenarios: number of scenarios.
         seed: of the scenarios.
-        workers: runs at a time; None: the number of cores.
+        workers: runs at a time; None: one per core, as far as the memory holds.
+        scheduler: address of a Dask scheduler that does the runs instead of this machine.
         output: folder of the runs; one with runs of the same settings is continued.
         photographs: whether the twin sees photographs, or maps with noise.
         settings: how exactly the bench looks; None: the defaults.
@@ -84,16 +85,23 @@ def run(
 
     Raises:
         InputError: the folder holds another bench, or a camera could not be calibrated.
+        SchedulerLost: the scheduler went away; the same call goes on.
     """
     settings = settings or LoopSettings(photographs=photographs)
     chosen = list(drawn) or [draw_scenario(number, seed) for number in range(scenarios)]
-    folder = _folder(output, {'seed': seed, **asdict(settings)})
+    folder = _folder(output and output.resolve(), {'seed': seed, **asdict(settings)})
     jobs = [
         LoopJob(scenario, name, settings, folder / f'{scenario.name}_{name}.json')
         for scenario in chosen
         for name in runs
     ]
-    _work([job for job in jobs if not job.file.exists()], workers or os.cpu_count() or 1)
+    do_jobs(
+        jobs,
+        task_bytes=RUN_BYTES,
+        seconds_per_job=SECONDS_PER_RUN,
+        workers=workers,
+        scheduler=scheduler,
+    )
     figures = {
         scenario.name: {
             job.run: LoopFigures(**json.loads(job.file.read_text(encoding='utf-8')))
@@ -121,31 +129,6 @@ def _folder(output: Path | None, content: dict[str, Any]) -> Path:
     folder = run_folder(output, 'bench-loop')
     (folder / SETTINGS).write_text(text, encoding='utf-8')
     return folder
-
-
-def _work(jobs: Sequence[LoopJob], workers: int) -> None:
-    """Do all jobs in `workers` processes; the long ones are begun first."""
-    if not jobs:
-        return
-    say(
-        f'{len(jobs)} runs in {workers} processes, about '
-        f'{duration_in_words(SECONDS_PER_RUN * len(jobs) / workers)}; '
-        f'files in {jobs[0].file.parent}'
-    )
-    pool = ProcessPoolExecutor(workers, mp_context=get_context('spawn'), initializer=_one_thread)
-    with progress() as bar:
-        task = bar.add_task('runs', total=len(jobs))
-        try:
-            for done in as_completed([pool.submit(job.work) for job in jobs]):
-                done.result()
-                bar.advance(task)
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _one_thread() -> None:
-    """Keep a process to its core: the processes share the machine."""
-    cv2.setNumThreads(1)
 
 
 show = bench_loop_table.show

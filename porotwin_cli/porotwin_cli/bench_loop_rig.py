@@ -8,10 +8,11 @@ import numpy as np
 from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.units import ML
 from porotwin_core.wells import Schedule, WellRate, WellRates, mean_rates
+from porotwin_hub.cycle import Observation
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation
 from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.photo_to_map import concentration_map
@@ -20,9 +21,6 @@ from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
-
-ML = 1e6
-"""Millilitres in a cubic metre."""
 
 CALIBRATION_S = 2400.0
 CALIBRATION_PHOTOS = 8

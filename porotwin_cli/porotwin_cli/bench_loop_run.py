@@ -4,6 +4,7 @@ import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from porotwin_core.state_filter import StateFilter
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_guard.guard import Guard, SetpointRequest
 from porotwin_hub.controller import Controller
-from porotwin_hub.forecast import no_correction
+from porotwin_hub.forecast import PhysicsModel, no_correction
 from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.plan_controller import PlanModel, plan_controller
 from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
@@ -96,16 +97,28 @@ def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
     return _constant_rates(scenario, settings, CONSTANT_HORIZON_S)
 
 
-def planning_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
+class LoopModels(PlanModel, Protocol):
+    """The models of a loop: of plans, and `own` of one interval."""
+
+    @property
+    def own(self) -> PhysicsModel:
+        """The model of one interval."""
+        ...
+
+
+def planning_twin(
+    scenario: LoopScenario, settings: LoopSettings, models: LoopModels | None = None
+) -> Twin:
     """Return the loop of this program, as the hub makes it.
 
     It plans over the rest of the experiment, filters the state and learns the rates of the pumps.
 
-    The end of the experiment is known, as a laboratory knows it.
+    The end of the experiment is known, as a laboratory knows it. `models` replace those of the
+    scenario's rig.
     """
     grid = settings.grid(scenario)
     rig = with_end(scenario)
-    models = GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
+    models = models or GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
     pores = rig.cell_pore_volume(grid)
     return Twin(
         models.own,

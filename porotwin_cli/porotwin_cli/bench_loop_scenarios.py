@@ -26,9 +26,9 @@ from porotwin_core.rig import (
     Rig,
     Well,
 )
+from porotwin_core.zone_shapes import PolygonZone
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.zones import distance_to_zone
 from porotwin_rig.effects import EFFECTS as RIG_EFFECTS
 from porotwin_solver.model import Model
 from porotwin_validation.blind_effects import LIBRARY, OUTSIDE, drawn
@@ -342,7 +342,7 @@ def _apart(places: dict[str, Point], zone: Polygon, *, within: bool) -> bool:
     injector = points[:1]
     if within:
         return bool(gaps.min() >= WELL_CLEARANCE_M and inside(injector, outline)[0])
-    clear = distance_to_zone(injector, outline)[0] >= ZONE_CLEARANCE_M
+    clear = PolygonZone(outline).distance(injector)[0] >= ZONE_CLEARANCE_M
     return bool(gaps.min() >= WELL_CLEARANCE_M and clear)
 
 

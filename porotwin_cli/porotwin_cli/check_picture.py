@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from porotwin_cli.rig_check import CheckedRig
+from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
@@ -33,8 +34,6 @@ SHADES = (0.10, 0.65)
 """Part of the colours that is used."""
 
 ZONE, OPEN, CHART = '#b03a2e', '#2471a3', '#1e8449'
-ZONES = {'keep out': (ZONE, '//'), 'keep in': (CHART, None), 'target': (OPEN, '..')}
-"""Colour and hatching of a zone by what it is for."""
 ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
 CORNERS = ('upper left', 'lower left', 'lower right', 'upper right')
 LABEL_BOX = {'facecolor': 'white', 'alpha': 0.7, 'lw': 0, 'pad': 1}
@@ -94,10 +93,7 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
     handles = _sand_handles(rig, low, span)
     _draw_depth(axis, rig)
     _draw_sides(axis, rig)
-    for kind, zone in control_zones(rig):
-        colour, hatch = ZONES[kind]
-        axis.fill(*zone.T, facecolor='none', edgecolor=colour, hatch=hatch, lw=0, alpha=0.6)
-        axis.plot(*np.vstack([zone, zone[:1]]).T, color=colour, lw=1.2)
+    draw_zones(axis, rig)
     for name, well in rig.wells.items():
         role = _role(rig, name)
         axis.add_patch(Circle((well.x_m, well.z_m), well.radius_m, color=ROLES[role]))
@@ -140,7 +136,7 @@ def _role_handles(rig: Rig) -> list[Line2D]:
         for role in roles
     ]
     handles += [
-        Line2D([], [], color=ZONES[kind][0], label=f'zone: {kind}')
+        Line2D([], [], color=ZONE_STYLES[kind][0], label=f'zone: {kind}')
         for kind in dict.fromkeys(zone.kind for zone in control_zones(rig))
     ]
     handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
@@ -221,8 +217,8 @@ def _draw_photograph(axis: Axes, checked: CheckedRig) -> None:
         axis.plot(*place, 'o', mfc='none', mec=ROLES[_role(rig, name)], ms=11, mew=2)
         axis.annotate(name, place, (8, 6), textcoords='offset points', fontsize=8, bbox=LABEL_BOX)
     for kind, zone in control_zones(rig):
-        outline = np.vstack([zone, zone[:1]])
-        line = geometry.to_pixels(outline[:, 0], outline[:, 1])
-        axis.plot(*line, color=ZONES[kind][0], lw=1.2)
+        for outline in zone.outlines:
+            line = geometry.to_pixels(outline[:, 0], outline[:, 1])
+            axis.plot(*line, color=ZONE_STYLES[kind][0], lw=1.2)
     axis.set(xlabel='column [px]', ylabel='row [px]')
     axis.set_title('the rig in the first baseline photograph')

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 import numpy as np
 
 from porotwin_cli.graph_watch import GraphWatch
+from porotwin_cli.hidden_effect import as_text
+from porotwin_cli.live_mend import MendDesk, accept_all
+from porotwin_cli.mended_loop import mended_figures
 from porotwin_cli.page_told import tell_page
 from porotwin_cli.rehearsal import calibration_run, train_costa
 from porotwin_cli.run_account import TrueTracer, read_account, summary
@@ -16,11 +20,12 @@ from porotwin_cli.run_pictures import course_picture, plume_picture
 from porotwin_cli.terminal import WorkFailed, print_table, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import Rig, load_rig, write_rig
+from porotwin_core.rig import EffectDescription, Rig, load_rig, write_rig
 from porotwin_core.ros_environment import claim_domain
 from porotwin_hub.graph import (
     GraphSettings,
     NodeDescription,
+    Parameters,
     operator_node,
     page_node,
     supervised,
@@ -53,6 +58,23 @@ TRAINING_S = 50.0
 
 SECONDS_PER_PHOTOGRAPH = 1.2
 """One photograph, its map, setpoint and forecast on two cores [s]."""
+
+MENDED_GRID = '94x56'
+"""Columns and rows of the maps where an effect is hidden: cells of 1 cm, so that a diagnosis takes
+a minute."""
+
+DEMO_CONFIDENCE = 0.7
+"""Least confidence of a verdict that the demo accepts [-]: 40 min of photographs seldom make it
+surer, and the shadow forecast protects the twin."""
+
+DIAGNOSIS_MINUTES = 10.0
+"""Time between two diagnoses [min]: half as long as beside a rig, because the demo is short."""
+
+MENDING_S = 200.0
+"""A diagnosis or two, and the runs beside the mended one, on two cores [s]."""
+
+LONGEST_DIAGNOSIS_S = 300.0
+"""Longest time that the virtual rig waits for a diagnosis [s]."""
 
 POLL_S = 0.5
 """Time between two looks at the nodes [s]."""
@@ -88,6 +110,7 @@ class DemoSettings:
     """The options of `./porotwin demo`.
 
     `minutes` is the time under control [min]; `page` the HOST:PORT of the page, empty: no page.
+    `hidden` is an effect of the rig that the twin is not told, and finds; None: it looks for none.
     """
 
     minutes: float
@@ -97,6 +120,7 @@ class DemoSettings:
     preset: str
     photo_width: int
     page: str
+    hidden: EffectDescription | None = None
 
     @property
     def start_minute(self) -> float:
@@ -131,7 +155,8 @@ class DemoSettings:
         loop = self.photographs * SECONDS_PER_PHOTOGRAPH
         if pace is not None:
             loop = max(loop, self.minutes * 60.0 / pace)
-        return PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop
+        mended = MENDING_S if self.hidden is not None else 0.0
+        return PREPARATION_S + (TRAINING_S if self.costa else 0.0) + loop + mended
 
 
 def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
@@ -149,7 +174,10 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         record=folder / 'bag',
         page=settled(settings.page) if settings.page else '',
         page_token=folder / 'page_token' if settings.page else None,
-        siblings=bool(settings.page),
+        siblings=bool(settings.page) and settings.hidden is None,
+        grid=MENDED_GRID if settings.hidden is not None else '',
+        diagnoses=folder / 'diagnoses' if settings.hidden is not None else None,
+        mend='ask' if settings.hidden is not None else 'off',
         use_sim_time=True,
     )
     page_nodes = _page_from_the_start(graph)
@@ -161,6 +189,8 @@ def run_demo(settings: DemoSettings, folder: Path) -> dict[str, Any]:
         for why in page.failed.values():
             say(f'the page did not run: {why}')
     figures = _account(load_rig(rig_file), folder)
+    if settings.hidden is not None:
+        figures |= mended_figures(load_rig(rig_file), folder, settings.hidden, settings.preset)
     return {**figures, 'duration_s': time.monotonic() - started}
 
 
@@ -206,11 +236,19 @@ def _prepare_camera_and_model(
 
 def _virtual_rig(graph: GraphSettings, folder: Path, settings: DemoSettings) -> NodeDescription:
     """Return the node that stands for the physical asset."""
+    hidden: Parameters = {}
+    if settings.hidden is not None:
+        hidden = {
+            'effects': as_text(settings.hidden),
+            'wait_for_mend': True,
+            'lock_step_timeout_s': LONGEST_DIAGNOSIS_S,
+        }
     return NodeDescription(
         'virtual_rig',
         'porotwin_rig',
         'virtual_rig_node',
         {
+            **hidden,
             'rig': str(graph.rig),
             'photo_interval_s': graph.photo_interval_s,
             'start_s': settings.start_minute * 60.0,
@@ -219,6 +257,7 @@ def _virtual_rig(graph: GraphSettings, folder: Path, settings: DemoSettings) -> 
             'speed': settings.speed,
             'photo_width_px': settings.photo_width,
             'truth': str(folder / 'truth.nc'),
+            **({'grid': graph.grid} if graph.grid else {}),
         },
     )
 
@@ -231,7 +270,7 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
     """
     nodes = supervised(
         [
-            *twin_nodes(replace(graph, page='')),  # the page runs already
+            *map(_in_lock_step, twin_nodes(replace(graph, page=''))),  # the page runs already
             operator_node(graph, asset=False),
             _virtual_rig(graph, folder, settings),
         ]
@@ -247,20 +286,40 @@ def _run_loop(graph: GraphSettings, folder: Path, settings: DemoSettings) -> Non
             if bar.finished:
                 reported.set()
 
-        with GraphWatch(on_cycle) as watch, GraphProcesses(nodes, folder, say=say) as processes:
+        operator = MendDesk(accept_all) if settings.hidden is not None else nullcontext()
+        patience = STALL_S if settings.hidden is None else LONGEST_DIAGNOSIS_S
+        with (
+            operator,
+            GraphWatch(on_cycle) as watch,
+            GraphProcesses(nodes, folder, say=say, show=('mend',)) as processes,
+        ):
             while not watch.finished.wait(POLL_S):
-                _check(processes, newest[0], folder)
+                _check(processes, time.monotonic() - newest[0], patience, folder)
             reported.wait(LAST_REPORT_S)  # it follows the setpoint that ends the experiment
             time.sleep(LAST_WRITE_S)
 
 
-def _check(processes: GraphProcesses, newest: float, folder: Path) -> None:
-    """Raise WorkFailed if a node gave up, or if no cycle came for long."""
+def _in_lock_step(node: NodeDescription) -> NodeDescription:
+    """Return a node of the twin that lets the virtual rig wait for a diagnosis."""
+    more: dict[str, Parameters] = {
+        'mend': {
+            'lockstep': True,
+            'longest_s': LONGEST_DIAGNOSIS_S,
+            'every_min': DIAGNOSIS_MINUTES,
+            'least_confidence': DEMO_CONFIDENCE,
+        },
+        'diagnosis': {'workers': 2},  # the rig waits, so that both cores are free
+    }
+    return replace(node, parameters={**node.parameters, **more.get(node.name, {})})
+
+
+def _check(processes: GraphProcesses, silence: float, patience: float, folder: Path) -> None:
+    """Raise WorkFailed if a node gave up, or after `silence` [s] without a cycle."""
     refusal = processes.refusal(optional=('supervisor',))
     if refusal is not None:
         raise WorkFailed(refusal)
-    if time.monotonic() - newest > STALL_S:
-        raise WorkFailed(f'no cycle for {STALL_S:g} s; see {folder / "log"}')
+    if silence > patience:
+        raise WorkFailed(f'no cycle for {patience:g} s; see {folder / "log"}')
 
 
 def _free_run(rig: Rig, times: FloatArray, grid: Grid) -> FloatArray:
@@ -304,6 +363,11 @@ def show_figures(figures: dict[str, Any], folder: Path) -> None:
             'prediction of the next photograph, relative error',
             f'{figures["corrected_error"]:.4f}',
             f'{figures["prediction_error"]:.4f} without COSTA',
+        ),
+        (
+            'the same error, as the deviations of maps and forecasts let expect',
+            f'{figures["expected_error"]:.4f}',
+            'within' if figures['corrected_error'] <= figures['expected_error'] else 'above',
         ),
         ('photograph to map, relative error', f'{figures["image_error"]:.4f}', 'against the truth'),
         (

@@ -6,16 +6,20 @@ from pathlib import Path
 import numpy as np
 
 from porotwin_cli.terminal import progress
-from porotwin_core.grid import Grid, conservative_resample
+from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
-from porotwin_costa.frames import Frames
+from porotwin_costa.frames import Frames, resampled
 from porotwin_costa.networks import Architecture
+from porotwin_costa.rollout_training import CURRICULUM, Stage
+from porotwin_costa.run_training import Experiments, train_from_runs
 from porotwin_costa.training import TrainingProgress, train
 from porotwin_recording.recording import Recording, open_recording
-from porotwin_solver.model import Model
+from porotwin_solver.effects import parse_effect
+from porotwin_solver.learnt_coefficients import LearntModels
 
 
 def source_name(recording: Recording) -> str:
@@ -25,12 +29,16 @@ def source_name(recording: Recording) -> str:
 
 def frames_of(recording: Recording, grid: Grid) -> Frames:
     """Return the maps of a recording on `grid`, with the measured rates or else the commanded."""
-    maps = [conservative_resample(values, grid.shape) for values in recording.maps or ()]
-    return Frames(
-        times=np.asarray(recording.times),
-        concentration=np.array(maps),
-        schedule=recording.delivered,
-        name=source_name(recording),
+    maps = recording.maps
+    return resampled(
+        Frames(
+            times=np.asarray(recording.times),
+            concentration=recording.concentration,
+            schedule=recording.delivered,
+            deviation=None if maps is None or maps.deviation is None else maps.deviation[:],
+            name=source_name(recording),
+        ),
+        grid,
     )
 
 
@@ -58,7 +66,7 @@ def dataset_of(
     Raises:
         InputError: no pair of frames is `time_step` apart.
     """
-    model = Model(rig, grid, preset=preset)
+    model = LearntModels(rig, grid, preset).model(LearntPhysics())
     total = sum(len(frames.times) - 1 for frames in experiments)
     with progress() as bar:
         task = bar.add_task('training pairs', total=total)
@@ -72,6 +80,54 @@ def dataset_of(
             preset=preset,
             progress=lambda count: bar.update(task, completed=count),
         )
+
+
+def train_on_runs(
+    experiments: Sequence[Frames],
+    rig: Rig,
+    *,
+    grid: Grid,
+    time_step: float,
+    preset: str,
+    architecture: Architecture,
+    epochs: int = 0,
+    seed: int,
+    workers: int = 1,
+    curriculum: Sequence[Stage] = CURRICULUM,
+) -> CorrectiveModel:
+    """Return a model trained on single steps and through free runs, with a progress display.
+
+    `dataset_of` and `train_from_runs` explain the arguments.
+
+    Raises:
+        InputError: too few maps, or the model cannot run.
+    """
+    data = Experiments(
+        rig, grid, experiments, time_step, preset, lambda on: LearntModels(rig, on, preset)
+    )
+    with progress() as bar:
+        task = bar.add_task('training COSTA', total=None)
+        return train_from_runs(
+            data,
+            architecture,
+            seed=seed,
+            epochs=epochs,
+            workers=workers,
+            curriculum=curriculum,
+            progress=lambda state: bar.update(
+                task, total=state.epochs, completed=state.epoch, description='training the network'
+            ),
+            say=bar.console.print,
+        )
+
+
+def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:
+    """Return `rig` with further effects, each written as `NAME:PARAM=VALUE,PARAM=VALUE`.
+
+    Raises:
+        InputError: an unknown effect or parameter.
+    """
+    return rig.with_effects([parse_effect(text) for text in effects])
 
 
 def train_with_progress(

@@ -24,6 +24,7 @@ from porotwin_cli.graph_watch import GraphWatch
 from porotwin_cli.terminal import WorkFailed, progress, say
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig, write_rig
+from porotwin_core.units import HOUR_S
 from porotwin_hub.graph import GraphSettings, NodeDescription, operator_node, twin_nodes
 from porotwin_hub.processes import GraphProcesses
 from porotwin_rig.camera import camera_before
@@ -58,7 +59,6 @@ MOST_GROWTH = 0.01
 NO_SETPOINT = ('no setpoint', 'not taken')
 """Words of the hub's remarks where no setpoint reached the pumps."""
 
-HOUR_S = 3600.0
 MEGABYTE = 1e6
 
 

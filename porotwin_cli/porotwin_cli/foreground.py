@@ -10,24 +10,40 @@ import yaml
 
 from porotwin_cli.terminal import WorkFailed
 from porotwin_core.parent import PARENT, WRONG_PARAMETERS
-from porotwin_core.ros_environment import prepare_environment
+from porotwin_core.ros_environment import enter_domain, namespace_of, prepare_environment
 from porotwin_hub.graph import NAMESPACE, Parameter
 
 
-def run_node(module: str, name: str, parameters: dict[str, Parameter]) -> None:
+def run_node(
+    module: str,
+    name: str,
+    parameters: dict[str, Parameter],
+    *,
+    namespace: str = NAMESPACE,
+    domain: int | None = None,
+) -> None:
     """Run a node until it ends or Ctrl-C reaches it.
 
+    Args:
+        module: the module that runs it.
+        name: its name.
+        parameters: its parameters.
+        namespace: its namespace.
+        domain: its DDS domain; None: the one of the environment.
+
     Raises:
-        InputError: a variable of ROS is wrong.
+        InputError: a variable of ROS, the namespace or the domain is wrong.
         WorkFailed: the node ended with an error, which it has printed.
         SystemExit: with status 2, because a parameter is wrong; the node has printed which.
     """
+    enter_domain(domain)
     prepare_environment()
+    namespace = namespace_of(namespace)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f'{name}.yaml')
         file.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', str(file)]
-        command += ['-r', f'__ns:={NAMESPACE}', '-r', f'__node:={name}']
+        command += ['-r', f'__ns:={namespace}', '-r', f'__node:={name}']
         process = subprocess.Popen(command, env={**os.environ, PARENT: str(os.getpid())})
         while True:
             try:

@@ -35,12 +35,15 @@ class Server(Protocol):
         ...
 
 
-def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) -> Any:
+def diagnose_run_so_far(
+    output: Path, progress: Callable[[str, float], None], *, namespace: str = NAMESPACE
+) -> Any:
     """Return the result of the action `diagnosis/diagnose` on the run so far.
 
     Args:
         output: folder for the report.
         progress: called with the stage and the share that is done, 0 to 1.
+        namespace: namespace of the graph.
 
     Raises:
         InputError: the run so far cannot be diagnosed.
@@ -50,7 +53,7 @@ def diagnose_run_so_far(output: Path, progress: Callable[[str, float], None]) ->
     prepare_environment()
     context = rclpy.Context()
     rclpy.init(context=context)
-    node = rclpy.create_node('diagnose', namespace=NAMESPACE, context=context)
+    node = rclpy.create_node('diagnose', namespace=namespace, context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     threading.Thread(target=_spin, args=(executor,), daemon=True).start()

@@ -18,7 +18,7 @@ from porotwin_imaging.calibration import load_calibration
 from porotwin_page.address import listen
 from porotwin_solver.model import preset_named
 
-OPTIONAL = ('costa', 'trainer', 'diagnosis', 'page', 'supervisor')
+OPTIONAL = ('costa', 'trainer', 'diagnosis', 'mend', 'page', 'supervisor')
 """Nodes without which the twin goes on: it predicts, controls and records all the same."""
 
 SHOWN = ('operator', 'supervisor')
@@ -70,14 +70,16 @@ def run_until_stopped(settings: GraphSettings, folder: Path) -> None:
     """
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())  # the graph uses it for SIGTERM as well
-    source = settings.photos or settings.camera or './porotwin replay'
+    elsewhere = 'another machine' if settings.nodes else './porotwin replay'
+    source = settings.photos or settings.camera or elsewhere
     say(f'twin of {settings.rig}, photographs from {source}')
     if settings.calibration is None:
         say('no --calibration: the concentrations are on a default scale')
     if settings.photos or settings.camera:
         say(FIRST_PHOTOGRAPH)
     tell_page(settings.page, settings.page_token)
-    say(f'recording into {settings.record}, logs in {folder / "log"}; stop with Ctrl-C')
+    recording = f'recording into {settings.record}, ' if settings.record else ''
+    say(f'{recording}logs in {folder / "log"}; stop with Ctrl-C')
     with GraphProcesses(live_graph(settings), folder, say=say, show=SHOWN) as graph:
         while not stop.wait(POLL_S):
             refusal = graph.refusal(OPTIONAL)

@@ -5,7 +5,7 @@ section 3.1: tracer injected into different wells). Their photographs are taken 
 experiment to come.
 """
 
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import numpy as np
 from porotwin_cli.costa_data import dataset_of, source_name, train_with_progress
 from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid
+from porotwin_core.parallel import crew
 from porotwin_core.rig import Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
@@ -139,7 +140,7 @@ class TrainingRun:
 
 def training_frames(runs: list[TrainingRun], folder: Path) -> list[Frames]:
     """Return the maps of all training experiments; one core works on each of them."""
-    with ProcessPoolExecutor() as pool, progress() as bar:
+    with crew() as pool, progress() as bar:
         made = [
             pool.submit(run.frames, folder / f'training_run_{number}')
             for number, run in enumerate(runs, 1)

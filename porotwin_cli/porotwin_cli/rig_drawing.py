@@ -1,7 +1,7 @@
-"""Drawings of a rig: its map of tracer, its wells and its disallowed zone."""
+"""Drawings of a rig: its map of tracer, its wells and the zones of its objective."""
 
+import pathlib
 from collections.abc import Sequence
-from pathlib import Path
 
 import matplotlib as mpl
 
@@ -12,8 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
+from porotwin_core.control_zones import ZoneKind, control_zones
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
@@ -30,6 +33,13 @@ INTERFACE_CELLS = (240, 160)
 SAME_SAND = 0.05
 """Difference of log10 of the permeability below which two values count as one sand."""
 
+ZONE_STYLES: dict[ZoneKind, tuple[str, str | None]] = {
+    'keep out': ('#b03a2e', '//'),
+    'keep in': ('#1e8449', None),
+    'target': ('#2471a3', '..'),
+}
+"""Colour and hatching of a zone by what it is for."""
+
 UNSEEN = '#b8b8b8'
 """Colour of cells without a value."""
 
@@ -44,16 +54,13 @@ MOST_MAPS = 6
 
 
 def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
-    """Draw a map (nz, nx) [-] on `axis`, with the wells and the disallowed zone of `rig`."""
+    """Draw a map (nz, nx) [-] on `axis`, with the wells and the zones of `rig`."""
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
     axis.set_facecolor(UNSEEN)
     axis.imshow(
         concentration, origin='lower', extent=extent, cmap=SAND_TO_TRACER, vmin=0.0, vmax=1.0
     )
-    if rig.control is not None and rig.control.disallowed_zone_m:
-        zone = np.array([*rig.control.disallowed_zone_m, rig.control.disallowed_zone_m[0]])
-        axis.fill(zone[:, 0], zone[:, 1], facecolor='none', edgecolor='#b03a2e', hatch='//', lw=0)
-        axis.plot(zone[:, 0], zone[:, 1], color='#b03a2e', lw=1.2)
+    draw_zones(axis, rig)
     for name, well in rig.wells.items():
         axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=5)
         axis.annotate(
@@ -69,6 +76,17 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
     axis.set_ylim(0.0, rig.height_m)
     axis.set_xlabel('x [m]')
     axis.set_ylabel('z [m]')
+
+
+def draw_zones(axis: Axes, rig: Rig) -> None:
+    """Draw the zones of the objective of `rig` on `axis`, in metres."""
+    for kind, zone in control_zones(rig):
+        colour, hatch = ZONE_STYLES[kind]
+        path = Path.make_compound_path(*(Path(outline) for outline in zone.outlines))
+        hatched = PathPatch(path, facecolor='none', edgecolor=colour, hatch=hatch, lw=0, alpha=0.6)
+        axis.add_patch(hatched)
+        for outline in zone.outlines:
+            axis.plot(*outline.T, color=colour, lw=1.2)
 
 
 def _draw_interfaces(axis: Axes, rig: Rig) -> None:
@@ -87,7 +105,7 @@ def _draw_interfaces(axis: Axes, rig: Rig) -> None:
         )
 
 
-def picture_beside(output: Path) -> Path:
+def picture_beside(output: pathlib.Path) -> pathlib.Path:
     """Return the path of the picture that belongs to the file `output`.
 
     Raises:
@@ -104,7 +122,7 @@ def chosen_maps(count: int) -> list[int]:
 
 
 def sheet_of_maps(
-    path: Path, rig: Rig, times: Sequence[float], maps: Sequence[FloatArray], title: str
+    path: pathlib.Path, rig: Rig, times: Sequence[float], maps: Sequence[FloatArray], title: str
 ) -> None:
     """Draw maps (nz, nx) [-] of the given times [s] side by side, under a title."""
     columns = min(3, len(maps))

@@ -1,6 +1,8 @@
 """The figures of a closed-loop run: read from its bag, compared with the truth of the rig."""
 
-from collections.abc import Callable
+import math
+import statistics
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,14 +13,11 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, relative_error
 from porotwin_core.rig import Rig
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import ML, to_ml_h
 from porotwin_hub.graph import NAMESPACE
 from porotwin_hub.objective_registry import make_objective
 from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.concentration import ConcentrationMaps
-
-ML = 1e6
-"""Millilitres in a cubic metre."""
 
 
 @dataclass
@@ -34,6 +33,7 @@ class RunAccount:
     times: list[float] = field(default_factory=list)
     prediction_error: list[float] = field(default_factory=list)
     corrected_error: list[float] = field(default_factory=list)
+    expected_error: list[float] = field(default_factory=list)
     corrected: list[bool] = field(default_factory=list)
     optimise_s: list[float] = field(default_factory=list)
     cycle_s: list[float] = field(default_factory=list)
@@ -47,6 +47,7 @@ class RunAccount:
         self.times.append(time)
         self.prediction_error.append(message.prediction_error)
         self.corrected_error.append(message.corrected_error)
+        self.expected_error.append(getattr(message, 'expected_error', math.nan))
         self.corrected.append(message.corrected)
         self.optimise_s.append(message.optimise_duration)
         self.cycle_s.append(message.cycle_duration)
@@ -147,6 +148,7 @@ def summary(
         'image_error': float(np.nanmedian(image_errors)) if image_errors else float('nan'),
         'prediction_error': float(np.median(plain)),
         'corrected_error': float(np.median(corrected)),
+        'expected_error': _median(account.expected_error),
         'corrections': int(np.sum(account.corrected)),
         'cycle_median_s': float(np.median(account.cycle_s)),
         'cycle_longest_s': float(np.max(account.cycle_s)),
@@ -157,3 +159,9 @@ def summary(
 def _dose(times: FloatArray, volumes: FloatArray) -> float:
     """Return the integral over time of the tracer in the zone [ml min]."""
     return float(np.trapezoid(volumes * ML, times / 60.0))
+
+
+def _median(values: Sequence[float]) -> float:
+    """Return the median of the finite `values`, NaN without any."""
+    finite = [value for value in values if math.isfinite(value)]
+    return statistics.median(finite) if finite else math.nan

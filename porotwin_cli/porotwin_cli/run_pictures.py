@@ -10,8 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.run_account import ML, RunAccount, TrueTracer
+from porotwin_cli.run_account import RunAccount, TrueTracer
 from porotwin_core.rig import Rig
+from porotwin_core.units import ML
 
 DASHES = ('-', (0, (5, 3)), (0, (2, 2)), (2, (5, 5)), (3, (1, 3)))
 """Line styles of the wells."""
@@ -61,6 +62,9 @@ def course_picture(
     axes[2].semilogy(minutes, account.prediction_error, label='physics-based model')
     if any(account.corrected):
         axes[2].semilogy(minutes, account.corrected_error, label='with COSTA')
+    axes[2].semilogy(
+        minutes, account.expected_error, ':', color='grey', label='expected by the deviations'
+    )
     axes[2].set_ylabel('relative error of the\nprediction for this photo')
     axes[3].plot(minutes, account.cycle_s, label='state to setpoint')
     axes[3].set_ylabel('wall-clock time [s]')

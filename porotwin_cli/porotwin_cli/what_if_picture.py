@@ -11,9 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.run_account import ML
 from porotwin_cli.what_if_study import NO_ZONE, WhatIfStudy
-from porotwin_siblings.siblings import Outlook
+from porotwin_core.units import ML
+from porotwin_siblings.outlook import Outlook
+from porotwin_siblings.zone_measure import ZoneMeasure
 from porotwin_solver.quantities import PLUME_THRESHOLD
 
 PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
@@ -25,16 +26,18 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
     zone, reached, *maps = figure.subplot_mosaic([['z', 'r'], ['a', 'b']]).values()
     plans = (('present', study.present, PRESENT), ('proposed', study.proposed, PROPOSED))
+    # the noise of a photograph adds up to a millilitre over the zone; the estimate is free of it
+    estimated = ZoneMeasure.of(study.rig, study.map_grid).tracer(study.state)
     for name, outlook, colour in plans:
         minutes = (study.start + np.array([0.0, *outlook.times])) / 60.0
-        now = np.full((3, 1), study.seen_tracer[0])
+        now = np.full((3, 1), estimated)
         low, median, high = np.hstack([now, outlook.zone_tracer]) * ML
         zone.fill_between(minutes, low, high, color=colour, alpha=0.2, lw=0)
         zone.plot(minutes, median, color=colour, label=f'{name}, with the 90 % band')
         reached.plot(minutes[1:], 100.0 * outlook.zone_reached, color=colour, label=name)
     if len(study.seen_times) > 1:
         seen = study.seen_times / 60.0, study.seen_tracer * ML
-        zone.plot(*seen, 'k.', ms=3, label='photographed later')
+        zone.plot(*seen, 'k.', ms=3, label='photographs, with their noise')
     if np.isnan(study.seen_tracer[0]):
         zone.text(0.5, 0.5, NO_ZONE, ha='center', transform=zone.transAxes)
     zone.set_ylabel('tracer in the zone [ml]')

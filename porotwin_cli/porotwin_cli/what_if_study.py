@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rates_in_force import RatePeriod
@@ -22,12 +23,11 @@ from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
+from porotwin_siblings.outlook import TIMES, Outlook
+from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import LONGEST_HORIZON_S, check_proposal, proposed_plan
-from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import ZoneMeasure
-
-TIMES = 12
-"""Times of a forecast: enough for a smooth curve. The siblings step from one to the next."""
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
@@ -131,8 +131,8 @@ def study_what_if(
     start: float,
     steps: Sequence[RateStep],
     *,
-    grid: Grid,
     executor: Executor,
+    cells: int = COARSE_CELLS,
     horizon: float | None = None,
     siblings: int = 32,
     map_times: int = 2,
@@ -146,8 +146,8 @@ def study_what_if(
         start: when the plans part [s].
         steps: the proposed changes; their times count from `start`. Wells without a change keep
             their rates, and the producer balances them. Until the first one both plans agree.
-        grid: of the siblings; never finer than that of the maps.
         executor: runs the siblings.
+        cells: of the grid of the siblings, which is never finer than that of the maps.
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
             least `LEAST_HORIZON_S` and at most `LONGEST_HORIZON_S`.
         siblings: number of siblings.
@@ -191,7 +191,7 @@ def study_what_if(
     for line in objections:
         objected(line)
     maps = recording.grid
-    grid = recording.rig.grid(min(grid.nx, maps.nx), min(grid.nz, maps.nz))
+    grid = coarse_grid(recording.rig, maps, cells)
     family = Siblings(recording.rig, grid, map_grid=maps, executor=executor, count=siblings)
     _learn(family, recording, newest, learnt)
     after = np.linspace(0.0, ahead, TIMES + 1)[1:]
@@ -201,7 +201,8 @@ def study_what_if(
     seconds = time.perf_counter() - clock
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
     zone = ZoneMeasure.of(recording.rig, maps)
-    seen = [zone.tracer(np.nan_to_num(recording.concentration[n])) for n in later]
+    assert recording.maps is not None
+    seen = [zone.tracer(np.nan_to_num(recording.maps[n])) for n in later]
     return WhatIfStudy(
         rig=recording.rig,
         grid=grid,

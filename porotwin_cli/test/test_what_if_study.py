@@ -50,9 +50,7 @@ def found(recording: Recording) -> WhatIfStudy:
     """Return the outlooks from minute 25 on, with another well at its maximum."""
     step = rate_step('control1=500,control3=0', recording.rig, 1500.0)
     with ThreadPoolExecutor(2) as pool:
-        return study_what_if(
-            recording, 1500.0, [step], grid=recording.rig.grid(31, 19), executor=pool, siblings=24
-        )
+        return study_what_if(recording, 1500.0, [step], cells=589, executor=pool, siblings=24)
 
 
 def test_the_present_plan_is_that_of_the_recording(found: WhatIfStudy) -> None:
@@ -91,7 +89,7 @@ def test_a_broken_limit_is_an_objection(recording: Recording) -> None:
             recording,
             300.0,
             [step],
-            grid=recording.rig.grid(31, 19),
+            cells=589,
             executor=pool,
             horizon=60.0,
             siblings=24,
@@ -101,7 +99,7 @@ def test_a_broken_limit_is_an_objection(recording: Recording) -> None:
 
 def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(InputError, match='last map is from 40 min'):
-        study_what_if(recording, 9000.0, [], grid=recording.rig.grid(31, 19), executor=pool)
+        study_what_if(recording, 9000.0, [], executor=pool)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +153,7 @@ def test_a_moment_between_photographs_begins_at_the_one_before(recording: Record
             recording,
             400.0,
             [step],
-            grid=recording.rig.grid(15, 9),
+            cells=135,
             executor=pool,
             horizon=60.0,
             siblings=24,
@@ -184,7 +182,7 @@ def test_a_study_without_end_is_refused_before_the_work(
             recording,
             600.0,
             [rate_step(rates, recording.rig, 600.0)],
-            grid=recording.rig.grid(31, 19),
+            cells=589,
             executor=pool,
             horizon=horizon,
             learnt=lambda done, _: learnt.append(done),

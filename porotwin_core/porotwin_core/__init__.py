@@ -1,5 +1,10 @@
 """Shared language of PoroTwin: rig, grid, well rates, units, messages to arrays and back."""
 
+import os
+
+# before NumPy: sums of several threads differ in their last bits with the number of threads
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 import porotwin_core.libraries  # noqa: F401  before all others: it names old libraries
 
 __version__ = '0.1.0'

@@ -6,8 +6,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.polygons import inside
 from porotwin_core.rig import Rig
+from porotwin_core.zone_shapes import PolygonZone, Zone
 
 ZoneKind = Literal['keep out', 'keep in', 'target']
 
@@ -22,24 +22,30 @@ _KEYS: dict[str, tuple[str, ZoneKind]] = {
 
 
 class ControlZone(NamedTuple):
-    """A zone (m, 2) [m], and what it is for."""
+    """A zone, and what it is for."""
 
     kind: ZoneKind
-    corners: FloatArray
+    zone: Zone
 
 
 def control_zones(rig: Rig) -> list[ControlZone]:
-    """Return the zones of the control section and of all parts of its objective."""
+    """Return the zones of the control section and of all parts of its objective.
+
+    A part without corners of its own takes the zone of the file in `control.zone`.
+    """
     if rig.control is None:
         return []
     found = _zones('keep out', [rig.control.disallowed_zone_m])
     objective = rig.control.objective
     for name, parameters in _parts(objective.name, objective.parameters):
-        found += _zones('keep out', [parameters.get('disallowed_zone_m')])
+        own = _zones('keep out', [parameters.get('disallowed_zone_m')])
         if name in _KEYS:
             key, kind = _KEYS[name]
             given = parameters.get(key) or []
-            found += _zones(kind, given if key == 'zones_m' else [given])
+            own += _zones(kind, given if key == 'zones_m' else [given])
+            if not own and rig.zone is not None:
+                own = [ControlZone(kind, rig.zone)]
+        found += own
     return found
 
 
@@ -50,8 +56,8 @@ def unwanted_tracer(rig: Rig, points: FloatArray) -> FloatArray | None:
     if not zones:
         return None
     found = np.zeros(len(points), dtype=bool)
-    for kind, corners in zones:
-        within = inside(points, corners)
+    for kind, zone in zones:
+        within = zone.contains(points)
         found |= within if kind == 'keep out' else ~within
     return found
 
@@ -65,4 +71,8 @@ def _parts(name: str, parameters: Mapping[str, Any]) -> list[tuple[str, Mapping[
 
 
 def _zones(kind: ZoneKind, given: Any) -> list[ControlZone]:
-    return [ControlZone(kind, np.array(corners, dtype=float)) for corners in given if corners]
+    return [
+        ControlZone(kind, PolygonZone(np.array(corners, dtype=float)))
+        for corners in given
+        if corners
+    ]

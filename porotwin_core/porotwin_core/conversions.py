@@ -17,6 +17,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.from_messages import RIG_FRAME as RIG_FRAME
 from porotwin_core.from_messages import cost_term_from_msg as cost_term_from_msg
 from porotwin_core.from_messages import deviation_from_msg as deviation_from_msg
+from porotwin_core.from_messages import effects_from_msg as effects_from_msg
 from porotwin_core.from_messages import grid_from_msg as grid_from_msg
 from porotwin_core.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.from_messages import rates_from_msg as rates_from_msg
@@ -33,6 +34,7 @@ from porotwin_core.rig import (
 )
 from porotwin_core.units import from_ml_h, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates
+from porotwin_core.zone_shapes import PictureZone
 from porotwin_msgs.msg import (
     CameraGeometry,
     ControlLimits,
@@ -169,12 +171,12 @@ def _camera_to_msg(camera: Camera) -> CameraGeometry:
     )
 
 
-def _control_to_msg(control: Control) -> ControlLimits:
+def _control_to_msg(control: Control, zone: PictureZone | None) -> ControlLimits:
     fixed = {
         name: WellRate(from_ml_h(well.rate_ml_h), well.concentration)
         for name, well in control.fixed.items()
     }
-    return ControlLimits(
+    message = ControlLimits(
         wells=list(control.wells),
         producer=control.producer or '',
         fixed=rates_to_msg(fixed),
@@ -192,6 +194,10 @@ def _control_to_msg(control: Control) -> ControlLimits:
             json.dumps(control.objective.parameters) if control.objective.parameters else ''
         ),
     )
+    if zone is not None:
+        message.zone_grid = grid_to_msg(zone.raster)
+        message.zone = array.array('f', np.ascontiguousarray(zone.shares, np.float32).tobytes())
+    return message
 
 
 def rig_to_msg(rig: Rig) -> RigDescription:
@@ -214,6 +220,6 @@ def rig_to_msg(rig: Rig) -> RigDescription:
             for name, well in rig.wells.items()
         ],
         camera=[_camera_to_msg(rig.camera)] if rig.camera else [],
-        control=[_control_to_msg(rig.control)] if rig.control else [],
+        control=[_control_to_msg(rig.control, rig.zone)] if rig.control else [],
         effects=[effect_to_msg(effect) for effect in rig.effects],
     )

@@ -32,5 +32,5 @@ class Correction:
         return predicted if self.sigma is None else np.clip(correct(self.sigma), 0.0, 1.0)
 
 
-CorrectionFn = Callable[[FloatArray, WellRates, float], Correction]
-"""(predicted c~^(n+1), rates, time step [s]) -> correction (paper, eq. sigmadef)."""
+CorrectionFn = Callable[[FloatArray, WellRates, float, FloatArray], Correction]
+"""(predicted c~^(n+1), rates, time step [s], previous c^n) -> correction (paper, eq. sigmadef)."""

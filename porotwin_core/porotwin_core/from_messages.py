@@ -6,6 +6,7 @@ names, finite numbers.
 """
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,12 +15,16 @@ import numpy as np
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import ObjectiveDescription, Rig, rig_from_maps
+from porotwin_core.rig import EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h, to_ml_min
 from porotwin_core.wells import RateStep, WellRate
+from porotwin_core.zone_shapes import PictureZone
 
 RIG_FRAME = 'rig'
 """Frame of maps: origin at the lower left corner of the sand, x right, z up, y into the rig."""
+
+ZONE_FILE = {'file': 'zone.nc'}
+"""Reference to a zone that came with a message; `write_rig` writes the file."""
 
 LOWEST_CONCENTRATION, HIGHEST_CONCENTRATION = -2.0, 3.0
 """Range of the values of a map [-]. Noise and an uncalibrated scale lead to -0.5 and 1.5 (settings
@@ -168,6 +173,22 @@ def _effect_from_msg(message: Any) -> dict[str, Any]:
     return {'name': message.name, 'parameters': parameters}
 
 
+def effects_from_msg(messages: Iterable[Any]) -> tuple[EffectDescription, ...]:
+    """Return effects; names and parameters are judged by those who let them act.
+
+    Raises:
+        InputError: a parameter has no value, or a number is not finite.
+    """
+    found = [_effect_from_msg(message) for message in messages]
+    for values in found:
+        for name, value in values['parameters'].items():
+            if not isinstance(value, str) and not math.isfinite(value):
+                raise InputError(
+                    f"effect '{values['name']}': {name} = {value}; send a finite number, or a text"
+                )
+    return tuple(EffectDescription(**values) for values in found)
+
+
 def _pairs(values: Iterable[float], what: str) -> tuple[tuple[float, float], ...]:
     flat = [float(value) for value in values]
     if len(flat) % 2:
@@ -217,9 +238,25 @@ def _control_from_msg(message: Any) -> dict[str, Any]:
         'max_total_rate_ml_h': _rounded(to_ml_h(message.max_total_rate)),
         **_orders_from_msg(message),
         'disallowed_zone_m': _pairs(message.disallowed_zone, 'disallowed_zone'),
+        'zone': ZONE_FILE if _has_zone(message) else None,
         'fuzziness_m': message.fuzziness,
         'objective': _objective_from_msg(message),
     }
+
+
+def _has_zone(message: Any) -> bool:
+    # bags recorded before a zone could be a picture lack the field
+    return len(getattr(message, 'zone', ())) > 0
+
+
+def _zone_from_msg(message: Any, rig: Rig) -> PictureZone:
+    grid = grid_from_msg(message.zone_grid)
+    if not grid.covers_the_same(rig.grid(1, 1)):
+        raise InputError(f'rig description: zone lies on {grid}, not over the rig; send it again')
+    shares = _values('zone', message.zone, grid, np.float32).astype(float)
+    if not (np.isfinite(shares).all() and shares.min() >= 0.0 and shares.max() <= 1.0):
+        raise InputError('rig description: zone must be shares from 0 to 1; send it again')
+    return PictureZone(shares, grid)
 
 
 def _orders_from_msg(message: Any) -> dict[str, Any]:
@@ -246,7 +283,7 @@ def rig_from_msg(message: Any) -> Rig:
         side: 'open' if getattr(message, f'open_{side}') else 'closed'
         for side in ('top', 'bottom', 'left', 'right')
     }
-    return rig_from_maps(
+    rig = rig_from_maps(
         {
             'name': message.name,
             'width_m': message.width,
@@ -268,3 +305,6 @@ def rig_from_msg(message: Any) -> Rig:
             'permeability_m2': _quantity_from_msg(message.permeability),
         },
     )
+    if message.control and _has_zone(message.control[0]):
+        return rig.with_zone(_zone_from_msg(message.control[0], rig))
+    return rig

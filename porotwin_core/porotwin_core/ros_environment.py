@@ -5,6 +5,7 @@ ROS answers wrong values with an abort deep in a library, or ignores them.
 
 import errno
 import os
+import re
 import socket
 import sys
 from collections.abc import Mapping
@@ -17,6 +18,8 @@ DOMAIN = 'ROS_DOMAIN_ID'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 MIDDLEWARE = 'RMW_IMPLEMENTATION'
 PEERS = 'ROS_STATIC_PEERS'
+
+NAMESPACE_NAME = re.compile(r'(/[A-Za-z][A-Za-z0-9_]*)+')
 
 LARGEST_DOMAIN = 232
 """Largest domain: its ports end below 65536 (design.ros2.org, about domain IDs)."""
@@ -92,6 +95,31 @@ def _check_peers(text: str) -> None:
             ) from None
 
 
+def namespace_of(text: str) -> str:
+    """Return a namespace of nodes with a slash before it, such as /rig2.
+
+    Raises:
+        InputError: `text` is no name of ROS.
+    """
+    name = f'/{text.strip().strip("/")}'
+    if not NAMESPACE_NAME.fullmatch(name):
+        raise InputError(
+            f"namespace '{text}': write letters, digits and underscores, a letter first, such as "
+            'rig2'
+        )
+    return name
+
+
+def enter_domain(domain: int | None) -> None:
+    """Let the nodes of this process and its children use `domain`; None: the one they have.
+
+    Raises:
+        InputError: it is no number from 0 to 232.
+    """
+    if domain is not None:
+        os.environ[DOMAIN] = str(domain_of({DOMAIN: str(domain)}))
+
+
 class DomainClaim:
     """Keeps a domain for one graph on this machine; a context manager.
 
@@ -130,7 +158,7 @@ def _lock(domain: int) -> socket.socket:
             raise
         raise InputError(
             f'another graph runs in domain {domain} on this machine, and both would act on the '
-            f'same pumps; end it, or set {DOMAIN} to another number for this one'
+            f'same pumps; end it, or set {DOMAIN} to another number for this one (--domain)'
         ) from None
     return lock
 

@@ -6,9 +6,12 @@ the difference between photograph and prediction (Evensen et al., Data Assimilat
 volume of tracer from three sources: pumps, photographs, and the scale of the photographs.
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 from scipy.optimize import nnls
 
 from porotwin_core.grid import FloatArray, fill_unseen
@@ -42,12 +45,16 @@ PUMP_DEVIATION = 0.04
 RELATED_CELLS = 10.0
 """Neighbouring cells whose random errors are alike."""
 
-TINY = 1e-15
-"""Volume below which there is none [m^3]."""
+RESPONSE_DEVIATION = 0.01
+"""Error of a shown volume that is no error of scale, relative to it: the bend of the response."""
 
 SIGNIFICANT = 2.0
 """A concentration counts from so many of its random deviations on: below, noise that cannot fall
 under 0 would add up to millilitres over the whole rig."""
+
+NEIGHBOURHOOD = 5
+"""Width in cells of the square whose mean must be so large. A mean of noise never is; noise of one
+cell in forty is."""
 
 EMPTY_SHARE = 0.1
 """Random deviation of a cell that a first photograph shows empty, relative to its noise."""
@@ -87,8 +94,8 @@ class Seen:
 class Volume:
     """The knowledge about the volume of tracer.
 
-    `scale` is the error of the photographs, in their systematic deviations; `covariance` (2, 2) is
-    that of the volume [m^3] and of the scale.
+    `scale` is the error of the photographs, in their systematic deviations; `covariance` (3, 3) is
+    that of the volume [m^3], of the scale, and of the factor of the tracer's pump.
     """
 
     scale: float
@@ -100,12 +107,15 @@ class Estimate:
     """A state: `concentration` and `variance` of its random error, (nz, nx); its `volume`.
 
     `observed` is the photograph's map without the error of its scale, (nz, nx); NaN where unseen.
+    `expected_error` [-] is the relative L2 difference of prediction and `observed` that was to be
+    expected by their deviations; NaN: there was no prediction.
     """
 
     concentration: FloatArray
     variance: FloatArray
     volume: Volume
     observed: FloatArray
+    expected_error: float = math.nan
 
 
 @dataclass
@@ -133,14 +143,15 @@ class StateFilter:
         differ from 0 by more than their noise hold no tracer.
         """
         shown_tracer = np.where(
-            seen.concentration < SIGNIFICANT * seen.random, 0.0, seen.concentration
+            np.isfinite(seen.concentration) & ~_shows(seen), 0.0, seen.concentration
         )
         state = fill_unseen(shown_tracer, expected)
         variance = np.where(np.isfinite(seen.concentration), seen.random**2, 1.0)
         variance = np.where(shown_tracer == 0.0, (EMPTY_SHARE * seen.random) ** 2, variance)
         shown = float(np.sum(self.pore_volume * seen.systematic))
         noise = self._noise(seen)
-        covariance = np.array([[shown**2 + noise, -shown], [-shown, 1.0]])
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = [[shown**2 + noise, -shown], [-shown, 1.0]]
         return Estimate(state, variance, Volume(0.0, covariance), seen.concentration)
 
     def update(
@@ -161,17 +172,23 @@ class StateFilter:
             pump_deviation: standard deviation of the rate factor of their pump [-].
         """
         known = np.isfinite(seen.concentration)
-        volume, surplus = self._volume(last.volume, predicted, seen, injected * pump_deviation)
+        volume, surplus = self._volume(last.volume, predicted, seen, injected, pump_deviation)
         observed = seen.concentration - volume.scale * seen.systematic
         difference = np.where(known, observed - predicted, 0.0)
+        # where neither shows tracer, noise that cannot fall below 0 must not become tracer
+        tells = known & (_shows(seen) | (predicted > SIGNIFICANT * seen.random))
+        difference = np.where(tells, difference, np.minimum(difference, 0.0))
         causes = self._causes(predicted)
-        self._learn(causes, difference, last.variance + seen.random**2, known)
+        random = last.variance + seen.random**2
+        expected_error = _relative(random + causes @ self._error, observed)
+        self._learn(causes, difference, random, tells)
         variance = np.minimum(last.variance + causes @ self._error, 1.0)
         gain = np.where(known, variance / (variance + seen.random**2), 0.0)
         state = np.clip(predicted + gain * difference, 0.0, 1.0)
         left = (1.0 - gain) * variance
         wanted = float(np.sum(self.pore_volume * predicted)) + surplus
-        return Estimate(self._with_volume(state, left, wanted), left, volume, observed)
+        state = self._with_volume(state, np.where(known & ~tells, 0.0, left), wanted)
+        return Estimate(state, left, volume, observed, expected_error)
 
     def _causes(self, predicted: FloatArray) -> FloatArray:
         """Return the variance of a shift by 1 m, of a factor and of an offset, (nz, nx, 3)."""
@@ -183,7 +200,7 @@ class StateFilter:
         causes: FloatArray,
         difference: FloatArray,
         known_variance: FloatArray,
-        known: FloatArray,
+        known: NDArray[np.bool_],
     ) -> None:
         """Learn how wrong predictions are, by least squares of the squared differences."""
         if not known.any():
@@ -207,31 +224,36 @@ class StateFilter:
         self._error = scale * share
 
     def _volume(
-        self, last: Volume, predicted: FloatArray, seen: Seen, doubtful: float
+        self,
+        last: Volume,
+        predicted: FloatArray,
+        seen: Seen,
+        injected: float,
+        pump_deviation: float,
     ) -> tuple[Volume, float]:
         """Return what is known of the volume, and what the prediction lacks of it [m^3].
 
-        The deviation of the volume grows by `doubtful` [m^3]: a pump is wrong in the same way all
-        the time, so that errors add up.
+        The factor of the pump stays as doubtful as it is told to be (`pump_deviation`), because
+        others learn it; its error is the same all the time (a consider filter; Schmidt, 1966).
         """
         known = np.isfinite(seen.concentration)
-        least = SIGNIFICANT * seen.random
-        counts = known & ((predicted > least) | (np.nan_to_num(seen.concentration) > least))
+        counts = known & (_shows(seen) | (predicted > SIGNIFICANT * seen.random))
         pores = np.where(counts, self.pore_volume, 0.0)
         shown = float(np.sum(pores * seen.systematic))
         found = float(np.sum(pores * np.nan_to_num(seen.concentration)))
-        deviation = np.sqrt(last.covariance[0, 0])
-        growth = np.diag([1.0 + doubtful / max(deviation, doubtful, TINY), 1.0])
-        covariance = growth @ last.covariance @ growth
-        if deviation < doubtful:
-            covariance[0, 0] = (deviation + doubtful) ** 2
-        looks_at = np.array([1.0, shown])
-        spread = covariance @ looks_at
-        gain = spread / (looks_at @ spread + self._noise(seen))
+        covariance = _with_pump(last.covariance, pump_deviation)
+        step = np.eye(3)
+        step[0, 2] = injected
+        covariance = step @ covariance @ step.T
+        looks_at = np.array([1.0, shown, 0.0])
+        noise = self._noise(seen) + (RESPONSE_DEVIATION * found) ** 2
+        gain = covariance @ looks_at / (looks_at @ covariance @ looks_at + noise)
+        gain[2] = 0.0
         difference = found - float(np.sum(pores * predicted)) - shown * last.scale
         moved = gain * difference
-        volume = Volume(last.scale + float(moved[1]), covariance - np.outer(gain, spread))
-        return volume, float(moved[0])
+        left = np.eye(3) - np.outer(gain, looks_at)
+        covariance = left @ covariance @ left.T + noise * np.outer(gain, gain)
+        return Volume(last.scale + float(moved[1]), covariance), float(moved[0])
 
     def _noise(self, seen: Seen) -> float:
         """Return the variance of the shown volume by random errors [m^6]."""
@@ -249,3 +271,29 @@ class StateFilter:
                 break
             state = np.clip(state + lacking / total * weight, 0.0, 1.0)
         return state
+
+
+def _with_pump(covariance: FloatArray, deviation: float) -> FloatArray:
+    """Return the `covariance` of a volume (3, 3) with another `deviation` of the pump's factor."""
+    before = math.sqrt(covariance[2, 2])
+    if before == 0.0:
+        changed = covariance.copy()
+        changed[2, 2] = deviation**2
+        return changed
+    factor = np.array([1.0, 1.0, deviation / before])
+    return covariance * np.outer(factor, factor)
+
+
+def _shows(seen: Seen) -> NDArray[np.bool_]:
+    """Return where a photograph shows tracer beyond its noise, (nz, nx)."""
+    known = np.isfinite(seen.concentration).astype(float)
+    share = np.maximum(uniform_filter(known, NEIGHBOURHOOD), 1.0 / NEIGHBOURHOOD**2)
+    mean = uniform_filter(np.nan_to_num(seen.concentration), NEIGHBOURHOOD) / share
+    return np.asarray(mean > SIGNIFICANT * seen.random)
+
+
+def _relative(variance: FloatArray, reference: FloatArray) -> float:
+    """Return the root of the sum of `variance` over the L2 norm of `reference`, seen cells only."""
+    known = np.isfinite(reference)
+    norm = float(np.linalg.norm(reference[known]))
+    return math.sqrt(float(np.sum(variance[known]))) / norm if norm > 0.0 else math.nan

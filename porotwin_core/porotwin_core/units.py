@@ -1,5 +1,17 @@
 """Conversions between laboratory units and SI, and constants of nature."""
 
+ML = 1e6
+"""Millilitres in a cubic metre."""
+
+MINUTE_S = 60.0
+"""Seconds in a minute."""
+
+HOUR_S = 3600.0
+"""Seconds in an hour."""
+
+DAY_S = 86400.0
+"""Seconds in a day: no experiment of a laboratory rig is longer."""
+
 ML_H = 1e-6 / 3600.0
 """One millilitre per hour in m^3/s."""
 

@@ -39,6 +39,6 @@ def test_every_objective_has_its_zone(name, parameters, kind, unwanted, in_a_sum
         rig = with_objective(RIG, 'sum', parts=parts)
     (zone,) = control_zones(rig)
     assert zone.kind == kind
-    np.testing.assert_array_equal(zone.corners, SQUARE)
+    np.testing.assert_array_equal(zone.zone.outlines[0][:-1], SQUARE)
     found = unwanted_tracer(rig, POINTS)
     assert (None if found is None else found.tolist()) == unwanted

@@ -1,5 +1,6 @@
 """Tests of the conversions: values survive, wrong messages are refused."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +18,7 @@ from porotwin_core import conversions
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_core.rig import parse_rig, rig_from_maps
+from porotwin_core.rig import EffectDescription, parse_rig, rig_from_maps
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_msgs.msg import NewState, Outcome
 from porotwin_msgs.msg import WellRate as WellRateMessage
@@ -233,3 +234,12 @@ def test_a_wrong_rig_description_is_refused_in_one_line(spoil: Any, complaint: s
     assert str(caught.value).startswith('rig description: ')
     assert complaint in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+def test_effects_survive_the_wire_and_a_number_must_be_finite() -> None:
+    effect = EffectDescription(name='rate', parameters={'well': 'a', 'factor': 0.7})
+    message = conversions.effect_to_msg(effect)
+    assert conversions.effects_from_msg([message]) == (effect,)
+    message.parameter_values[1] = math.nan
+    with pytest.raises(InputError, match="effect 'rate': factor = nan; send a finite number"):
+        conversions.effects_from_msg([message])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from porotwin_core.grid import relative_error
 from porotwin_core.state_filter import Estimate, Seen, StateFilter
 
 SHAPE = (20, 30)
@@ -91,3 +92,44 @@ def test_a_map_without_deviations_has_usual_ones() -> None:
     assert np.isfinite(seen.systematic).all()
     given = Seen.of(values, np.array([[0.05, np.nan]]), np.array([[0.03, np.nan]]))
     assert given.random[0, 0] == pytest.approx(0.04)
+
+
+def test_a_long_injection_keeps_the_volume_in_spite_of_noise_above_zero() -> None:
+    generator = np.random.default_rng(8)
+    state_filter = StateFilter(PORES, SPACING)
+    estimate = state_filter.begin(clipped_photograph(plume(2.0), generator))
+    for step in range(1, 61):
+        truth = plume(2.0 + 0.2 * step)
+        injected = float(np.sum(PORES * (truth - plume(2.0 + 0.2 * (step - 1)))))
+        moved = np.clip(estimate.concentration + truth - plume(2.0 + 0.2 * (step - 1)), 0.0, 1.0)
+        estimate = state_filter.update(
+            estimate, moved, clipped_photograph(truth, generator), injected
+        )
+    assert np.sum(PORES * estimate.concentration) == pytest.approx(np.sum(PORES * truth), rel=0.02)
+    assert abs(estimate.volume.scale) < 0.6
+    assert np.linalg.eigvalsh(estimate.volume.covariance).min() > -1e-18
+    empty = truth < 1e-3
+    assert estimate.concentration[empty].mean() < 0.001
+
+
+def clipped_photograph(truth: np.ndarray, generator: np.random.Generator) -> Seen:
+    """Return a photograph whose noise cannot fall below zero; 0.4 of it stays as a veil."""
+    noisy = np.clip(truth + 0.01 * generator.standard_normal(SHAPE), 0.0, 1.0)
+    return Seen(noisy, np.full(SHAPE, 0.01), 0.03 * noisy)
+
+
+def test_the_expected_error_is_that_of_good_predictions_and_below_that_of_a_surprise() -> None:
+    generator = np.random.default_rng(9)
+    state_filter = StateFilter(PORES, SPACING)
+    estimate = state_filter.begin(photograph(plume(5.0), generator))
+    assert np.isnan(estimate.expected_error)
+    ratios = []
+    for step in range(1, 25):
+        truth = plume(5.0 + 0.5 * step + (4.0 if step == 24 else 0.0))
+        seen = photograph(truth, generator)
+        moved = estimate.concentration + plume(5.0 + 0.5 * step) - plume(4.5 + 0.5 * step)
+        predicted = np.clip(moved, 0.0, 1.0)
+        estimate = state_filter.update(estimate, predicted, seen, 0.0)
+        ratios.append(relative_error(predicted, estimate.observed) / estimate.expected_error)
+    assert np.median(ratios[5:-1]) == pytest.approx(1.0, abs=0.3)
+    assert ratios[-1] > 2.0

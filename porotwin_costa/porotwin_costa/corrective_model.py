@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_costa.flow_shape import FlowShape
 from porotwin_costa.gate import TrainingRange
@@ -34,7 +35,8 @@ class CorrectiveModel:
     `trust` in 0..1 scales the output of the network. Training finds it by least squares on the
     validation samples; it is 0 if the network learned nothing of use. `provenance` records the
     training: fingerprint of the data, seed, versions, losses. `physics` identifies the
-    physics-based model: another preset or rig description has other errors.
+    physics-based model: another preset or rig description has other errors. `learnt` is the physics
+    that was learnt before the network; None if there is none.
     """
 
     grid: Grid
@@ -47,11 +49,14 @@ class CorrectiveModel:
     trust: float
     provenance: Mapping[str, Any]
     physics: PhysicsId = field(default_factory=PhysicsId)
+    learnt: LearntPhysics | None = None
 
     @property
     def summary(self) -> str:
         """One line for a person: network, grid, training and trust."""
         made = self.provenance
+        if gate := made.get('gate'):
+            return f'{self.architecture.name} network on {self.grid}: {gate["says"]}'
         return (
             f'{self.architecture.name} network on {self.grid}, {made["samples"]} pairs, seed '
             f'{made["seed"]}, validation loss {made["validation_loss"]:.3f}, trust {self.trust:.2f}'
@@ -117,6 +122,7 @@ class CorrectiveModel:
             'trained_on': dataclasses.asdict(self.trained_on),
             'trust': self.trust,
             'physics': dataclasses.asdict(self.physics),
+            'learnt': None if self.learnt is None else self.learnt.description(),
             'provenance': dict(self.provenance),
         }
 
@@ -138,6 +144,7 @@ class CorrectiveModel:
             network = chosen.network(_unknown_rig(grid, len(wells)))
             network.load_state_dict(safetensors.torch.load_file(path))
             network.eval()
+            learnt = header.get('learnt')
             return cls(
                 grid=grid,
                 wells=wells,
@@ -149,6 +156,7 @@ class CorrectiveModel:
                 trust=float(header['trust']),
                 provenance=header['provenance'],
                 physics=PhysicsId(**header.get('physics', {})),
+                learnt=LearntPhysics.from_description(learnt) if learnt else None,
             )
         except (KeyError, TypeError, RuntimeError, safetensors.SafetensorError) as error:
             reason = ' '.join(str(error).split())[:REASON_CHARACTERS]

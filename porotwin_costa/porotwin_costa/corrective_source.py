@@ -3,6 +3,10 @@
     sigma^{n+1} = DDM(c~^{n+1}, rates)          (paper, eq. sigmadef)
     L c^{n+1}   = f_c + sigma^{n+1}             (paper, eq. costa_residual)
 
+With learnt physics (`LearntPhysics`), c+^{n+1} is the prediction of the model that has it:
+
+    sigma^{n+1} = phi (c+^{n+1} - c~^{n+1}) / dt + DDM(c+^{n+1}, rates)
+
 `corrective_source` does the first line. The second one is solved by the physics-based model; the
 result is kept within 0..1 by `Correction.applied_to`. The network is in `networks/`, its weights
 and files in `corrective_model`, the checks in `gate`.
@@ -14,6 +18,8 @@ import torch
 from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.learnt_solver import LearntSolver
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.frames import rate_vector, same_time_step
@@ -21,11 +27,38 @@ from porotwin_costa.frames import rate_vector, same_time_step
 NO_MODEL = 'no model loaded'
 APPLIED = 'applied'
 WITHHELD = 'withheld: '
-"""The status of a correction is one of these; the last one is followed by a reason."""
+PHYSICS_ONLY = 'applied: learnt physics, without the network: '
+"""The status of a correction is one of these; the last two are followed by a reason."""
+
+
+class LearntStep:
+    """The learnt physics of a model, run by a solver from the state before a step."""
+
+    def __init__(self, learnt: LearntPhysics, solver: LearntSolver) -> None:
+        """Prepare the model without and with `learnt`.
+
+        Raises:
+            InputError: the model cannot run with this physics.
+        """
+        self._plain, self._better = solver.model(LearntPhysics()), solver.model(learnt)
+
+    def predict(self, previous: FloatArray, rates: WellRates, time_step: float) -> FloatArray:
+        """Return c+^{n+1} (nz, nx), `time_step` [s] after `previous` (nz, nx)."""
+        return self._better.predict(previous, rates, time_step)
+
+    def sigma(self, change: FloatArray, time_step: float) -> FloatArray:
+        """Return the sigma [1/s] that adds `change` (nz, nx) [-] to a prediction."""
+        return self._plain.source_of(change, time_step)
 
 
 def corrective_source(
-    model: CorrectiveModel | None, predicted: FloatArray, rates: WellRates, time_step: float
+    model: CorrectiveModel | None,
+    predicted: FloatArray,
+    rates: WellRates,
+    time_step: float,
+    previous: FloatArray | None = None,
+    *,
+    physics: LearntStep | None = None,
 ) -> Correction:
     """Return sigma (nz, nx) [1/s] for a predicted concentration, or the reason why there is none.
 
@@ -34,6 +67,8 @@ def corrective_source(
         predicted: the prediction c~^{n+1} (nz, nx) of the physics-based model.
         rates: the rates of the wells during the time step.
         time_step: length of the time step [s].
+        previous: the state c^n (nz, nx) before the step; learnt physics needs it.
+        physics: runs the learnt physics of `model`; needed if it has any.
 
     Raises:
         InputError: `predicted` is not on the model's grid, or an unknown well pumps.
@@ -48,12 +83,28 @@ def corrective_source(
             f'{model.grid.shape}; resample it or train for this grid'
         )
     vector = rate_vector(rates, model.wells)
-    if objection := _objection(model, predicted, vector):
-        return _withheld(objection)
-    sigma = _network_output(model, predicted, vector)
-    if objection := model.trained_on.objection_to(sigma):
-        return _withheld(objection)
-    return Correction(sigma, APPLIED)
+    if model.learnt is None:
+        sigma, objection = _network_part(model, predicted, vector)
+        return Correction(sigma, APPLIED) if sigma is not None else _withheld(objection)
+    if previous is None or physics is None:
+        return _withheld('learnt physics needs a solver and the state before the step')
+    better = np.clip(physics.predict(previous, rates, time_step), 0.0, 1.0)
+    by_physics = physics.sigma(better - predicted, time_step)
+    sigma, objection = _network_part(model, better, vector)
+    if sigma is None:
+        return Correction(by_physics, f'{PHYSICS_ONLY}{objection}')
+    return Correction(by_physics + sigma, APPLIED)
+
+
+def _network_part(
+    model: CorrectiveModel, predicted: FloatArray, rates: FloatArray
+) -> tuple[FloatArray | None, str]:
+    """Return the sigma [1/s] of the network, or None and why it is withheld."""
+    if objection := _objection(model, predicted, rates):
+        return None, objection
+    sigma = _network_output(model, predicted, rates)
+    objection = model.trained_on.objection_to(sigma)
+    return (None, objection) if objection else (sigma, '')
 
 
 def _withheld(reason: str) -> Correction:

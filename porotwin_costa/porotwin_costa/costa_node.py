@@ -8,6 +8,7 @@ import math
 import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -18,20 +19,28 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import conversions
+from porotwin_core import conversions, qos
+from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_solver import LearntSolver, solver_named
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.corrective_source import corrective_source
-from porotwin_costa.dataset import load_dataset
+from porotwin_costa.corrective_source import WITHHELD, LearntStep, corrective_source
+from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
+from porotwin_costa.live_training import LiveTraining, not_used
 from porotwin_costa.networks import Architecture, architecture
 from porotwin_costa.networks.network_registry import ARCHITECTURES
-from porotwin_costa.training import TrainingCancelledError, TrainingProgress, train
+from porotwin_costa.physics_id import PhysicsId
+from porotwin_costa.training import TrainingCancelledError, TrainingProgress
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import Outcome
+from porotwin_msgs.msg import ModelEffects, Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
+
+DEFAULT_PRESET = 'fast'
+"""Scheme of the solver that judges a training, where the node was told none."""
 
 MOST_THREADS = 64
 """Threads of the network; more than any laboratory machine has cores."""
@@ -56,7 +65,7 @@ class CostaNode(Node):
         super().__init__('costa', **kwargs)
         rig = declare_rig(self)
         self._grid = declare_grid(self, rig)
-        self._rig = rig
+        self._rig = self._present_rig = rig
         self._preset = declare(
             self, 'preset', '', 'numerical scheme of the solver; empty: not checked'
         )
@@ -77,6 +86,14 @@ class CostaNode(Node):
                 at_most=MOST_THREADS,
             )
         )
+        self._solver = declare(
+            self,
+            'solver',
+            'porotwin_solver.learnt_coefficients:LearntModels',
+            'class that runs learnt physics, as package.module:Class',
+        )
+        self._physics: LearntStep | None = None
+        self._one_at_a_time = Lock()
         self._model: CorrectiveModel | None = None
         self._path = ''
         self._training = False
@@ -85,8 +102,9 @@ class CostaNode(Node):
             self, 'trained_model', '', 'weights of an earlier training; used instead, once there'
         )
         if trained and Path(trained).is_file():
-            model = trained
-        if model:
+            # it may correct the model with effects that are not told yet
+            self._keep(CorrectiveModel.load(Path(trained)), trained)
+        elif model:
             self._use(CorrectiveModel.load(Path(model)), model)
         self._diagnostics = Diagnostics(self)
         self._offer()
@@ -102,6 +120,7 @@ class CostaNode(Node):
             (SaveModel, 'save', self._save),
         ):
             self.create_service(service, f'costa/{name}', answer, callback_group=group)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self._action = ActionServer(
             self,
             Train,
@@ -112,9 +131,46 @@ class CostaNode(Node):
             callback_group=group,
         )
 
+    def _on_effects(self, message: ModelEffects) -> None:
+        """Follow the effects of the solver; a model that corrects other physics is withheld."""
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        self._present_rig = self._rig.with_effects(effects)
+        if objection := self._objection():
+            self.get_logger().warning(f'no corrections: {objection}')
+        elif self._model is not None:
+            self._keep(self._model, self._path)
+
+    def _objection(self) -> str:
+        """Return why the model does not correct the physics in force, or an empty string."""
+        if self._model is None:
+            return ''
+        present = PhysicsId.of(self._present_rig, self._preset)
+        if not self._model.physics.difference(present):
+            return ''
+        return 'the effects of the solver have changed; COSTA must learn the remainder first'
+
     def _use(self, model: CorrectiveModel, path: str) -> None:
-        self._model = model.for_physics(self._rig, self._grid, self._preset)
-        self._path = path
+        """Use a model that corrects the physics in force.
+
+        Raises:
+            InputError: it corrects another one.
+        """
+        self._keep(model.for_physics(self._present_rig, self._grid, self._preset), path)
+
+    def _keep(self, model: CorrectiveModel, path: str) -> None:
+        """Keep a model; it is withheld while other physics are in force.
+
+        Raises:
+            InputError: it is on another grid, or for other wells.
+        """
+        checked = model.for_wells(tuple(self._rig.wells), self._grid)
+        physics = None if model.learnt is None else LearntStep(model.learnt, self._make_solver())
+        with self._one_at_a_time:
+            self._model, self._physics, self._path = checked, physics, path
         if model.doubt:
             self.get_logger().warning(model.doubt)
 
@@ -148,7 +204,7 @@ class CostaNode(Node):
             predicted, grid = conversions.tracer_from_msg(request.predicted)
             rates = conversions.rates_from_msg(request.wells)
             self._refuse_impossible(rates, request.time_step)
-            answer = corrective_source(self._model, predicted, rates, request.time_step)
+            answer = self._answer(predicted, rates, request.time_step, _known_map(request.previous))
         except InputError as error:
             response.outcome = conversions.refusal(error)
             response.status = str(error)
@@ -160,6 +216,25 @@ class CostaNode(Node):
         response.active = answer.applied
         response.status = answer.status
         return response
+
+    def _answer(
+        self,
+        predicted: FloatArray,
+        rates: WellRates,
+        time_step: float,
+        previous: FloatArray | None,
+    ) -> Correction:
+        """Return sigma, or why there is none; the learnt physics serves one request at a time."""
+        if reason := self._objection():
+            return Correction(None, f'{WITHHELD}{reason}')
+        with self._one_at_a_time:
+            return corrective_source(
+                self._model, predicted, rates, time_step, previous, physics=self._physics
+            )
+
+    def _make_solver(self) -> LearntSolver:
+        preset = self._preset or DEFAULT_PRESET
+        return solver_named(self._solver)(self._present_rig, self._grid, preset, ())
 
     def _refuse_impossible(self, rates: WellRates, time_step: float) -> None:
         if not (math.isfinite(time_step) and time_step > 0.0):
@@ -248,20 +323,42 @@ class CostaNode(Node):
                 )
             )
 
-        model = train(
-            dataset,
+        model, is_better = self._live_training().retrained(
+            self._with_offline_pairs(dataset),
+            None if self._objection() else self._model,
             chosen,
-            chosen.training.with_epochs(goal.epochs),
+            epochs=goal.epochs,
             seed=goal.seed,
             progress=report,
             cancelled=lambda: handle.is_cancel_requested,
         )
-        model.for_physics(self._rig, self._grid, self._preset)
+        model.for_physics(self._present_rig, self._grid, self._preset)
+        output = Path(goal.output) if is_better else not_used(Path(goal.output))
         if goal.output:
-            model.save(Path(goal.output))
-        self._use(model, goal.output)
-        self.get_logger().info(f'trained in {time.perf_counter() - begun:.1f} s: {self._status()}')
+            model.save(output)
+        if is_better:
+            self._use(model, goal.output)
+        verdict = 'in use' if is_better else 'not better on the newest pairs, the old one stays'
+        seconds = time.perf_counter() - begun
+        self.get_logger().info(f'trained in {seconds:.1f} s, {verdict}: {model.summary}')
         return model
+
+    def _live_training(self) -> LiveTraining:
+        return LiveTraining(self._present_rig, self._preset or DEFAULT_PRESET, self._make_solver())
+
+    def _with_offline_pairs(self, live: Dataset) -> Dataset:
+        """Return the pairs that the loaded model was trained on, if it has some, and the new ones.
+
+        The new ones come last, so that the newest part is kept to judge.
+        """
+        offline = pairs_beside(Path(self._path)) if self._path else None
+        if offline is None or not offline.is_file():
+            return live
+        try:
+            return join_datasets([load_dataset(offline), live])
+        except InputError as error:
+            self.get_logger().warning(f'{offline}: left out ({error})')
+            return live
 
     def _chosen_architecture(self, name: str) -> Architecture:
         """Return the architecture of the goal, the parameter, the loaded model, or the default."""
@@ -269,6 +366,11 @@ class CostaNode(Node):
         if not name and self._model is not None:
             return self._model.architecture
         return architecture(name)
+
+
+def _known_map(message: TracerField) -> FloatArray | None:
+    """Return the map (nz, nx) in a message, or None if it has no values."""
+    return conversions.tracer_from_msg(message)[0] if len(message.concentration) else None
 
 
 def main() -> None:

@@ -138,6 +138,16 @@ class Dataset:
         return path
 
 
+def pairs_beside(model: Path) -> Path:
+    """Return the file with the pairs that a model in the file `model` was trained on."""
+    return model.with_name(f'{model.name}.pairs')
+
+
+def newest(dataset: Dataset, count: int) -> Dataset:
+    """Return the last `count` pairs."""
+    return dataset.select(np.arange(len(dataset)) >= len(dataset) - count)
+
+
 def dataset_parts(folder: Path) -> list[Path]:
     """Return the files of a data set that was written in parts, in their order."""
     return sorted(folder.glob('part_*.safetensors'))

@@ -25,6 +25,9 @@ from porotwin_costa.frames import Frames, frame_pairs, mean_rates
 CorrectFn = Callable[[FloatArray, FloatArray, WellRates, float], FloatArray]
 """(previous, sigma [1/s], rates, time step [s]) -> corrected concentration."""
 
+LAST_SHARE = 0.3
+"""Share of a run that `free_running_last_30_percent` covers."""
+
 PAPER_TIMES = (600.0, 1800.0)
 """Times of the paper's figures costa-10 and costa-30 [s]."""
 
@@ -75,6 +78,24 @@ class Evaluation:
         values = np.array([getattr(frame, name) for frame in self.frames])
         defined = values[~np.isnan(values)]
         return float(np.mean(defined)) if len(defined) else float('nan')
+
+    def by_recording(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Return for every recording the mean errors [-] of the `model` and with `costa`.
+
+        `one_step` is the mean over all frames, `free_running_end` the error of the last frame and
+        `free_running_last_30_percent` the mean over the last 30 % of the time.
+        """
+        found = {}
+        for name in dict.fromkeys(frame.experiment for frame in self.frames):
+            frames = tuple(frame for frame in self.frames if frame.experiment == name)
+            begin = frames[-1].time - LAST_SHARE * (frames[-1].time - frames[0].time)
+            late = tuple(frame for frame in frames if frame.time >= begin)
+            found[name] = {
+                'one_step': _means(frames, 'predicted', 'corrected'),
+                'free_running_end': _means(frames[-1:], 'free_predicted', 'free_corrected'),
+                'free_running_last_30_percent': _means(late, 'free_predicted', 'free_corrected'),
+            }
+        return found
 
     def table(self) -> str:
         """Return a table for a person: mean errors, and the last ones of the free run."""
@@ -146,6 +167,11 @@ def evaluate(
     return Evaluation(tuple(errors), tuple(shown))
 
 
+def _means(frames: tuple[FrameErrors, ...], model: str, costa: str) -> dict[str, float]:
+    part = Evaluation(frames, ())
+    return {'model': part.mean(model), 'costa': part.mean(costa)}
+
+
 class _Models(NamedTuple):
     predict: PredictFn
     correct: CorrectFn
@@ -155,7 +181,7 @@ class _Models(NamedTuple):
     def step(self, start: FloatArray, rates: WellRates) -> tuple[FloatArray, FloatArray, str]:
         """Return prediction, corrected prediction and status one time step after `start`."""
         predicted = self.predict(start, rates, self.time_step)
-        answer = self.correction(predicted, rates, self.time_step)
+        answer = self.correction(predicted, rates, self.time_step, start)
         corrected = answer.applied_to(
             predicted, lambda sigma: self.correct(start, sigma, rates, self.time_step)
         )

@@ -3,13 +3,14 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.wells import Schedule, WellRate, WellRates
 
 TIME_STEP_TOLERANCE = 0.02
@@ -34,15 +35,49 @@ def wrong_interval(time_step: float) -> str:
 class Frames:
     """Observed concentration of one experiment over time.
 
-    `times` [s] ascend; `concentration` is (time, nz, nx) with NaN where nothing is known. The
-    sequence was interrupted at each of `clean_times` [s]: no pair may contain one.
+    `times` [s] ascend; `concentration` is (time, nz, nx) with NaN where nothing is known, and
+    `deviation` its standard deviation where the maps tell one. The sequence was interrupted at each
+    of `clean_times` [s]: no pair may contain one.
     """
 
     times: FloatArray
     concentration: FloatArray
     schedule: Schedule
+    deviation: FloatArray | None = None
     clean_times: tuple[float, ...] = ()
     name: str = 'experiment'
+
+
+def resampled(frames: Frames, grid: Grid) -> Frames:
+    """Return the frames on another grid; deviations are averaged as well."""
+
+    def moved(maps: FloatArray) -> FloatArray:
+        return np.array([conservative_resample(values, grid.shape) for values in maps])
+
+    if frames.concentration.shape[1:] == grid.shape:
+        return frames
+    deviation = None if frames.deviation is None else moved(frames.deviation)
+    return replace(frames, concentration=moved(frames.concentration), deviation=deviation)
+
+
+def cut(frames: Frames, end: float) -> Frames:
+    """Return the frames up to `end` [s]."""
+    return _chosen(frames, frames.times <= end)
+
+
+def sequences(frames: Frames) -> list[Frames]:
+    """Return the parts between interruptions, in which every frame follows from the first one."""
+    edges = np.searchsorted(frames.clean_times, frames.times, side='right')
+    return [_chosen(frames, edges == number) for number in np.unique(edges)]
+
+
+def _chosen(frames: Frames, chosen: NDArray[np.bool_]) -> Frames:
+    return replace(
+        frames,
+        times=frames.times[chosen],
+        concentration=frames.concentration[chosen],
+        deviation=None if frames.deviation is None else frames.deviation[chosen],
+    )
 
 
 class FramePair(NamedTuple):

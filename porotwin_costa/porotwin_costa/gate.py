@@ -1,7 +1,7 @@
 """The safety gate: sigma is withheld where the network would have to extrapolate."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -74,6 +74,20 @@ class TrainingRange:
             concentration=pair(ranges['concentration']),
             tracer=pair(ranges['tracer']),
             largest_residual=float(ranges['largest_residual']),
+        )
+
+    def widened(self, low: float, high: float) -> Self:
+        """Return the range for rates between `low` and `high` times the trained ones."""
+
+        def wider(trained: Range) -> Range:
+            ends = [trained[0], trained[1], *(end * by for end in trained for by in (low, high))]
+            return min(ends), max(ends)
+
+        return replace(
+            self,
+            rates=tuple(wider(trained) for trained in self.rates),
+            tracer_rates=tuple(wider(trained) for trained in self.tracer_rates),
+            pumping=wider(self.pumping),
         )
 
     def objection(

@@ -20,14 +20,16 @@ from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.rig import EffectDescription
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S
 from porotwin_costa.collector import Collector, Pair
 from porotwin_costa.dataset import Dataset, dataset_parts, load_dataset
 from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.physics_id import PhysicsId
 from porotwin_costa.retraining import Retraining
 from porotwin_msgs.action import Train
-from porotwin_msgs.msg import CleanState, NewState, Outcome, WellRates
+from porotwin_msgs.msg import CleanState, ModelEffects, NewState, Outcome, WellRates
 from porotwin_msgs.srv import Predict, Residual
 
 PAIRS_PER_FILE = 10
@@ -35,9 +37,6 @@ PAIRS_PER_FILE = 10
 
 PENDING_PAIRS = 1000
 """Pairs kept while the solver is absent: eight hours of photographs every 30 s."""
-
-DAY_S = 86400.0
-"""Longest photo interval [s]."""
 
 LARGEST_SEED = 2**31 - 1
 """Seeds are whole numbers up to this."""
@@ -59,9 +58,9 @@ class TrainerNode(Node):
             InputError: a parameter, the rig description or an existing data set is wrong.
         """
         super().__init__('trainer', **kwargs)
-        rig = declare_rig(self)
-        self._grid = declare_grid(self, rig)
-        preset = declare(self, 'preset', '', 'numerical scheme of the solver; empty: unknown')
+        self._rig = declare_rig(self)
+        self._grid = declare_grid(self, self._rig)
+        self._preset = declare(self, 'preset', '', 'numerical scheme of the solver; empty: unknown')
         self._time_step = declare(
             self,
             'photo_interval_s',
@@ -70,7 +69,7 @@ class TrainerNode(Node):
             at_least=0.1,
             at_most=DAY_S,
         )
-        every = declare(
+        self._every = declare(
             self,
             'retrain_every',
             40,
@@ -98,27 +97,53 @@ class TrainerNode(Node):
             at_most=3600.0,
             on_change=self._change_model_timeout,
         )
-        self._dataset = _dataset_folder(
+        self._pairs_folder = _dataset_folder(
             declare(self, 'dataset', '', 'folder for the training pairs; must be given')
         )
-        known = known_pairs(self._dataset, self._grid, self._time_step, PhysicsId.of(rig, preset))
+        self._dropped = 0
+        self._pending: deque[Pair] = deque(maxlen=PENDING_PAIRS)
+        self._request_time = 0.0
+        self._effects: tuple[EffectDescription, ...] = ()
+        self._begin_collecting()
+        self._connect()
+        atexit.register(self._write)
+
+    def _begin_collecting(self) -> None:
+        """Collect pairs of the physics in force; those of other physics have folders of their own.
+
+        Raises:
+            InputError: an existing data set is wrong.
+        """
+        rig = self._rig.with_effects(self._effects)
+        folder, physics = self._pairs_folder, PhysicsId.of(rig, self._preset)
+        if self._effects:
+            folder = folder.with_name(f'{folder.name}_{physics.rig}')
+        known = known_pairs(folder, self._grid, self._time_step, physics)
+        self._dataset = folder
         self._collector = Collector(
             rig,
             self._grid,
             self._time_step,
             first_experiment=int(known.experiment.max()) + 1 if known else 0,
-            preset=preset,
+            preset=self._preset,
         )
-        self._retraining = Retraining(every, len(known) if known else 0)
-        self._dropped = 0
-        self._pending: deque[Pair] = deque(maxlen=PENDING_PAIRS)
+        self._retraining = Retraining(self._every, len(known) if known else 0)
+        self._pending.clear()
         self._pair: Pair | None = None
         self._request: Future | None = None
-        self._request_time = 0.0
-        self._connect()
-        atexit.register(self._write)
         count = len(known) if known else 0
         self.get_logger().info(f'training pairs in {self._dataset}: {count} so far')
+
+    def _on_effects(self, message: ModelEffects) -> None:
+        """Collect anew when the solver has other effects: its residuals are others then."""
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+            if effects != self._effects:
+                self._write()
+                self._effects = effects
+                self._begin_collecting()
+        except InputError as error:
+            self.get_logger().error(f'model/effects not followed: {error}')
 
     def _change_model_timeout(self, seconds: float) -> None:
         self._model_timeout = seconds
@@ -129,6 +154,7 @@ class TrainerNode(Node):
         self._train = ActionClient(self, Train, 'costa/train')
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         # not the node's clock: simulated time may stand still while the solver is silent
         self.create_timer(TIMER_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -12,7 +12,8 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porot
 
 from costa_graph import PATIENCE, start, stop  # noqa: E402
 
-from porotwin_core import conversions  # noqa: E402
+from porotwin_core import conversions, qos  # noqa: E402
+from porotwin_core.rig import EffectDescription  # noqa: E402
 from porotwin_costa.corrective_model import CorrectiveModel  # noqa: E402
 from porotwin_costa.corrective_source import corrective_source  # noqa: E402
 from porotwin_costa.frames import mean_rates  # noqa: E402
@@ -20,7 +21,7 @@ from porotwin_costa.networks import architecture  # noqa: E402
 from porotwin_costa.physics_id import PhysicsId  # noqa: E402
 from porotwin_costa.training import train  # noqa: E402
 from porotwin_costa.training_settings import TrainingSettings  # noqa: E402
-from porotwin_msgs.msg import Outcome  # noqa: E402
+from porotwin_msgs.msg import ModelEffects, Outcome  # noqa: E402
 from porotwin_msgs.srv import (  # noqa: E402
     CorrectiveSource,
     DataModelInfo,
@@ -78,6 +79,18 @@ def test_costa_answers_like_the_model_that_it_loaded(
     assert answer.source.header == request.predicted.header
     sigma, _ = conversions.source_from_msg(answer.source)
     assert np.array_equal(sigma, corrective_source(trained, predicted, rates, 30.0).sigma)
+
+    told = client.node.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
+    effect = EffectDescription(name='retardation', parameters={'retardation_factor': 1.2})
+    told.publish(ModelEffects(sequence=1, effects=[conversions.effect_to_msg(effect)]))
+
+    def answered() -> CorrectiveSource.Response:
+        return client.call(CorrectiveSource, 'costa/corrective_source', request)
+
+    client.until('the gate closes', lambda: not answered().active)
+    assert 'COSTA must learn the remainder first' in answered().status
+    told.publish(ModelEffects(sequence=2))
+    client.until('the gate opens', lambda: answered().active)
 
     info = client.call(DataModelInfo, 'costa/info', DataModelInfo.Request())
     assert (info.loaded, info.architecture, info.time_step) == (True, 'local', 30.0)

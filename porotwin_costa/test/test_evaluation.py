@@ -14,7 +14,7 @@ from porotwin_costa.corrective_source import APPLIED, NO_MODEL
 from porotwin_costa.evaluation import evaluate
 
 
-def _nothing(predicted, rates, time_step):
+def _nothing(*_):
     return Correction(None, NO_MODEL)
 
 
@@ -35,7 +35,7 @@ class _Exact:
     def __init__(self, model, frames):
         self.model, self.frames = model, frames
 
-    def __call__(self, predicted, rates, time_step):
+    def __call__(self, predicted, rates, *_):
         starts = self.frames.concentration[:-1]
         known = [self.model.predict(start, rates, TIME_STEP) for start in starts]
         n = int(np.argmin([np.abs(predicted - one).max() for one in known]))
@@ -73,7 +73,7 @@ def test_an_overshooting_correction_stays_within_0_and_1_as_in_the_twin(model, u
         starts.append((start.min(), start.max()))
         return model.predict(start, rates, time_step)
 
-    def overshooting(predicted, rates, time_step):
+    def overshooting(predicted, *_):
         return Correction(np.where(predicted > 0.5, 0.01, -0.01), APPLIED)
 
     result = evaluate(

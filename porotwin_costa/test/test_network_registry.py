@@ -22,8 +22,8 @@ def test_every_module_with_an_architecture_is_found():
     assert all('\n' not in found.summary and found.summary for found in ARCHITECTURES.values())
 
 
-def test_the_network_of_the_paper_is_the_default():
-    assert architecture() is architecture('paper')
+def test_the_hybrid_is_the_default():
+    assert architecture() is architecture('hybrid')
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones():

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from porotwin_diagnosis.advice.proposals import Proposal
+from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.strength import Strength
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.evidence import Evidence
@@ -27,6 +28,7 @@ class Diagnosis:
         proposals: experiments that would separate the two best explanations.
         excluded: names of effects that were not considered.
         seconds: time that the diagnosis took [s].
+        remainder: the form of an unexplained gap; None for other verdicts.
     """
 
     recordings: tuple[Recording, ...]
@@ -39,3 +41,4 @@ class Diagnosis:
     proposals: tuple[Proposal, ...]
     excluded: tuple[str, ...] = ()
     seconds: float = 0.0
+    remainder: RemainderForm | None = None

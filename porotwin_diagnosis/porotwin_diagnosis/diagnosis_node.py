@@ -18,13 +18,14 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.parallel import crew
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
 from porotwin_diagnosis.examine import examine
 from porotwin_diagnosis.report.report_folder import REPORT, checked_folder, write_diagnosis
 from porotwin_msgs.action import Diagnose
-from porotwin_msgs.msg import CleanState, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_recording.recording import open_recording
 from porotwin_solver.presets import PRESETS
 
@@ -71,6 +72,7 @@ class DiagnosisNode(Node):
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self._server = ActionServer(
             self,
             Diagnose,
@@ -122,6 +124,15 @@ class DiagnosisNode(Node):
                 self._run.note_evaluation_start()
             elif message.cause == CleanState.FINISHED:
                 self._run.note_experiment_end()
+
+    def _on_effects(self, message: ModelEffects) -> None:
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        with self._lock:
+            self._run.note_effects(effects)
 
     def _execute(self, goal: ServerGoalHandle) -> Any:
         """Answer a goal. A goal that comes during a diagnosis is refused at once."""
@@ -176,7 +187,8 @@ class DiagnosisNode(Node):
         progress = _Feedback(goal)
         opened = open_recording(recording)
         folder = checked_folder(output, [recording])
-        found = examine([opened], preset=self._preset, workers=self._workers, progress=progress)
+        with crew(workers=self._workers, threads=True) as threads:
+            found = examine([opened], preset=self._preset, crew=threads, progress=progress)
         summary = write_diagnosis(found, folder, progress=progress)
         return Diagnose.Result(
             outcome=conversions.ok(),

@@ -10,7 +10,9 @@ import time
 from collections.abc import Sequence
 
 from porotwin_core.errors import InputError
+from porotwin_core.parallel import Crew
 from porotwin_diagnosis.advice.proposals import propose
+from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
@@ -24,9 +26,12 @@ from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
-from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD
+from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD, Levels
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import preset_named
+
+SIMULATION_BYTES = 3e8
+"""Memory of a simulation on the finest cells of a diagnosis, with its comparison [B]."""
 
 
 def examine(
@@ -34,7 +39,7 @@ def examine(
     *,
     preset: str = ACCURATE,
     excluded: Sequence[str] = (),
-    workers: int = 2,
+    crew: Crew | None = None,
     progress: Progress = no_progress,
 ) -> Diagnosis:
     """Diagnose one recording, or several of the same rig together.
@@ -43,7 +48,7 @@ def examine(
         recordings: at least one recording; an effect has the same size in all of them.
         preset: preset of the solver whose gap is diagnosed.
         excluded: names of effects that are not considered.
-        workers: simulations at a time.
+        crew: runs the simulations; None: one at a time.
         progress: called with the stage and the fraction that is done, below 0.98.
 
     Raises:
@@ -57,9 +62,7 @@ def examine(
     progress('reading the recording', 0.0)
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
-    findings, levels = search_effects(
-        samples, excluded=excluded, workers=workers, progress=progress
-    )
+    findings, levels = search_effects(samples, excluded=excluded, crew=crew, progress=progress)
     progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
     numerics = measure_numerics(samples, findings.null, explanation.model, preset=preset)
@@ -81,8 +84,15 @@ def examine(
         strengths=smallest_strengths(screening),
         proposals=propose(screening, findings, verdict, progress=progress),
         excluded=tuple(excluded),
+        remainder=_remainder(levels) if verdict.name == UNEXPLAINED else None,
         seconds=time.perf_counter() - began,
     )
+
+
+def _remainder(levels: Levels) -> RemainderForm:
+    """Return the form of the gap of the first recording, beside the model without effects."""
+    forward = levels.screening.forwards[0]
+    return describe_remainder(forward.sample, forward.uncorrected().maps(()))
 
 
 def _check_same_rig(recordings: Sequence[Recording]) -> None:

@@ -29,6 +29,10 @@ SMALL_GAP_MISFIT = 0.8
 """Normalised misfit of the model without effects below which it counts as the best model: point
 spread and correction are then measured without any effect, which could adapt to the noise."""
 
+SURELY_NO_GAP_MISFIT = 0.2
+"""Normalised misfit of the model without effects below which the search ends early. It lies far
+below `NO_GAP_MISFIT`, so that no effect could change the verdict."""
+
 NEARLY_CLOSED_MISFIT = 1.5
 """Normalised misfit below which a fit nearly closes the gap. Only then do its fronts lie close
 enough to the observed ones for a multifidelity correction and an estimate of the point spread, and

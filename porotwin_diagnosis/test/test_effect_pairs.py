@@ -33,7 +33,7 @@ SCREENED = [
 
 
 def levels_of(recording):
-    return make_levels([sample_of(recording)], progress=lambda _stage, _share: None, workers=1)
+    return make_levels([sample_of(recording)], progress=lambda _stage, _share: None)
 
 
 def base_names(best):

@@ -27,7 +27,7 @@ def test_a_search_names_the_effect_and_returns_its_levels(denser_sand):
     sample = sample_of(denser_sand)
     kept = {'porosity', 'saturation'}
     excluded = {each.effect for each in library([sample])} - kept
-    findings, levels = search_effects([sample], excluded=excluded, workers=1)
+    findings, levels = search_effects([sample], excluded=excluded)
     assert findings.singles[0].label == 'porosity'
     assert findings.distances[0] == 0.0
     assert findings.runs == levels.simulations
@@ -37,7 +37,7 @@ def test_a_search_names_the_effect_and_returns_its_levels(denser_sand):
 def test_a_member_that_was_stuck_alone_is_fitted_again(denser_sand):
     """The member found its parameters beside another effect only."""
     sample = sample_of(denser_sand)
-    levels = make_levels([sample], progress=lambda _stage, _share: None, workers=1)
+    levels = make_levels([sample], progress=lambda _stage, _share: None)
     judging = levels.judging
     porosity, saturation = (candidate([sample], name) for name in ('porosity', 'saturation'))
     stuck = judging.evaluate((porosity,), np.zeros(1))

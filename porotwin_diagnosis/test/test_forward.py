@@ -33,8 +33,8 @@ def test_a_repeated_simulation_is_not_made_again(quiet):
     assert forward.simulations == 1
     forward.maps((effect('porosity', factor=0.9),), fitted_only=True)
     assert forward.simulations == 2
-    forward.maps((effect('porosity', factor=0.9),))
-    assert forward.simulations == 3
+    assert len(forward.maps((effect('porosity', factor=0.9),))) == len(maps)
+    assert forward.simulations == 2  # the same one with more frames
 
 
 def test_retardation_and_porosity_look_the_same(forward):

@@ -5,6 +5,7 @@ import pytest
 from diagnosis_examples import TYPICAL_SEED, candidate, sample_of
 
 from porotwin_core.grid import relative_error
+from porotwin_core.parallel import crew
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.ranking import normalised_misfit, score
@@ -13,7 +14,7 @@ from porotwin_rig.map_camera import MapNoise
 
 
 def levels_of(recording):
-    return make_levels([sample_of(recording)], progress=lambda _stage, _share: None, workers=1)
+    return make_levels([sample_of(recording)], progress=lambda _stage, _share: None)
 
 
 def corrections(levels):
@@ -50,6 +51,21 @@ def test_levels_do_not_change_when_others_are_made_from_them(quiet):
         before.fitted_misfit,
         before.held_out_misfit,
     )
+
+
+def test_fits_side_by_side_are_the_same_to_the_last_bit(quiet):
+    sample = sample_of(quiet)
+    starts = [candidate([sample], name) for name in ('porosity', 'retardation', 'decay')]
+    found = []
+    for workers in (1, 3):
+        with crew(workers=workers, threads=True, task_bytes=1.0) as pool:
+            levels = make_levels([sample], progress=lambda _stage, _share: None, crew=pool)
+            fits = levels.side_by_side(levels.screening.fit, [(start,) for start in starts])
+            found.append((fits, levels.simulations))
+    assert found[0][1] == found[1][1]
+    for one, other in zip(found[0][0], found[1][0], strict=True):
+        np.testing.assert_array_equal(one.scaled_parameters, other.scaled_parameters)
+        assert one.held_out_misfit == other.held_out_misfit
 
 
 def test_corrected_coarse_cells_predict_like_the_judging_cells(quiet):

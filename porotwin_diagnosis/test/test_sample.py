@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_diagnosis.data.misfit import misfit
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.concentration import MapSeries
@@ -88,16 +89,44 @@ def test_smoothing_hides_smearing_but_not_a_displaced_front():
     assert smooth[0] / raw[0] < 0.65 * smooth[1] / raw[1]
 
 
-def test_delivered_deviations_make_a_gap_less_certain(quiet):
-    recording = open_recording(quiet)
-    plain = read_sample(recording)
+def told_deviations(recording, deviation, systematic):
+    """Return `recording` with the same two deviations in all cells of its maps."""
     maps = recording.maps
-    unsure = MapSeries(maps.times, maps.grid, lambda a, b: np.full_like(maps.read(a, b), 0.05))
-    told = replace(recording, maps=replace(maps, deviation=unsure, systematic=unsure))
-    honest = read_sample(told)
-    assert plain.noise.systematic == ()
-    np.testing.assert_allclose(honest.noise.systematic, 0.05, rtol=1e-4)
+
+    def everywhere(value):
+        return MapSeries(maps.times, maps.grid, lambda a, b: np.full_like(maps.read(a, b), value))
+
+    told = replace(maps, deviation=everywhere(deviation), systematic=everywhere(systematic))
+    return replace(recording, maps=told)
+
+
+def test_random_deviations_that_were_delivered_bound_the_noise(quiet):
+    recording = open_recording(quiet)
+    plain, honest = (read_sample(r) for r in (recording, told_deviations(recording, 0.05, 0.0)))
     one, other = (sample.weight(SMOOTHING_WIDTH) for sample in (plain, honest))
     assert (other <= one).all()
     assert other.max() < 1 / 0.05
     assert honest.expected_noise_squares.max() > plain.expected_noise_squares.max()
+
+
+def test_a_wrong_scale_that_was_delivered_is_no_gap(quiet):
+    """The scale of all maps is off by one of its standard deviations."""
+    recording = open_recording(quiet)
+    maps = np.clip(np.array(recording.concentration), 0, 1)
+    for systematic in (0.0, 0.04):
+        sample = read_sample(told_deviations(recording, 0.04, systematic))
+        assert sample.noise.systematic[10] == pytest.approx(systematic, abs=1e-6)
+        shown = sample.noise.expected(np.clip(0.96 * sample.observed, 0, 1))
+        misfits = np.hypot(*misfit([sample], [sample.whitened(shown)]))
+        assert misfits > 0.5 if systematic == 0.0 else misfits < 0.45
+    assert maps.max() > 0.9
+
+
+def test_fitted_frames_share_errors_of_their_own(quiet):
+    sample = read_sample(told_deviations(open_recording(quiet), 0.05, 0.04))
+    count = sample.fitted_frames
+    shown = 0.9 * sample.observed_or_zero
+    assert sample.whitened(shown[:count]).shape[0] == count
+    assert sample.whitened(shown).shape[0] == len(sample.times)
+    coarse = coarsened(sample, 2)
+    assert np.isfinite(coarse.whitened(0.9 * coarse.observed_or_zero)).all()

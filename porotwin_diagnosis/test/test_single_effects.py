@@ -33,7 +33,7 @@ def test_the_true_effect_is_among_the_first_and_stays_when_fitted_again(denser_s
     sample = sample_of(denser_sand)
     kept = ('porosity', 'decay', 'saturation')
     excluded = {c.effect for c in library([sample])} - set(kept) | set(SLOW_EFFECTS)
-    levels = make_levels([sample], progress=lambda _stage, _share: None, workers=1)
+    levels = make_levels([sample], progress=lambda _stage, _share: None)
     screened = screened_singles(levels, search_space([sample], excluded))
     assert screened[0].label == 'porosity'
     assert sorted(fit.label for fit in screened) == sorted(kept)

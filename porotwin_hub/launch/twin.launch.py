@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from porotwin_core.parent import PARENT
-from porotwin_hub.graph import NAMESPACE, GraphSettings, description_of, live_graph
+from porotwin_hub.graph import GraphSettings, description_of, live_graph
 
 RESTART_PAUSE_S = 1.0
 """Pause before a node that ended is started again [s]."""
@@ -39,14 +39,14 @@ def nodes(context: LaunchContext) -> list[Node]:
             package=node.package,
             executable=node.executable,
             name=node.name,
-            namespace=NAMESPACE,
+            namespace=node.namespace,
             parameters=[dict(node.parameters)],
             remappings=list(node.remappings.items()),
             # logs go to the screen and launch's own log, so a third copy is not needed
             ros_arguments=[
                 '--disable-external-lib-logs',
                 '--enclave',
-                f'{NAMESPACE}/{node.name}',  # its rights, see docs/security.md
+                f'{node.namespace}/{node.name}',  # its rights, see docs/security.md
             ],
             additional_env={PARENT: str(os.getpid())},  # no node outlives this launch
             output='screen',

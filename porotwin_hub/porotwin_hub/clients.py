@@ -212,10 +212,13 @@ class DataDrivenModelClient:
         self._call = call
         self._grid = grid
 
-    def __call__(self, predicted: FloatArray, rates: WellRates, time_step: float) -> Correction:
+    def __call__(
+        self, predicted: FloatArray, rates: WellRates, time_step: float, previous: FloatArray
+    ) -> Correction:
         """Return sigma (nz, nx) [1/s], or None with the reason, also if the service is absent."""
         request = CorrectiveSource.Request(
             predicted=conversions.tracer_to_msg(predicted, self._grid, 0.0),
+            previous=conversions.tracer_to_msg(previous, self._grid, 0.0),
             wells=conversions.rates_to_msg(rates),
             time_step=float(time_step),
         )

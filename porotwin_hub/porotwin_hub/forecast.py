@@ -103,7 +103,7 @@ class Forecaster:
             predicted = self._physics.predict(predicted, period.rates, period.end - period.start)
         durations['predict'] = clock() - begin
         begin = clock()
-        correction = self._data_driven(predicted, rates, end - start)
+        correction = self._data_driven(predicted, rates, end - start, state)
         corrected = predicted
         for number, period in enumerate(periods):
             before = state if number == 0 else corrected

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from porotwin_core.errors import InputError
 from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
 from porotwin_hub.parameter_file import known_rules, template, with_parameters
 
@@ -13,9 +14,12 @@ __all__ = [
     'GraphSettings',
     'NodeDescription',
     'Parameter',
+    'Parameters',
     'camera_node',
     'description_of',
+    'in_namespace',
     'live_graph',
+    'named_nodes',
     'operator_node',
     'parameter_template',
     'supervised',
@@ -57,12 +61,15 @@ class GraphSettings:
     training: Path | None = _option(None, 'folder for training pairs and weights of retraining')
     record: Path | None = _option(None, 'bag to record everything into')
     diagnoses: Path | None = _option(None, 'folder for diagnoses of the running experiment')
+    mend: str = _option('off', 'offer what a diagnosis of the running twin found: ask or off')
     page: str = _option('', 'HOST:PORT of the page; empty: no page')
     page_token: Path | None = _option(
         None, 'file with the token of confirmations on the page, made if missing; none: a new token'
     )
     speak: bool = _option(False, 'speak setpoints with espeak-ng')
     pumps: Path | None = _option(None, 'file of the pumps; none: a person sets them')
+    namespace: str = _option(NAMESPACE, 'namespace of the nodes; each rig has its own')
+    nodes: str = _option('', 'nodes to start on this machine, with commas; empty: all')
     use_sim_time: bool = _option(False, 'take the time from /clock')
     params: Path | None = _option(None, 'parameters of single nodes, a parameter file of ROS 2')
 
@@ -93,6 +100,7 @@ def twin_nodes(settings: GraphSettings) -> list[NodeDescription]:
         *_trainer_node(settings, modelled),
         *_recorder_node(settings),
         *_diagnosis_node(settings, modelled),
+        *_mend_node(settings, modelled),
         *page_node(settings),
     ]
 
@@ -174,6 +182,13 @@ def _diagnosis_node(settings: GraphSettings, modelled: Parameters) -> list[NodeD
     return [NodeDescription('diagnosis', 'porotwin_diagnosis', 'diagnosis_node', parameters)]
 
 
+def _mend_node(settings: GraphSettings, modelled: Parameters) -> list[NodeDescription]:
+    """Return the node that lets the twin get better; it needs the diagnosis."""
+    if settings.diagnoses is None or settings.mend != 'ask':
+        return []
+    return [NodeDescription('mend', 'porotwin_diagnosis', 'mend_node', modelled)]
+
+
 def page_node(settings: GraphSettings) -> list[NodeDescription]:
     """Return the page, or nothing if there is none."""
     if not settings.page:
@@ -242,8 +257,43 @@ def live_graph(settings: GraphSettings) -> list[NodeDescription]:
     camera = [camera_node(settings)] if settings.photos is not None or settings.camera else []
     pumps = pumps_node(settings)
     operator = operator_node(settings, asset=not pumps)
-    nodes = supervised([*twin_nodes(settings), operator, *pumps, *camera])
+    here = on_this_machine([*twin_nodes(settings), operator, *pumps, *camera], settings.nodes)
+    nodes = supervised(here)
+    nodes = in_namespace(nodes, settings.namespace)
     return with_parameters(nodes, settings.params, known_rules()) if settings.params else nodes
+
+
+def on_this_machine(nodes: list[NodeDescription], names: str) -> list[NodeDescription]:
+    """Return the nodes that `names` lists; the others run on other machines.
+
+    Args:
+        nodes: all nodes of the graph.
+        names: names with commas; empty: all.
+
+    Raises:
+        InputError: a name is no node.
+    """
+    wanted = named_nodes(names)
+    return [node for node in nodes if not wanted or node.name in wanted]
+
+
+def named_nodes(names: str) -> frozenset[str]:
+    """Return the nodes in a text with commas; none stands for all nodes.
+
+    Raises:
+        InputError: a name is no node.
+    """
+    wanted = [name.strip() for name in names.split(',') if name.strip()]
+    known = known_rules().keys() if wanted else ()
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"--nodes: no node is named '{name}'; known: {', '.join(known)}")
+    return frozenset(wanted)
+
+
+def in_namespace(nodes: list[NodeDescription], namespace: str) -> list[NodeDescription]:
+    """Return `nodes` in another namespace; each of several rigs has its own."""
+    return [dataclasses.replace(node, namespace=namespace) for node in nodes]
 
 
 def supervised(nodes: list[NodeDescription]) -> list[NodeDescription]:
@@ -269,6 +319,7 @@ def parameter_template() -> str:
         training=somewhere,
         record=somewhere,
         diagnoses=somewhere,
+        mend='ask',
         siblings=True,
         page='HOST:PORT',
         pumps=somewhere,

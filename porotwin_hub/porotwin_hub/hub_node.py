@@ -8,8 +8,6 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -19,34 +17,34 @@ from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.rig import Rig
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import another_lives, only_one
 from porotwin_core.state_filter import StateFilter
+from porotwin_core.units import DAY_S
 from porotwin_hub.clients import (
     Caller,
     DataDrivenModelClient,
     PhysicsModelClient,
-    PlanModelClient,
     send_control,
 )
-from porotwin_hub.controller import Controller, Planner, WithSubstitute
+from porotwin_hub.cycle import Cycle
+from porotwin_hub.cycle_report import report_of
 from porotwin_hub.door import Door, StateNumbers
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.freshness import PhotographClock
 from porotwin_hub.hub import Hub
 from porotwin_hub.inbox import ArrivedState, Inbox, ReadyState
-from porotwin_hub.objective_registry import make_objective
-from porotwin_hub.plan_controller import plan_controller
+from porotwin_hub.planner_parameters import PlannerParameters
 from porotwin_hub.rate_learning import RateLearner
 from porotwin_hub.setpoint_expiry import SetpointDecision
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Cycle, Twin
+from porotwin_hub.twin import Twin
 from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
+    ModelEffects,
     NewState,
-    RateFactor,
     RigDescription,
     Setpoint,
     StateRefreshed,
@@ -54,27 +52,11 @@ from porotwin_msgs.msg import (
 )
 from porotwin_msgs.msg import WellRates as WellRatesMessage
 
-DAY_S = 86400.0
-"""Longest photo interval and horizon [s]: an experiment lasts hours."""
-
 SIMULATED_PATIENCE_S = 60.0
 """Least wait for a model in simulated time [s]: as long as the virtual rig waits for a setpoint."""
 
 REPORT_S = 60.0
 """Shortest time between two lines about the same doubt [s]."""
-
-OPTIMISER_SHARE = 0.5
-"""Share of the photo interval that one optimisation may take: the rest is for the forecast."""
-
-
-@dataclass(frozen=True)
-class ControlSettings:
-    """The parameters of the controller: `optimiser`, `horizon` [s], `evaluations` of COBYLA."""
-
-    enabled: bool
-    optimiser: str
-    horizon: float
-    evaluations: int
 
 
 def steady_time() -> Callable[[], float]:
@@ -85,8 +67,6 @@ def steady_time() -> Callable[[], float]:
 
 class HubNode(Node):
     """Listens to the asset's states, asks the models, publishes forecasts and setpoints."""
-
-    _settings: ControlSettings
 
     def __init__(
         self,
@@ -121,14 +101,16 @@ class HubNode(Node):
             at_most=DAY_S,
         )
         self._call = Caller(self, timeout=self._declare_timeout())
-        self._changed = threading.Event()
-        self._controller = self._declare_controller(rig, interval)
+        self._planning = PlannerParameters(
+            self, rig, self._grid, self._call, interval=interval, simulated=self._simulated
+        )
+        planner = self._planning.planner()
         state_filter = self._declare_filter(rig)
         twin = Twin(
             physics or PhysicsModelClient(self._call, self._grid),
             data_driven or DataDrivenModelClient(self._call, self._grid),
             photo_interval=interval,
-            controller=self._controller,
+            controller=planner,
             assumed=self._known_limits.safe() if self._known_limits else None,
             pore_volume=rig.cell_pore_volume(self._grid),
             state_filter=state_filter,
@@ -151,9 +133,11 @@ class HubNode(Node):
         self._longest_cycle = math.inf if self._simulated else twin.validity
         self._diagnostics = Diagnostics(self)
         self._setpoints = 0
+        self._effects: tuple[EffectDescription, ...] = ()
+        self._model_changed = threading.Event()
         self._make_topics()
         self._rig_publisher.publish(conversions.rig_to_msg(rig))
-        if self._controller is None:
+        if planner is None:
             self._log_prediction_only(rig)
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -204,81 +188,6 @@ class HubNode(Node):
             )
         )
 
-    def _declare_controller(self, rig: Rig, interval: float) -> Planner | None:
-        """Return the controller of the parameters; None: choose no setpoints."""
-
-        def replace_controller(**changes: Any) -> None:
-            self._settings = replace(self._settings, **changes)
-            self._changed.set()
-
-        enabled = declare(
-            self,
-            'control',
-            True,
-            'choose setpoints when rig.yaml allows it',
-            on_change=lambda value: replace_controller(enabled=value),
-        )
-        horizon = declare(
-            self,
-            'horizon_s',
-            1800.0,
-            'how far the optimiser looks ahead, where rig.yaml names no end of the experiment [s]',
-            at_least=1.0,
-            at_most=DAY_S,
-            on_change=lambda value: replace_controller(horizon=value),
-        )
-        evaluations = declare(
-            self,
-            'evaluations',
-            60,
-            'predictions per search of COBYLA',
-            at_least=1,
-            at_most=10_000,
-            on_change=lambda value: replace_controller(evaluations=value),
-        )
-        optimiser = declare(
-            self,
-            'optimiser',
-            'gradient',
-            'how setpoints are chosen: gradient plans to the end of the experiment, cobyla (the '
-            "paper's) searches constant rates over the horizon",
-            choices=('gradient', 'cobyla'),
-            on_change=lambda value: replace_controller(optimiser=value),
-        )
-        judge = declare(
-            self,
-            'plans_judged_by',
-            'solver',
-            'source of the cost of a plan: the solver, or the mean of some siblings with all their '
-            'doubt, at several times the work',
-            choices=('solver', 'siblings'),
-        )
-        self._settings = ControlSettings(enabled, optimiser, horizon, evaluations)
-        if self._known_limits is None:
-            return None
-        patience = math.inf if self._simulated else OPTIMISER_SHARE * interval
-        self._make_constant = partial(
-            Controller, self._known_limits, make_objective(rig, self._grid), patience=patience
-        )
-        self._make_plan = partial(
-            plan_controller,
-            rig,
-            self._grid,
-            PlanModelClient(self._call, rig, judge),
-            interval=interval,
-            patience=patience,
-        )
-        return self._controller_in_use()
-
-    def _controller_in_use(self) -> Planner | None:
-        settings = self._settings
-        if self._known_limits is None or not settings.enabled:
-            return None
-        constant = self._make_constant(horizon=settings.horizon, evaluations=settings.evaluations)
-        if settings.optimiser == 'cobyla':
-            return constant
-        return WithSubstitute(self._make_plan(horizon=settings.horizon), constant)
-
     def _log_prediction_only(self, rig: Rig) -> None:
         known = rig.control is not None
         pumps = 'at their fixed and safe rates' if known else 'not known, taken as off'
@@ -296,6 +205,7 @@ class HubNode(Node):
         # rates that are here before a state are in the inbox before it.
         self.create_subscription(WellRatesMessage, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self.create_subscription(NewState, 'asset/new_state', self._on_new_state, qos.FIELD)
         self.create_subscription(
             StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
@@ -347,6 +257,16 @@ class HubNode(Node):
             )
         )
 
+    def _on_effects(self, message: ModelEffects) -> None:
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self._refuse(f'model/effects ignored: {error}')
+            return
+        if effects != self._effects:
+            self._effects = effects
+            self._model_changed.set()
+
     def _on_refreshed(self, message: StateRefreshed) -> None:
         self._inbox.add_refreshed(message.sequence)
 
@@ -359,9 +279,12 @@ class HubNode(Node):
             sequence = ready.state.sequence
             try:
                 self._log_sequence_of_time(ready)
-                if self._changed.is_set():
-                    self._changed.clear()
-                    self._twin.change_controller(self._controller_in_use())
+                if self._planning.changed.is_set():
+                    self._planning.changed.clear()
+                    self._twin.change_controller(self._planning.planner())
+                if self._model_changed.is_set():
+                    self._model_changed.clear()
+                    self._twin.forget_rate_factors()
                 with self._diagnostics.busy(f'state {sequence}', self._longest_cycle):
                     cycle = self._hub.run(ready, self._send, objection=self._objection())
                 self._publish(cycle, ready.state.envelope)
@@ -429,32 +352,6 @@ class HubNode(Node):
         self._diagnostics.report(level, summary, cycle_duration_s=f'{cycle.durations["cycle"]:.3f}')
         if cycle.remarks:
             self.get_logger().warning(f'state {state.sequence}: {summary}')
-
-
-def report_of(cycle: Cycle, state: NewState) -> CycleReport:
-    """Return the report of a cycle that began with the message `state`."""
-    decision, forecast = cycle.decision, cycle.forecast
-    return CycleReport(
-        header=state.header,
-        sequence=state.sequence,
-        prediction_error=cycle.prediction_error,
-        corrected_error=cycle.corrected_error,
-        disallowed_tracer=cycle.disallowed_tracer,
-        objective_unchanged=decision.cost_unchanged if decision else math.nan,
-        objective=decision.cost if decision else math.nan,
-        objective_evaluations=decision.evaluations if decision else 0,
-        corrected=forecast is not None and forecast.is_corrected,
-        correction_status=forecast.correction_status if forecast else 'no forecast',
-        predict_duration=cycle.durations.get('predict', math.nan),
-        correct_duration=cycle.durations.get('correct', math.nan),
-        optimise_duration=cycle.durations.get('optimise', math.nan),
-        cycle_duration=cycle.durations['cycle'],
-        rate_factors=[
-            RateFactor(well=well, factor=found.factor, deviation=found.deviation)
-            for well, found in cycle.rate_factors.items()
-        ],
-        remarks=[*cycle.remarks, *cycle.notes],
-    )
 
 
 def main() -> None:

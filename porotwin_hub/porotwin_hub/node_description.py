@@ -7,7 +7,7 @@ topics and services are relative to the namespace, except `/clock` and `/diagnos
 from dataclasses import dataclass, field
 
 NAMESPACE = '/porotwin'
-"""Namespace of all nodes."""
+"""Namespace of all nodes, unless a rig has one of its own."""
 
 Parameter = bool | int | float | str
 """A value of a node's parameter."""
@@ -18,13 +18,14 @@ Parameters = dict[str, Parameter]
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """One process of the graph: `executable` of `package`, started under `name`."""
+    """One process of the graph: `executable` of `package`, started under `name` in `namespace`."""
 
     name: str
     package: str
     executable: str
     parameters: Parameters = field(default_factory=dict)
     remappings: dict[str, str] = field(default_factory=dict)
+    namespace: str = NAMESPACE
 
     @property
     def module(self) -> str:

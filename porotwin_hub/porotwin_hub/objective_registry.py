@@ -7,6 +7,7 @@ import numpy as np
 import pydantic
 from pydantic import Field, FiniteFloat
 
+from porotwin_core.control_zones import control_zones
 from porotwin_core.discovery import discovered
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -64,6 +65,11 @@ def make_objective(rig: Rig, grid: Grid) -> Objective:
     if rig.control is None:
         raise InputError(f"rig '{rig.name}' has no control section; add one to rig.yaml")
     wanted = rig.control.objective
+    if rig.zone is not None and all(one.zone is not rig.zone for one in control_zones(rig)):
+        raise InputError(
+            f"control.zone: objective '{wanted.name}' takes no zone, or has corners of its own; "
+            'keep one of them'
+        )
     if wanted.name != SUM:
         return _made(rig, grid, rig.control, wanted.name, wanted.parameters)
     sum_ = _checked(SumParameters, wanted.parameters, SUM)
@@ -99,7 +105,10 @@ def _made(
             f"objective '{name}': at_min = {moment:g} lies after control.end_min = "
             f'{control.end_min:g}, the end of the experiment; correct one of them'
         )
-    objective = kind.make(rig, grid, checked)
+    try:
+        objective = kind.make(rig, grid, checked)
+    except InputError as error:
+        raise InputError(f"objective '{name}': {error}") from None
     if not _minds_tracer(objective, grid) and not objective.water_cost:
         raise InputError(
             f"objective '{kind.name}': an empty rig and a rig full of tracer cost the same; "

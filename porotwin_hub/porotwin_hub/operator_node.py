@@ -19,7 +19,7 @@ from porotwin_core.node import declare, declare_rig, run
 from porotwin_hub.announcement import Announcement
 from porotwin_hub.setpoint_book import SetpointBook, ShownSetpoint
 from porotwin_hub.voice import Voice
-from porotwin_msgs.msg import Setpoint, WellRates
+from porotwin_msgs.msg import MendOffer, Setpoint, WellRates
 from porotwin_msgs.srv import ConfirmRates, Control, Ping
 
 EXPIRY_PERIOD_S = 1.0
@@ -53,6 +53,7 @@ class OperatorNode(Node):
         self._announcements = self.create_publisher(String, 'operator/announcement', qos.FIELD)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+        self.create_subscription(MendOffer, 'mend/offer', self._on_offer, qos.CONFIG)
         self.create_service(ConfirmRates, 'operator/confirm', self._on_confirm)
         if stands_for_asset:
             self.create_service(Control, 'asset/control', self._on_control)
@@ -98,6 +99,15 @@ class OperatorNode(Node):
             valid_until=until,
             validity=validity - age if 0.0 < age < validity else validity,
         )
+
+    def _on_offer(self, message: MendOffer) -> None:
+        """Say what a diagnosis offers to the model, and what became of it."""
+        asks = message.state == MendOffer.OFFERED and len(message.effects) > 0
+        text = f'offer {message.sequence}: {message.sentence}'
+        if asks:
+            text += '\n  answer on the page, or with ./porotwin mend accept or refuse'
+        spoken = f'{message.sentence} Accept?' if asks else message.sentence
+        self._say(Announcement(text, spoken, changed=('model',)))
 
     def _on_timer(self) -> None:
         words = self._book.expire(self._now())

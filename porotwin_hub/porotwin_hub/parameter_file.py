@@ -26,6 +26,9 @@ from porotwin_hub.node_description import NAMESPACE, NodeDescription
 Rules = Mapping[str, Mapping[str, ParameterRule]]
 """The rules of all parameters by node and name."""
 
+NETWORK = 'network'
+"""Section of a parameter file that is not of a node; see `network.py`."""
+
 KEY = 'ros__parameters'
 """Key of the parameters of a node in a parameter file."""
 
@@ -89,10 +92,11 @@ def with_parameters(
             type, out of range, or set by an option of the command.
     """
     running = {node.name: node for node in nodes}
+    namespace = nodes[0].namespace if nodes else NAMESPACE
     taken: dict[str, dict[str, Any]] = {name: {} for name in rules}
     try:
-        for pattern, parameters in _entries(_read(path)):
-            matched = _matched(pattern, rules)
+        for pattern, parameters in _entries(read_parameter_file(path)):
+            matched = _matched(pattern, rules, namespace)
             for name, value in parameters.items():
                 for node in _nodes_with(name, pattern, matched, rules):
                     if name in SHARED:
@@ -108,7 +112,12 @@ def with_parameters(
     ]
 
 
-def _read(path: Path) -> Any:
+def read_parameter_file(path: Path) -> Any:
+    """Return the content of a parameter file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     from porotwin_core.rig.yaml_reader import read_yaml  # brings large packages
 
     try:
@@ -121,6 +130,8 @@ def _read(path: Path) -> Any:
 
 def _entries(content: Any) -> list[tuple[str, dict[str, Any]]]:
     """Return names or patterns of nodes with their parameters, the most general ones first."""
+    if isinstance(content, dict):
+        content = {key: value for key, value in content.items() if key != NETWORK}
     found = list(_sections('', content or {}))
     return sorted(found, key=lambda entry: ('*' not in entry[0], '**' not in entry[0]))
 
@@ -148,14 +159,14 @@ def _flat(prefix: str, content: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
             yield f'{prefix}{key}', value
 
 
-def _matched(pattern: str, rules: Rules) -> list[str]:
+def _matched(pattern: str, rules: Rules, namespace: str) -> list[str]:
     """Return the names of the nodes that a name or pattern of a parameter file means."""
     expression = re.escape(pattern).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', r'[^/]+')
     full = re.compile(expression)
-    found = [node for node in rules if full.fullmatch(f'{NAMESPACE}/{node}')]
+    found = [node for node in rules if full.fullmatch(f'{namespace}/{node}')]
     found = found or [node for node in rules if full.fullmatch(f'/{node}')]
     if not found:
-        short = pattern.removeprefix(NAMESPACE).strip('/')
+        short = pattern.removeprefix(namespace).strip('/')
         raise InputError(f"no node is named '{short}'; {_hint(short, rules)}")
     return found
 

@@ -17,10 +17,11 @@ from typing import Protocol
 
 import numpy as np
 
+from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig
-from porotwin_core.units import from_ml_min
+from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.control_plan import ControlPlan, growing_blocks
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
@@ -29,9 +30,6 @@ from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.optimisation import Decision, OutOfTimeError
 from porotwin_hub.projected_gradient import descend
 from porotwin_hub.setpoint_limits import Limits
-
-S_PER_MIN = 60.0
-"""Seconds in a minute."""
 
 DEAD_PUMP = 0.05
 """A well that delivers less than this share of its rate has failed; it is left out."""
@@ -48,11 +46,6 @@ SWITCHES = (0.25, 0.5, 0.75)
 
 JOININGS = 3
 """Orders tried to be taken back before the others stay."""
-
-
-PLAN_CELLS = 2300
-"""Cells of the grid of plans: 15 mm on the small rig. Coarser cells blur the zone, finer ones cost
-more and leave kinks: with cells of 10 mm some searches end at 100 ml min, all of these at 58."""
 
 
 class PlanModel(Protocol):
@@ -192,16 +185,15 @@ def plan_controller(
     """
     limits, objective = Limits.of(rig), make_objective(rig, grid)
     assert rig.control is not None
-    coarse = rig.default_grid(math.sqrt(rig.width_m * rig.height_m / PLAN_CELLS))
     end_min = rig.control.end_min
     return PlanController(
         limits,
         objective,
         model,
-        cells=(min(coarse.nz, grid.nz), min(coarse.nx, grid.nx)),
+        cells=coarse_grid(rig, grid).shape,
         horizon=horizon,
         interval=interval,
-        end=None if end_min is None else S_PER_MIN * end_min,
+        end=None if end_min is None else MINUTE_S * end_min,
         change_cost=from_ml_min(rig.control.change_cost_ml_min),
         patience=patience,
     )

@@ -19,7 +19,7 @@ from typing import IO, Any, Self
 import yaml
 
 from porotwin_core.parent import PARENT, REFUSAL, WRONG_PARAMETERS
-from porotwin_hub.graph import NAMESPACE, NodeDescription
+from porotwin_hub.graph import NodeDescription
 from porotwin_hub.liveness import RESTART_AFTER_S
 from porotwin_hub.node_processes import kill, process_of
 
@@ -219,9 +219,12 @@ class GraphProcesses:
     def _started(self, node: NodeDescription) -> subprocess.Popen[bytes]:
         # logs go to the standard output, so ROS's second copy in the home folder is not needed
         command = [sys.executable, '-m', node.module, '--ros-args', '--disable-external-lib-logs']
-        command += ['-r', f'__ns:={NAMESPACE}', '-r', f'__node:={node.name}']
+        command += ['-r', f'__ns:={node.namespace}', '-r', f'__node:={node.name}']
         command += ['--params-file', str(self._parameters(node))]
-        command += ['--enclave', f'{NAMESPACE}/{node.name}']  # its rights, see docs/security.md
+        command += [
+            '--enclave',
+            f'{node.namespace}/{node.name}',
+        ]  # its rights, see docs/security.md
         for source, target in node.remappings.items():
             command += ['-r', f'{source}:={target}']
         output: int | IO[bytes]

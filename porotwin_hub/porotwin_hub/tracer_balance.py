@@ -7,15 +7,13 @@ the light. It does not pass a balance: tracer appears or vanishes that no pump m
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.units import ML
 
 MOST_DIFFERENCE = 0.3
 """Largest believable difference, relative to the larger volume; calibrated maps are off by 0.1."""
 
 LEAST_VOLUME_M3 = 3e-6
 """A smaller difference is no news [m^3]: the plume of the first photographs is small and pale."""
-
-ML = 1e6
-"""Millilitres in a cubic metre."""
 
 
 def imbalance(observed: FloatArray, predicted: FloatArray, pore_volume: FloatArray) -> str:

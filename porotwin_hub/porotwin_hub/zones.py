@@ -1,4 +1,4 @@
-"""Zones of the rig: distances to a polygon, and masks that fade out around it (paper, sec. 4)."""
+"""Zones of an objective on a grid: distances to them, and masks that fade out (paper, sec. 4)."""
 
 from collections.abc import Sequence
 
@@ -7,65 +7,59 @@ from scipy.ndimage import distance_transform_edt
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.polygons import inside
-from porotwin_core.rig import Polygon
+from porotwin_core.rig import Polygon, Rig
+from porotwin_core.zone_shapes import PolygonZone, Zone
 
 
-def distance_to_outline(points: FloatArray, polygon: FloatArray) -> FloatArray:
-    """Return the distance [m] of `points` (n, 2) to the edges of `polygon` (m, 2), shape (n,)."""
-    edge = np.roll(polygon, -1, axis=0) - polygon
-    to_point = points[:, None, :] - polygon[None]
-    length2 = np.maximum((edge**2).sum(axis=1), np.finfo(float).tiny)
-    along = np.clip((to_point * edge).sum(axis=2) / length2, 0.0, 1.0)
-    distance: FloatArray = np.linalg.norm(to_point - along[..., None] * edge, axis=2).min(axis=1)
-    return distance
+def zones_of(
+    rig: Rig, polygons: Sequence[Polygon | None], grid: Grid, key: str
+) -> tuple[Zone, ...]:
+    """Return the zones with the corners `polygons` [m], or without any the one of `control.zone`.
 
-
-def distance_to_zone(points: FloatArray, polygon: FloatArray) -> FloatArray:
-    """Return the distance [m] of `points` (n, 2) to the filled `polygon` (m, 2); 0 inside it."""
-    return np.where(inside(points, polygon), 0.0, distance_to_outline(points, polygon))
-
-
-def distance_to_outside(points: FloatArray, polygon: FloatArray) -> FloatArray:
-    """Return the distance [m] of `points` (n, 2) to the outside of `polygon` (m, 2); 0 there."""
-    return np.where(inside(points, polygon), distance_to_outline(points, polygon), 0.0)
-
-
-def checked_zone(corners: Polygon, grid: Grid, key: str) -> FloatArray:
-    """Return the polygon (m, 2) [m] of a zone with `corners`.
+    Args:
+        rig: the rig; its description may name a file with the zone.
+        polygons: corners as the objective has them; None: not given.
+        grid: of the objective.
+        key: of the corners in rig.yaml, for messages.
 
     Raises:
-        InputError: no cell of `grid` lies in the zone; the message names the `key` of rig.yaml.
+        InputError: there is no zone, or one covers no cell of `grid`.
     """
-    polygon = np.array(corners, dtype=float)
-    if not inside(cell_centres(grid), polygon).any():
+    zones: list[Zone] = [PolygonZone(np.array(one, dtype=float)) for one in polygons if one]
+    if not zones and rig.zone is not None:
+        zones, key = [rig.zone], 'control.zone'
+    if not zones:
         raise InputError(
-            f'{key}: covers no cell of the rig of {grid.width} m x {grid.height} m; '
-            'give its corners (x, z) in metres from the lower left corner'
+            f"'{key}' is missing: corners (x, z) of the zone [m]; a picture of it may stand in "
+            'control.zone: {file: zone.png}'
         )
-    return polygon
+    for zone in zones:
+        if not zone.contains(cell_centres(grid)).any():
+            raise InputError(
+                f'{key}: covers no cell of the rig of {grid.width} m x {grid.height} m; '
+                'give its corners (x, z) in metres from the lower left corner'
+            )
+    return tuple(zones)
 
 
-def distance_to_zones(zones: Sequence[Polygon], grid: Grid, key: str) -> FloatArray:
-    """Return the distance [m] of every cell (nz, nx) to the nearest of several `zones`.
-
-    Raises:
-        InputError: a zone covers no cell of `grid`; the message names the `key` of rig.yaml.
-    """
+def distance_to_zones(zones: Sequence[Zone], grid: Grid) -> FloatArray:
+    """Return the distance [m] of every cell (nz, nx) to the nearest of several `zones`."""
     centres = cell_centres(grid)
-    distances = [distance_to_zone(centres, checked_zone(zone, grid, key)) for zone in zones]
+    distances = [zone.distance(centres) for zone in zones]
     return np.asarray(np.min(distances, axis=0).reshape(grid.shape))
 
 
-def distance_to_edge(zone: Polygon, grid: Grid, key: str) -> tuple[FloatArray, FloatArray]:
+def distance_to_outside(zone: Zone, grid: Grid) -> FloatArray:
+    """Return the distance [m] of every cell (nz, nx) to the outside of `zone`; 0 there."""
+    return zone.depth(cell_centres(grid)).reshape(grid.shape)
+
+
+def distance_to_edge(zone: Zone, grid: Grid) -> tuple[FloatArray, FloatArray]:
     """Return the distance [m] of every cell to the edge of `zone`, and 1 inside it, 0 outside.
 
     The sides of the rig are no edge. Both are (nz, nx).
-
-    Raises:
-        InputError: the zone covers no cell of `grid`; the message names the `key` of rig.yaml.
     """
-    within = inside(cell_centres(grid), checked_zone(zone, grid, key)).reshape(grid.shape)
+    within = zone.contains(cell_centres(grid)).reshape(grid.shape)
     cells = (grid.dz, grid.dx)
     if within.all():
         return np.full(grid.shape, np.inf), within.astype(float)

@@ -47,7 +47,7 @@ def test_the_data_driven_model_is_asked_once_for_the_whole_interval(
 ) -> None:
     requests: list[tuple[float, float]] = []
 
-    def constant(predicted: FloatArray, rates: WellRates, time_step: float) -> Correction:
+    def constant(_: FloatArray, rates: WellRates, time_step: float, *__: object) -> Correction:
         requests.append((rates['push'].rate, time_step))
         return Correction(np.full(toy_grid.shape, 1e-3), 'constant')
 

@@ -29,6 +29,7 @@ FULL = GraphSettings(
     training=Path('training'),
     record=Path('bag'),
     diagnoses=Path('diagnoses'),
+    mend='ask',
     siblings=True,
     page='127.0.0.1:8765',
     pumps=Path('pumps.yaml'),
@@ -40,9 +41,13 @@ SHARED_DECLARATIONS = {'declare_rig': 'rig', 'declare_grid': 'grid'}
 
 
 def declared_parameters(module: Path) -> set[str]:
-    """Return the parameters that a node module declares by name or through a shared helper."""
+    """Return the parameters that a node module declares by name or through a shared helper.
+
+    Modules named `..._parameters` beside it declare parameters for it.
+    """
     names: set[str] = set()
-    for call in ast.walk(ast.parse(module.read_text())):
+    sources = [module, *module.parent.glob('*_parameters.py')]
+    for call in [call for source in sources for call in ast.walk(ast.parse(source.read_text()))]:
         if not isinstance(call, ast.Call):
             continue
         function = getattr(call.func, 'id', getattr(call.func, 'attr', ''))

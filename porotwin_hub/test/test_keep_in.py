@@ -10,10 +10,11 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig, parse_rig
 from porotwin_core.units import to_ml_h
 from porotwin_hub.controller import Controller
+from porotwin_hub.cycle import Observation
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation, Twin
+from porotwin_hub.twin import Twin
 
 
 def rig_with(unit_rig: dict[str, Any], zone: FloatArray, fuzziness: float) -> Rig:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import parse_rig
@@ -131,3 +132,55 @@ def test_keys_of_the_control_section_are_parameters_of_the_objective(
     assert cost({'objective': keep_in, 'fuzziness_m': 0.07}) == cost(
         {'objective': {**keep_in, 'fuzziness_m': 0.07}}
     )
+
+
+@pytest.mark.parametrize(
+    'objective',
+    [
+        {'name': 'keep_out'},
+        {'name': 'keep_in'},
+        {'name': 'sweep'},
+        {'name': 'hold_front'},
+        {'name': 'reach', 'at_min': 20.0},
+        {'name': 'sum', 'parts': [{'name': 'keep_in'}, {'name': 'least_water'}]},
+    ],
+)
+def test_the_zone_of_a_picture_is_that_of_its_corners(
+    unit_rig: dict[str, Any], objective: dict[str, Any], tmp_path: Path
+) -> None:
+    left_half = [[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]]
+    keys = {'sweep': 'zones_m', 'hold_front': 'tracer_m', 'keep_out': 'disallowed_zone_m'}
+
+    def with_corners(part: dict[str, Any]) -> dict[str, Any]:
+        if part['name'] == 'least_water':
+            return part
+        if part['name'] == 'sum':
+            return {**part, 'parts': [with_corners(one) for one in part['parts']]}
+        key = keys.get(part['name'], 'zone_m')
+        return {**part, key: [left_half] if key == 'zones_m' else left_half}
+
+    def made(objective: dict[str, Any], **control: Any) -> Any:
+        section = {'wells': ['a'], 'objective': objective, 'fuzziness_m': 0.0, **control}
+        rig = parse_rig({**unit_rig, 'control': section}, tmp_path / 'rig.yaml')
+        return make_objective(rig, rig.grid(20, 20))
+
+    pixels = np.zeros((100, 100), dtype=np.uint8)
+    pixels[:, :50] = 255
+    Image.fromarray(pixels).save(tmp_path / 'zone.png')
+    plume = np.random.default_rng(5).random((20, 20))
+    pictured, cornered = made(objective, zone={'file': 'zone.png'}), made(with_corners(objective))
+    assert pictured(plume) == pytest.approx(cornered(plume))
+    assert pictured.disallowed_tracer(plume) == pytest.approx(cornered.disallowed_tracer(plume))
+
+
+def test_a_picture_that_no_objective_takes_is_refused(
+    unit_rig: dict[str, Any], tmp_path: Path
+) -> None:
+    objective = {'name': 'keep_in', 'zone_m': TRIANGLE}
+    pixels = np.zeros((50, 50), dtype=np.uint8)
+    pixels[:, :20] = 255
+    Image.fromarray(pixels).save(tmp_path / 'zone.png')
+    section = {'wells': ['a'], 'objective': objective, 'zone': {'file': 'zone.png'}}
+    rig = parse_rig({**unit_rig, 'control': section}, tmp_path / 'rig.yaml')
+    with pytest.raises(InputError, match=r"control\.zone: objective 'keep_in' takes no zone"):
+        make_objective(rig, rig.grid(10, 10))

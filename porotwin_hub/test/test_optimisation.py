@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from hub_examples import LIMITS, quadratic
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from porotwin_core.grid import FloatArray
@@ -32,6 +32,7 @@ def test_the_best_point_counts_when_the_time_is_over() -> None:
     assert (at_once.evaluations, at_once.rates) == (1, LIMITS.safe())
 
 
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000))
 def test_the_decision_is_the_best_point_seen_and_never_worse_than_no_change(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -87,7 +87,7 @@ def control_ml_h(rates: WellRates) -> list[float]:
 def run(planner: PlanController, model: TwoStages) -> list[tuple[float, list[float]]]:
     """Return the orders of a whole run: their times [s] and control rates [ml/h]."""
     previous, orders = LIMITS.safe(), []
-    for now in np.arange(0.0, END, 30.0):
+    for now in np.arange(0.0, END, 60.0):
         model.now = float(now)
         decision = planner.decide(ToyModel(), STATE, previous, now=float(now))
         assert LIMITS.violations(decision.rates, previous) == []

@@ -12,9 +12,10 @@ from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.controller import Controller
+from porotwin_hub.cycle import Observation
 from porotwin_hub.forecast import no_correction
 from porotwin_hub.setpoint_limits import Limits
-from porotwin_hub.twin import Observation, Twin
+from porotwin_hub.twin import Twin
 
 SHAPE = (10, 20)
 """Shape of the toy grid, (nz, nx)."""

@@ -32,6 +32,12 @@ _ORB_FEATURES, _ORB_FAST_THRESHOLD = 4000, 10
 _ORB_TOLERANCE_PX, _ORB_ITERATIONS = 4.0, 5000
 _FEWEST_MATCHES = 20
 """ORB matches below which the start value is unreliable."""
+TURNS = {
+    'turned by 180 degrees': (slice(None, None, -1), slice(None, None, -1)),
+    'mirrored': (slice(None), slice(None, None, -1)),
+    'mirrored upside down': (slice(None, None, -1), slice(None)),
+}
+"""Ways to turn a photograph by software, and the order of rows and columns that undoes them."""
 _MIDDLE_GREY, _GREY_PER_SPREAD = 128, 40
 """Normalised brightness in grey levels: three spreads on either side fit into 8 bits."""
 
@@ -109,16 +115,53 @@ def align(
     """
     picture = _normalised(_reduced(pixels, reference.reduction), settings)
     found = _tracked(picture, reference, reference.points, settings)
+    start = None
     if found is None:
         start = _matched(picture, reference)
         if start is not None:
             found = _tracked(picture, reference, _moved(reference.points, start), settings)
     if found is None:
+        _refuse_turned(picture, start, reference, settings)
         raise InputError(
             'photograph does not match the baseline: another rig, or the camera has moved too '
             'far; take a new baseline'
         )
     return _in_decoded_pixels(found, reference.reduction)
+
+
+def _refuse_turned(
+    picture: GreyImage,
+    start: Array | None,
+    reference: ReferenceFeatures,
+    settings: AlignmentSettings,
+) -> None:
+    """Raise InputError if the picture shows the scene of the baseline turned or mirrored.
+
+    `start` is the rough homography of the picture. Its features match in any direction, but not in
+    a mirror.
+    """
+    mirrored = np.ascontiguousarray(picture[TURNS['mirrored']])
+    mirrored_start = None if start is not None else _matched(mirrored, reference)
+    likely = {
+        'turned by 180 degrees': _is_upside_down(start),
+        'mirrored': mirrored_start is not None,
+        'mirrored upside down': _is_upside_down(mirrored_start),
+    }
+    for words in (words for words in TURNS if likely[words]):
+        back = np.ascontiguousarray(picture[TURNS[words]])
+        near = _matched(back, reference)
+        if near is None:
+            continue
+        if _tracked(back, reference, _moved(reference.points, near), settings) is not None:
+            raise InputError(
+                f'photograph is {words} against the baseline; turn it back, or take a baseline '
+                'with the same setting of the camera'
+            )
+
+
+def _is_upside_down(homography: Array | None) -> bool:
+    """Return whether a homography turns a picture by more than 90 degrees."""
+    return homography is not None and homography[0, 0] < 0.0 and homography[1, 1] < 0.0
 
 
 def alignment_remarks(

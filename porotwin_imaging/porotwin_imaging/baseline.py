@@ -26,7 +26,13 @@ from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.imaging_cost import map_cost, refuse_costly
 from porotwin_imaging.light_drift import light_drift
 from porotwin_imaging.linear_light import linear_light
-from porotwin_imaging.photo_file import DecodedPhoto, decode, orientation, photo_size
+from porotwin_imaging.photo_file import (
+    DecodedPhoto,
+    colour_profile,
+    decode,
+    orientation,
+    photo_size,
+)
 from porotwin_imaging.sampling import Sampling, choose_reduction
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 
@@ -47,6 +53,7 @@ class Baseline:
     Attributes:
         grid: the grid of the maps.
         photo_size: columns and rows of the photographs [px of the file].
+        profile: colour profile of the photographs.
         reduction: ratio of file pixels to decoded pixels.
         sampling: pixels of each cell, from the geometry of the rig.
         features: reference of the alignment.
@@ -65,6 +72,7 @@ class Baseline:
 
     grid: Grid
     photo_size: tuple[int, int]
+    profile: str
     reduction: int
     sampling: Sampling
     features: ReferenceFeatures
@@ -84,8 +92,14 @@ class Baseline:
         """Return the photograph `data` (bytes of the file), decoded like the baseline.
 
         Raises:
-            InputError: the photograph has another size or cannot be used.
+            InputError: the photograph has another size or colour profile, or cannot be used.
         """
+        profile = colour_profile(data)
+        if profile != self.profile:
+            raise InputError(
+                f'photograph has the colour profile {profile}, the baseline {self.profile}; '
+                'set the camera to one of them, sRGB at best'
+            )
         return _decode(data, self.photo_size, self.reduction, self.settings)
 
     def sand_appearance(self) -> tuple[Array, Array]:
@@ -160,6 +174,7 @@ def make_baseline(
     return Baseline(
         grid=grid,
         photo_size=size,
+        profile=colour_profile(photographs[0]),
         reduction=reduction,
         sampling=sampling,
         features=features,
@@ -182,6 +197,11 @@ def _decode(
 ) -> DecodedPhoto:
     """Return the decoded photograph; raise InputError if its size is not `size`."""
     found = photo_size(data)
+    if found == size[::-1]:
+        raise InputError(
+            f'photograph is {found[0]} x {found[1]} px, turned by 90 degrees against the baseline; '
+            'turn it back, with its pixels and not only its EXIF orientation'
+        )
     if found != size:
         raise InputError(
             f'photograph is {found[0]} x {found[1]} px, the baseline {size[0]} x {size[1]} px; '

@@ -95,31 +95,50 @@ def _checker(axes: Any, baseline: Baseline) -> None:
     if patches is None:
         axes.set_title('no colour checker')
         return
-    shown = np.zeros((4 * 20, 6 * 20, 3))
+    shown = np.ones((4 * 20, 6 * 20, 3))
+    apart = np.linalg.norm(patches - REFERENCE, axis=1) / np.linalg.norm(REFERENCE, axis=1)
     for index in range(24):
         row, column = divmod(index, 6)
-        left_half = (slice(20 * row, 20 * row + 18), slice(20 * column, 20 * column + 9))
-        right_half = (slice(20 * row, 20 * row + 18), slice(20 * column + 9, 20 * column + 18))
+        left_half = (slice(20 * row, 20 * row + 16), slice(20 * column, 20 * column + 9))
+        right_half = (slice(20 * row, 20 * row + 16), slice(20 * column + 9, 20 * column + 18))
         shown[left_half], shown[right_half] = REFERENCE[index], patches[index]
+        words = f'{100 * apart[index]:.0f} %'
+        axes.text(20 * column + 8.5, 20 * row + 16, words, ha='center', va='top', fontsize=8)
     axes.imshow(np.clip(shown, 0, 1) ** (1 / 2.2))
-    axes.set_title('colour checker: reference left, photograph after matching right in each patch')
+    axes.set_title(
+        'colour checker: in each patch, left the published colour, right the photograph\n'
+        f'after matching; below, their difference ({100 * float(np.median(apart)):.0f} % in the '
+        'median).\nLarge everywhere: correct camera.colour_checker_px, dark skin first',
+        fontsize=10,
+    )
+
+
+_HIDDEN = {
+    'unlit': ('dark: frame or deep shadow', 'blue'),
+    'checker': ('colour checker', 'magenta'),
+    'water': ('smooth: water without grains', 'cyan'),
+    'objects': ('objects: tubes, bolts', 'red'),
+    'by hand': ('hidden.png', 'yellow'),
+}
+"""Words and colour of each part without visible sand."""
 
 
 def _validity(axes: Any, fit: CalibrationFit) -> None:
+    """Draw the parts without visible sand, with their share of the rig."""
     picture = _rectified(fit).astype(float) / 255
     mask = fit.baseline.mask
-    parts = {
-        'unlit': (mask.unlit, 'blue'),
-        'checker': (mask.checker, 'magenta'),
-        'water': (mask.water, 'cyan'),
-        'objects': (mask.objects, 'red'),
-    }
-    for name, (hidden, colour) in parts.items():
+    parts = {name: getattr(mask, name) for name in list(_HIDDEN)[:-1]}
+    parts['by hand'] = mask.usable & (fit.baseline.usable == 0)
+    for name, hidden in parts.items():
+        words, colour = _HIDDEN[name]
         picture[hidden] = 0.4 * picture[hidden] + 0.6 * np.array(mpl.colors.to_rgb(colour))
-        axes.plot([], [], 's', color=colour, label=name)
+        if hidden.any():
+            label = f'{words}, {100 * hidden.mean():.1f} %'
+            axes.plot([], [], 's', color=colour, markeredgecolor='black', label=label)
     axes.imshow(picture, extent=_extent(fit.baseline))
-    axes.legend(loc='lower right')
-    _label(axes, 'no sand visible; correct by hand with hidden.png')
+    if axes.get_legend_handles_labels()[0]:
+        axes.figure.legend(loc='outside lower center', ncols=3, frameon=False)
+    _label(axes, 'coloured: no sand visible; paint more of it white in hidden.png')
 
 
 def _sands(axes: Any, fit: CalibrationFit) -> None:

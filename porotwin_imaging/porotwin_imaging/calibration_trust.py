@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from porotwin_core.errors import InputError
+from porotwin_core.units import ML
 from porotwin_imaging.calibration_evidence import (
     CalibrationEvidence,
     PhotographEvidence,
@@ -19,8 +20,6 @@ from porotwin_imaging.plume_evidence import PlumeEvidence
 from porotwin_imaging.sand_edges import EdgeEvidence
 from porotwin_imaging.settings import DEFAULTS, TrustSettings
 
-_ML = 1e6
-"""Millilitres of a cubic metre."""
 _NAMED_PHOTOGRAPHS = 3
 """Photographs named in a line; more would hide the reason."""
 
@@ -133,7 +132,7 @@ def _amount(
         return
     more = factor < 1
     ratio = 1 / factor if more else factor
-    volumes = f'{_ML * plume.pore_volume:.0f} ml of pores, {_ML * plume.fluid:.0f} ml injected'
+    volumes = f'{ML * plume.pore_volume:.0f} ml of pores, {ML * plume.fluid:.0f} ml injected'
     wells = _elsewhere(plume)
     small = '' if measured else 'a plume too small to have a core of stock, '
     yield Objection(

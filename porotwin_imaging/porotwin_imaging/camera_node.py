@@ -14,6 +14,7 @@ from porotwin_core.conversions import CAMERA_FRAME, header_at
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_core.qos import BASELINE, PHOTO
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import DAY_S
 from porotwin_imaging.file_names import one_line, printable
 from porotwin_imaging.photo_clock import Trust
 from porotwin_imaging.photo_forwarding import PhotoForwarder
@@ -31,7 +32,6 @@ LONGEST_POLL_S = 60.0
 """A poll that takes longer [s] hangs, as on a network share that does not answer."""
 SILENT_INTERVALS = 2.0
 """Intervals without a photograph after which people are warned."""
-DAY_S = 86400.0
 
 
 class CameraNode(Node):

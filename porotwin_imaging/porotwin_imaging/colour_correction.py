@@ -12,8 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.errors import InputError
 from porotwin_core.rig import Camera
 from porotwin_imaging import colour_checker
+from porotwin_imaging.alignment import TURNS
 from porotwin_imaging.linear_light import linear_light, linear_light_near
 from porotwin_imaging.settings import DEFAULTS, ColourCheckerSettings
 
@@ -59,6 +61,9 @@ def colour_reference(
     """Return the colours of a decoded baseline, and remarks about the chart.
 
     `pixels` has shape (rows, columns, 3), blue-green-red, decoded at `reduction`.
+
+    Raises:
+        InputError: the chart shows that the photograph is turned or mirrored.
     """
     corners = checker_corners(camera, reduction)
     without_chart = ColourReference(corners, None, np.eye(3))
@@ -66,6 +71,7 @@ def colour_reference(
         return without_chart, []
     found = colour_checker.find_checker(linear_light(pixels), corners, settings)
     if found is None:
+        _refuse_turned(pixels, corners, settings)
         return without_chart, ['colour checker not found: light is judged by the sand alone']
     matrix, used = colour_checker.fit_matrix(found.patches, colour_checker.REFERENCE, settings)
     if not colour_checker.is_plausible(matrix, settings):
@@ -75,6 +81,20 @@ def colour_reference(
         f'{used.sum()} of 24 patches used'
     )
     return ColourReference(corners, found.patches, matrix), [remark]
+
+
+def _refuse_turned(
+    pixels: NDArray[np.uint8], corners: Array, settings: ColourCheckerSettings
+) -> None:
+    """Raise InputError if the chart is where a turned or mirrored photograph shows it."""
+    for words, order in TURNS.items():
+        back = linear_light(np.ascontiguousarray(pixels[order]))
+        if colour_checker.find_checker(back, corners, settings) is not None:
+            raise InputError(
+                f'photograph is {words}: so it shows the colour chart at '
+                'camera.colour_checker_px; turn the photographs back, or correct the camera in '
+                'rig.yaml'
+            )
 
 
 def checker_gain(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import ive
 
 from porotwin_imaging.level_smoothing import SmoothedMap
+from porotwin_imaging.row_bands import by_overlapping_bands
 from porotwin_imaging.settings import DEFAULTS
 
 Array = NDArray[Any]
@@ -57,19 +58,23 @@ def sharpened(smoothed: SmoothedMap, blur: tuple[float, float]) -> SmoothedMap:
         smoothed: the denoised map.
         blur: standard deviation of the blur, up and across [cells].
     """
-    values = smoothed.values.astype(np.float32)
-    known = np.isfinite(values)
-    filled = np.where(known, values, np.float32(0.0))
     up, across = (_kernel(width) for width in blur)
-    # a hidden neighbour counts as equal to the cell
-    seen = cv2.sepFilter2D(
-        known.astype(np.float32), -1, across, up, borderType=cv2.BORDER_REPLICATE
-    )
-    around = cv2.sepFilter2D(filled, -1, across, up, borderType=cv2.BORDER_REPLICATE)
-    least = cv2.erode(np.where(known, values, np.float32(np.inf)), _NEIGHBOURS)
-    largest = cv2.dilate(np.where(known, values, np.float32(-np.inf)), _NEIGHBOURS)
-    sharp = np.clip(filled + (filled * seen - around), least, largest)
-    return SmoothedMap(np.where(known, sharp, np.nan), smoothed.noise * _noise_factor(up, across))
+
+    def band(values: Array) -> tuple[Array]:
+        known = np.isfinite(values)
+        filled = np.where(known, values, np.float32(0.0))
+        # a hidden neighbour counts as equal to the cell
+        seen = cv2.sepFilter2D(
+            known.astype(np.float32), -1, across, up, borderType=cv2.BORDER_REPLICATE
+        )
+        around = cv2.sepFilter2D(filled, -1, across, up, borderType=cv2.BORDER_REPLICATE)
+        least = cv2.erode(np.where(known, values, np.float32(np.inf)), _NEIGHBOURS)
+        largest = cv2.dilate(np.where(known, values, np.float32(-np.inf)), _NEIGHBOURS)
+        sharp = np.clip(filled + (filled * seen - around), least, largest)
+        return (np.where(known, sharp, np.float32(np.nan)),)
+
+    (sharp,) = by_overlapping_bands(band, up.size // 2, smoothed.values.astype(np.float32))
+    return SmoothedMap(sharp, smoothed.noise * _noise_factor(up, across))
 
 
 def _kernel(width: float) -> Array:

@@ -163,8 +163,16 @@ def _refuse_crossed(corners: Array) -> None:
     turns = following[:, 0] * np.roll(following[:, 1], -1) - following[:, 1] * np.roll(
         following[:, 0], -1
     )
-    if not (turns < 0).all() or corners[0, 0] >= corners[2, 0] or corners[0, 1] >= corners[2, 1]:
+    order = 'give upper left, lower left, lower right, upper right, as (column, row)'
+    if (turns > 0).all():
         raise InputError(
-            f'camera.corners_px {corners.tolist()}: give upper left, lower left, lower right, '
-            'upper right, as (column, row)'
+            f'camera.corners_px {corners.tolist()} run clockwise; {order}. If they name the '
+            'corners of the rig, its photographs are mirrored: mirror them back'
+        )
+    if not (turns < 0).all():
+        raise InputError(f'camera.corners_px {corners.tolist()} cross each other; {order}')
+    if corners[0, 0] >= corners[2, 0] or corners[0, 1] >= corners[2, 1]:
+        raise InputError(
+            f'camera.corners_px {corners.tolist()} do not begin at the upper left; {order}. If '
+            'they name the corners of the rig, its photographs are turned: turn them upright'
         )

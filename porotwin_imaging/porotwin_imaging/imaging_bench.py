@@ -19,8 +19,16 @@ from porotwin_imaging.photo_to_map import concentration_map
 
 CAMERA = (7952, 4472)
 """Columns and rows of the camera of the FluidFlower rigs [px]."""
-GRIDS = {'280x150': (280, 150), '1 mm': (934, 562), '1 mm, large rig': (2800, 1500)}
-"""Columns and rows of the maps by name."""
+SMALL_RIG, LARGE_RIG = (0.934, 0.562), (2.8, 1.5)
+"""Width and height of the FluidFlower rigs [m]."""
+Maps = tuple[int, int, tuple[float, float]]
+"""Columns and rows of maps, and width and height of their rig [m]."""
+GRIDS: Mapping[str, Maps] = {
+    '280x150': (280, 150, SMALL_RIG),
+    '1 mm': (934, 562, SMALL_RIG),
+    '1 mm, large rig': (2800, 1500, LARGE_RIG),
+}
+"""Maps by name."""
 ROUNDS = 9
 """Photographs whose median time is reported."""
 _MARGIN, _UPPER_MARGIN = 200, 400
@@ -34,17 +42,17 @@ _SEED = 11
 def run(
     camera: tuple[int, int] = CAMERA,
     rounds: int = ROUNDS,
-    grids: Mapping[str, tuple[int, int]] = GRIDS,
+    grids: Mapping[str, Maps] = GRIDS,
 ) -> list[dict[str, Any]]:
     """Return one row per stage and grid: median and longest time [s] of `rounds` photographs.
 
-    `grids` are the cells across and up of each map, by name. `processor_s` is the time that all
+    `grids` are the maps by name. `processor_s` is the time that all
     cores together worked on a photograph.
 
     The time is from the bytes of the file to the map. The photograph of `camera` (columns, rows)
     [px] is synthetic. `memory_mb` is the peak memory of a process that does nothing else.
     """
-    baseline, state = (_in_a_process(_photograph, camera, tracer) for tracer in (False, True))
+    baseline, state = _in_a_process(_photographs, camera)
     return _in_a_process(_measure, camera, rounds, dict(grids), baseline, state)
 
 
@@ -57,14 +65,14 @@ def _in_a_process(work: Callable[..., Any], *arguments: Any) -> Any:
 def _measure(
     camera: tuple[int, int],
     rounds: int,
-    grids: dict[str, tuple[int, int]],
+    grids: dict[str, Maps],
     baseline: bytes,
     state: bytes,
 ) -> list[dict[str, Any]]:
     """Return the rows of `run`."""
     rows: list[dict[str, Any]] = []
-    rig = _rig(camera)
-    for name, (nx, nz) in grids.items():
+    for name, (nx, nz, size) in grids.items():
+        rig = _rig(camera, size)
         reference = make_baseline(rig, rig.grid(nx, nz), [baseline], calibration=Calibration())
         concentration_map(state, reference)  # compiles the kernels
         before = time.process_time()
@@ -93,8 +101,8 @@ def _timed(baseline: Baseline, state: bytes) -> dict[str, float]:
     return {**timings, 'whole': time.perf_counter() - start}
 
 
-def _rig(camera: tuple[int, int]) -> Rig:
-    """Return a rig that fills the photographs of `camera` (columns, rows) [px]."""
+def _rig(camera: tuple[int, int], size: tuple[float, float]) -> Rig:
+    """Return a rig of `size` (width, height) [m] that fills photographs of `camera` [px]."""
     left_edge, upper_edge = _MARGIN, _UPPER_MARGIN
     right_edge, lower_edge = camera[0] - _MARGIN, camera[1] - _MARGIN
     corners = [
@@ -109,8 +117,8 @@ def _rig(camera: tuple[int, int]) -> Rig:
     return Rig.model_validate(
         {
             'name': 'bench',
-            'width_m': 0.934,
-            'height_m': 0.562,
+            'width_m': size[0],
+            'height_m': size[1],
             'depth_m': 0.01,
             'porosity': 0.375,
             'permeability_m2': 6.57e-10,
@@ -120,6 +128,11 @@ def _rig(camera: tuple[int, int]) -> Rig:
             'camera': {'corners_px': corners, 'colour_checker_px': chart},
         }
     )
+
+
+def _photographs(camera: tuple[int, int]) -> tuple[bytes, bytes]:
+    """Return JPEG files without and with tracer."""
+    return _photograph(camera, tracer=False), _photograph(camera, tracer=True)
 
 
 def _photograph(camera: tuple[int, int], tracer: bool) -> bytes:

@@ -20,7 +20,7 @@ FEWEST_PIXELS_PER_CELL = 0.7
 """Pixels of the file per cell in each direction below which cells show nothing new [px]."""
 _MEMORY_SHARE = 0.6
 """Share of the memory of the computer that a map may take [-]; other nodes need the rest."""
-_BYTES_AT_LEAST, _BYTES_PER_SAMPLE, _BYTES_PER_CELL = 280e6, 27.0, 85.0
+_BYTES_AT_LEAST, _BYTES_PER_SAMPLE, _BYTES_PER_CELL = 280e6, 27.0, 102.0
 """Peak memory of a process that makes maps [bytes]; the first is that of its libraries."""
 _SECONDS_PER_PIXEL, _SECONDS_PER_SAMPLE, _SECONDS_PER_CELL = 5e-9, 40e-9, 230e-9
 """Processor time for decoding, sums and denoising [s]; the last with cells of 1 mm."""

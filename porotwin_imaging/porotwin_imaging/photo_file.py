@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageCms
 
 from porotwin_core.errors import InputError
 from porotwin_imaging.settings import DEFAULTS, DecodingSettings
@@ -38,7 +38,28 @@ _MARKER_IN_SCAN = re.compile(rb'\xff[^\x00\xff\xd0-\xd7]', re.DOTALL)
 """Markers that end the coded pixels: no stuffed byte (0), no restart marker (D0 to D7)."""
 _ORIENTATION_TAG = 0x0112
 _UPRIGHT = 1
+_INTEROPERABILITY, _ADOBE_INDEX = 0xA005, 'R03'
+"""Section of the EXIF data, and its word for Adobe RGB."""
+_SRGB = 'sRGB'
+OTHER_FORMATS = {
+    'HEIC': re.compile(rb'....ftyp(hei|hev|mif1|msf1)', re.DOTALL),
+    'AVIF': re.compile(rb'....ftypavi', re.DOTALL),
+    'a raw file of a camera': re.compile(
+        rb'....ftypcrx|FUJIFILMCCD-RAW|II\*\x00....CR|IIRS|IIU\x00', re.DOTALL
+    ),
+    'WebP': re.compile(rb'RIFF....WEBP', re.DOTALL),
+    'GIF': re.compile(rb'GIF8'),
+    'BMP': re.compile(rb'BM'),
+    'JPEG 2000': re.compile(rb'\x00\x00\x00\x0cjP  |\xff\x4f\xff\x51'),
+    'BigTIFF': re.compile(rb'II\+\x00|MM\x00\+'),
+    'PDF': re.compile(rb'%PDF'),
+}
+"""Beginnings of files of formats that are not read."""
 _TIFF_SIZE_TAGS = (256, 257)
+_SUBFILE_TAG, _PREVIEW, _DNG_VERSION_TAG = 254, 1, 50706
+"""Raw files of cameras are TIFFs that begin with a preview."""
+_BITS, _BITS_TAG, _PNG_DEPTH = 8, 258, 24
+"""Usual bits of a level, and where a TIFF and a PNG tell theirs."""
 _TRAILING_BYTES = 64
 """Some cameras pad a finished JPEG with zeros. The end marker is searched in this tail."""
 MOST_PIXELS = 175_000_000
@@ -107,6 +128,28 @@ def orientation(data: bytes) -> int:
     return written if written in range(1, 9) else _UPRIGHT
 
 
+def colour_profile(data: bytes) -> str:
+    """Return the name of the colour space that the file `data` declares, 'sRGB' by default.
+
+    It stands in an ICC profile, or for Adobe RGB in the EXIF data alone.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            profile = image.info.get('icc_profile')
+            if profile:
+                opened = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+                name = ImageCms.getProfileDescription(opened).strip()
+                return _SRGB if _SRGB.lower() in name.lower() else name
+            if image.getexif().get_ifd(_INTEROPERABILITY).get(1) == _ADOBE_INDEX:
+                return 'Adobe RGB'
+    except Exception:  # a damaged header makes Pillow raise errors of many types
+        return _SRGB
+    return _SRGB
+
+
 def is_photograph(data: bytes) -> bool:
     """Return whether the file `data` begins as a JPEG, PNG or TIFF."""
     return data.startswith((JPEG_START, PNG_START, *TIFF_STARTS))
@@ -150,14 +193,17 @@ def _jpeg_has_its_end(data: bytes) -> bool:
 
 
 def _tiff_size(data: bytes) -> tuple[int, int] | None:
-    """Return (width, height) from the header of a TIFF, or None."""
+    """Return (width, height) from the header of a TIFF; None if broken, or a camera's raw file."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # of a large picture; its size is judged here
             image = Image.open(io.BytesIO(data))
         with image:
+            tags = image.tag_v2  # type: ignore[attr-defined]
+            if tags.get(_SUBFILE_TAG) == _PREVIEW or _DNG_VERSION_TAG in tags:
+                return None
             # `size` would be turned by the orientation
-            width, height = (int(image.tag_v2[tag]) for tag in _TIFF_SIZE_TAGS)  # type: ignore[attr-defined]
+            width, height = (int(tags[tag]) for tag in _TIFF_SIZE_TAGS)
             return width, height
     except Exception:  # a damaged header makes Pillow raise errors of many types
         return None
@@ -194,8 +240,19 @@ def photo_size(data: bytes) -> tuple[int, int]:
         found = struct.unpack('>II', data[16:24])
     elif data.startswith(TIFF_STARTS):
         found = _tiff_size(data)
+    for name, start in OTHER_FORMATS.items():
+        if start.match(data[:32]):
+            raise InputError(f'photograph is {name}; set the camera to JPEG, or convert it to TIFF')
+    if found is None and data.startswith(TIFF_STARTS):
+        raise InputError(
+            'photograph is a TIFF that cannot be read: damaged, with float levels, or the raw file '
+            'of a camera; save it with 8 or 16 bits, or set the camera to JPEG'
+        )
     if found is None or min(found) < 1:
-        raise InputError(f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again')
+        raise InputError(
+            f'photograph of {len(data)} bytes: not a JPEG, PNG or TIFF; send it again, '
+            'or set the camera to JPEG'
+        )
     if found[0] * found[1] > MOST_PIXELS:
         raise InputError(
             f'photograph claims {found[0]} x {found[1]} px, more than any camera has; send it again'
@@ -221,18 +278,37 @@ def decode(
     pixels = _pixels(data, reduction)
     if pixels is None:
         raise InputError(f'photograph of {len(data)} bytes is broken; send it again')
-    _refuse_without_picture(pixels, settings)
+    _refuse_without_picture(pixels, settings, deep=_bits(data) > _BITS)
     return DecodedPhoto(pixels, width, height, reduction)
 
 
-def _refuse_without_picture(pixels: NDArray[np.uint8], settings: DecodingSettings) -> None:
-    """Raise InputError if the photograph as a whole is black or over-exposed."""
+def _bits(data: bytes) -> int:
+    """Return the bits of a level in the file `data`: 8, or 16 for PNG and TIFF of that depth."""
+    if data.startswith(PNG_START) and len(data) > _PNG_DEPTH:
+        return data[_PNG_DEPTH]
+    if data.startswith(TIFF_STARTS):
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')
+            image = Image.open(io.BytesIO(data))
+        with image:
+            return int(image.tag_v2.get(_BITS_TAG, (_BITS,))[0])  # type: ignore[attr-defined]
+    return _BITS
+
+
+def _refuse_without_picture(
+    pixels: NDArray[np.uint8], settings: DecodingSettings, *, deep: bool
+) -> None:
+    """Raise InputError if the photograph as a whole is black or over-exposed.
+
+    `deep` tells that the file has more than 8 bits, which may not be used in full.
+    """
     green = pixels[::_CHECKED_EVERY, ::_CHECKED_EVERY, 1]
     brightest = float(np.percentile(green, 99.5))
     if brightest < settings.dark_level:
         raise InputError(
             f'photograph is black: 99.5 % of it below grey level {brightest:.0f} of 255; '
             'check lamp, lens cap and exposure'
+            + (', and that the levels of the file use all of its 16 bits' if deep else '')
         )
     bright = float(np.mean(green >= settings.bright_level))
     if bright > settings.most_bright:

@@ -26,21 +26,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_imaging.alignment import Alignment, align, alignment_remarks
+from porotwin_imaging.alignment import Alignment, alignment_remarks
 from porotwin_imaging.baseline import Baseline
-from porotwin_imaging.baseline_subtraction import cells_per_block, log_ratio_variance
-from porotwin_imaging.cell_sums import CellSums, cell_sums
+from porotwin_imaging.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
-from porotwin_imaging.frame import frame_remarks, in_frame
 from porotwin_imaging.front_sharpening import blur_in_cells, sharpened
 from porotwin_imaging.level_smoothing import smooth_along_levels
-from porotwin_imaging.light_check import refuse_grey
 from porotwin_imaging.light_correction import corrected_light
 from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.light_error import SeenTracer, light_error
-from porotwin_imaging.linear_light import LINEAR_LIGHT
 from porotwin_imaging.map_deviation import map_deviation
+from porotwin_imaging.photo_cells import photo_cells
 from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
@@ -157,23 +154,14 @@ def compare_with_baseline(
     """
     watch = watch or Stopwatch()
     settings, sampling = baseline.settings, baseline.sampling
-    with watch.stage('decode'):
-        pixels = baseline.decode(data).pixels
-    with watch.stage('align'):
-        alignment = align(pixels, baseline.features, settings.alignment)
-    with watch.stage('remap'):
-        sampled = sampling.sample(pixels, alignment.homography)
+    cells = photo_cells(data, baseline, watch)
+    pixels, alignment, sums = cells.pixels, cells.alignment, cells.sums
     with watch.stage('average'):
-        framed = in_frame(sampling, alignment.homography, pixels.shape)
-        usable, share = _in_view(framed, baseline)
-        frame_lines = frame_remarks(baseline.share, share, settings.validity)
-        sums = _cell_sums(sampled, usable, baseline)
-        refuse_grey(sums.blocks.state, sums.blocks.baseline)
         ratio = sums.log_ratio
         variance = log_ratio_variance(
             sums, baseline.chart.matrix, sampling.samples_across, settings.noise
         )
-        unclipped, clipped_remarks = unclipped_cells(sums, share, settings.validity)
+        unclipped, clipped_remarks = unclipped_cells(sums, cells.share, settings.validity)
         visible, hidden_remarks = visible_cells(sums, settings.validity)
         visible &= unclipped
     with watch.stage('light'):
@@ -189,7 +177,7 @@ def compare_with_baseline(
             baseline.calibration.signal.tracer_colour,
             settings,
         )
-    left_out = [*frame_lines, *clipped_remarks, *hidden_remarks, *light.left_out]
+    left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px
     moved_remarks = alignment_remarks(alignment, baseline.reduction, settings.alignment)
     return LogRatioMap(
@@ -209,32 +197,6 @@ def _blur(baseline: Baseline) -> tuple[float, float]:
     measured, settings = baseline.calibration.blur_px, baseline.settings.sharpening
     blur_px = settings.blur_px if measured is None else measured
     return blur_in_cells(baseline.sampling.pixels_per_cell, baseline.reduction, blur_px)
-
-
-def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Array, Array]:
-    """Return the usable samples, and the share of each cell (nz, nx) that they cover.
-
-    `framed` tells which samples lie in the photograph; None if all of them do.
-    """
-    if framed is None:
-        return baseline.usable, baseline.share
-    usable = baseline.usable * framed
-    return usable, baseline.sampling.cell_means(usable.astype(np.float32))
-
-
-def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
-    """Return the sums of the sampled photograph and the baseline over each cell."""
-    samples = baseline.sampling.samples_across
-    return cell_sums(
-        sampled,
-        baseline.colours,
-        usable,
-        light=LINEAR_LIGHT,
-        matrix=baseline.chart.matrix,
-        glare_level=baseline.settings.decoding.bright_level,
-        samples_across=samples,
-        cells_across=cells_per_block(samples, baseline.settings.noise),
-    )
 
 
 def _concentration(compared: LogRatioMap, baseline: Baseline) -> tuple[Array, Array]:

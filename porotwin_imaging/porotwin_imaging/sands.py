@@ -31,6 +31,8 @@ _BRIGHTNESS_WEIGHT = 1.5
 """Weight of brightness against texture and hue; brightness is the sharpest feature."""
 _LEAST_LIGHT, _LEAST_TEXTURE = 1e-4, 1e-3
 """Light and texture are raised to these before the logarithm."""
+_JUMP_CELLS = (2, 6)
+"""Cells between an interface and the two cells whose colours are extrapolated to it."""
 _FIXED = 1e-4
 """Deviation of a fixed log signal: the reference sand without any core."""
 
@@ -106,7 +108,9 @@ def segment(
     labels = np.zeros(visible.shape, np.uint8)
     labels[visible] = _merged(values, classes, settings)
     tidy = _tidy(labels, visible, settings)
-    return _tidy(_sharpened(tidy, colours, visible, settings), visible, settings)
+    sharp = _tidy(_sharpened(tidy, colours, visible, settings), visible, settings)
+    logs = np.log(np.maximum(colours, _LEAST_LIGHT))
+    return _tidy(_without_lamps(sharp, logs, rough, visible, settings), visible, settings)
 
 
 def _clustered(
@@ -223,6 +227,78 @@ def _sharpened(
     unknown = grown < 0
     grown[unknown] = labels[unknown]
     return np.asarray(cv2.medianBlur(grown.astype(np.uint8), 3), np.uint8)
+
+
+def _without_lamps(
+    labels: Labels, logs: Array, rough: Array, visible: NDArray[np.bool_], settings: SandSettings
+) -> Labels:
+    """Return the labels with sands merged that only the light of the lamps tells apart.
+
+    Light fades smoothly. Where two sands meet, colours extrapolated from both sides jump, or the
+    texture differs.
+
+    Args:
+        labels: index of the sand in each cell, shape (nz, nx).
+        logs: log colours of the baseline, shape (nz, nx, 3).
+        rough: log texture of the baseline, shape (nz, nx).
+        visible: cells that show sand, shape (nz, nx).
+        settings: thresholds.
+    """
+    planes = [
+        _masked_median(np.asarray(p, np.float32), visible)
+        for p in (*np.moveaxis(logs, 2, 0), rough)
+    ]
+    features = np.stack(planes, axis=-1)
+    jumps: dict[tuple[int, int], list[Array]] = {}
+    for turned in (False, True):
+        sides = (labels, features, visible)
+        if turned:
+            sides = (labels.T, features.transpose(1, 0, 2), visible.T)
+        for pair, jump in _interface_jumps(*sides):
+            jumps.setdefault(pair, []).append(jump)
+    merged = labels.copy()
+    for (first, second), found in sorted(jumps.items()):
+        jump = np.concatenate(found)
+        if len(jump) < settings.fewest_pairs:
+            continue
+        middle = np.abs(np.median(jump, axis=0))
+        if middle[:-1].max() < settings.lamp_jump and middle[-1] < settings.lamp_texture:
+            merged[merged == merged[labels == second][0]] = merged[labels == first][0]
+    return merged
+
+
+def _interface_jumps(
+    labels: Labels, features: Array, visible: NDArray[np.bool_]
+) -> list[tuple[tuple[int, int], Array]]:
+    """Return pairs of sands that meet along rows, with the jumps between them, shape (n, 4).
+
+    Features are extrapolated to the interface from two cells on each side; the last one, texture,
+    is averaged over a window and is only compared. Cells beside the interface mix both sands.
+    """
+    near, far = _JUMP_CELLS
+    wide = labels.shape[1]
+    column = np.arange(far, wide - far - 1)
+    if not len(column):
+        return []
+    cells = {'a': column - near, 'aa': column - far, 'b': column + 1 + near, 'bb': column + 1 + far}
+    shown = {name: labels[:, where] for name, where in cells.items()}
+    seen = np.logical_and.reduce([visible[:, where] for where in cells.values()])
+    left, right = labels[:, column], labels[:, column + 1]
+    meet = seen & (left != right) & (shown['a'] == left) & (shown['aa'] == left)
+    meet &= (shown['b'] == right) & (shown['bb'] == right)
+    share = (near + 0.5) / (far - near)
+    value = {name: features[:, where][meet] for name, where in cells.items()}
+    ends = [
+        value[one] + share * (value[one] - value[two]) for one, two in (('a', 'aa'), ('b', 'bb'))
+    ]
+    jump = ends[1] - ends[0]
+    jump[:, -1] = value['bb'][:, -1] - value['aa'][:, -1]
+    low, high = np.minimum(left, right)[meet], np.maximum(left, right)[meet]
+    jump[left[meet] > right[meet]] *= -1.0
+    return [
+        ((int(one), int(two)), jump[(low == one) & (high == two)])
+        for one, two in np.unique(np.stack([low, high], axis=1), axis=0)
+    ]
 
 
 def fit_factors(

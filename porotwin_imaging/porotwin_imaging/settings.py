@@ -27,8 +27,8 @@ class TotalVariationSettings:
     """Data weights are raised to this [-]. The accelerated method needs strong convexity."""
     tiled_from_cells: int = 1_000_000
     """Maps with more cells are solved in tiles."""
-    tile_cells: int = 512
-    """Side of a tile [cells]: its overlap costs a fifth, its arrays stay near a core's cache."""
+    tile_cells: int = 256
+    """Side of a tile [cells]: its overlap costs a third, its arrays nearly fit a core's cache."""
     halo_cells: int = 24
     """Overlap of neighbouring tiles [cells]; cells further away hardly influence each other."""
     threads: int = 2
@@ -346,6 +346,10 @@ class SandSettings:
     """Smaller patches, relative to the rig, are merged into the sand around them [-]."""
     interface_reach_cells: int = 3
     """Texture shows an interface to within this many cells; the edge is searched there."""
+    lamp_jump: float = 0.05
+    """Jump of a colour channel at an interface below which it is no edge of a sand [log]."""
+    lamp_texture: float = 0.25
+    """Difference of texture across an interface below which it is no edge of a sand [log]."""
     least_signal: float = 0.3
     """Signal on both sides of an interface, relative to the strong signal of all sands [-]. Paler
     tracer at an interface has often not entered the finer sand."""
@@ -533,6 +537,45 @@ class TrustSettings:
 
 
 @dataclass(frozen=True)
+class PhaseSettings:
+    """Maps of water, dissolved CO2 and gas (`phase_colours.py`, `phase_segmentation.py`)."""
+
+    least_change: float = 0.08
+    """Smaller changes of colour are water [log]: light and grains cause up to 0.05."""
+    most_uneven: float = 0.6
+    """Range of a colour around a cell, relative to it, above which the cell lies at an edge [-]."""
+    least_share: float = 0.002
+    """Changed cells, relative to the sand of a photograph, that show the colour of a phase [-]."""
+    apart: float = 0.45
+    """Difference of two colours, relative to the stronger one, below which they are one [-]."""
+    least_cluster: float = 0.02
+    """Share of the changed cells below which a cluster joins the nearest one [-]."""
+    least_gas: float = 0.05
+    """Brightening of every channel in gas [log]: dry sand without indicator."""
+    same_hue: float = 0.96
+    """Cosine between two changes of colour from which they have one hue [-]."""
+    cells_for_sand: float = 40.0
+    """Cells that give a sand colours of its own; fewer are drawn to the colours of all sands."""
+    least_spread: float = 0.04
+    """Standard deviation of the colour of a cell that is added to its scatter [log]."""
+    most_samples: int = 60_000
+    """Cells from which colours are found; more tell nothing more."""
+    sharpness: float = 0.5
+    """Factor on the costs of colours, which are not independent from cell to cell [-]."""
+    coupling: float = 4.0
+    """Gain in log probability if all neighbours have the same phase [-]."""
+    doubt: float = 0.5
+    """Exponent of the probabilities: the model knows nothing of blur and place at edges [-]. Fitted
+    to rendered photographs."""
+    foreign: float = 0.25
+    """Distance from all colours and their mixtures that no phase explains [log]."""
+    foreign_share: float = 0.4
+    """The same relative to the change of colour [-]."""
+    told_foreign: float = 0.001
+    """Share of the sand with the colour of no phase that is told [-]."""
+
+
+@dataclass(frozen=True)
 class ImagingSettings:
     """The settings of all steps."""
 
@@ -558,6 +601,7 @@ class ImagingSettings:
     mass_balance: MassBalanceSettings = field(default_factory=MassBalanceSettings)
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
     trust: TrustSettings = field(default_factory=TrustSettings)
+    phases: PhaseSettings = field(default_factory=PhaseSettings)
 
 
 DEFAULTS = ImagingSettings()

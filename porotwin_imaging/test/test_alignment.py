@@ -65,7 +65,21 @@ def test_tracer_and_light_do_not_move_the_alignment(features) -> None:
     assert worst(align(picture.astype(np.uint8), features).homography, shift) < 0.15
 
 
-@pytest.mark.parametrize('seed', range(2, 8))
+@pytest.mark.parametrize(
+    ('turned', 'words'),
+    [
+        (lambda picture: picture[::-1, ::-1], 'turned by 180 degrees'),
+        (lambda picture: picture[:, ::-1], 'is mirrored against'),
+        (lambda picture: picture[::-1], 'mirrored upside down'),
+    ],
+)
+def test_a_turned_photograph_is_told(features, turned, words) -> None:
+    nudged = moved(sand(1), np.array([[1, 0, 3.0], [0, 1, 2.0], [0, 0, 1]]))
+    with pytest.raises(InputError, match=words):
+        align(np.ascontiguousarray(turned(nudged)), features)
+
+
+@pytest.mark.parametrize('seed', range(2, 5))
 def test_other_sand_is_refused(features, seed: int) -> None:
     with pytest.raises(InputError, match='does not match the baseline'):
         align(sand(seed), features)

@@ -53,7 +53,15 @@ def test_unknown_curvature_is_named() -> None:
         geometry(barrel=1.0)
 
 
-def test_corners_in_another_order_are_refused() -> None:
-    camera = Camera(corners_px=(CORNERS[0], CORNERS[3], CORNERS[2], CORNERS[1]))
-    with pytest.raises(InputError, match='upper left, lower left'):
+@pytest.mark.parametrize(
+    ('order', 'words'),
+    [
+        ((0, 3, 2, 1), 'run clockwise.*mirror them back'),
+        ((2, 3, 0, 1), 'do not begin at the upper left.*turn them upright'),
+        ((0, 2, 1, 3), 'cross each other'),
+    ],
+)
+def test_corners_in_another_order_are_refused(order, words) -> None:
+    camera = Camera(corners_px=tuple(CORNERS[n] for n in order))
+    with pytest.raises(InputError, match=words):
         Geometry.from_camera(camera, 2.8, 1.5)

@@ -8,7 +8,7 @@ import struct
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageCms
 
 from porotwin_core.errors import InputError
 from porotwin_imaging import photo_file
@@ -105,7 +105,7 @@ def test_a_header_with_an_impossible_size_is_refused() -> None:
             entry = struct.pack('<HHII', tag, kind, 1, size)
             data = data.replace(entry, struct.pack('<HHII', tag, 4, 1, 1 << 22))
     assert not photo_file.is_complete(data)
-    with pytest.raises(InputError, match='not a JPEG'):
+    with pytest.raises(InputError, match='TIFF that cannot be read'):
         photo_file.decode(data)
 
 
@@ -147,7 +147,7 @@ def test_a_header_that_claims_any_size_is_refused_before_decoding(kind: str, siz
         for tag in (256, 257):
             at = next(i for i in range(len(data)) if data[i : i + 2] == struct.pack('<H', tag))
             data[at : at + 12] = struct.pack('<HHII', tag, 4, 1, side)
-    with pytest.raises(InputError, match=r'more than any camera has|not a JPEG, PNG or TIFF'):
+    with pytest.raises(InputError, match=r'more than any camera|cannot be read|not a JPEG'):
         photo_file.decode(bytes(data))
     photo_file.is_complete(bytes(data))
 
@@ -166,3 +166,31 @@ def test_damaged_files_are_refused_or_decoded_and_nothing_else() -> None:
             photo_file.is_complete(bytes(spoiled))
             with contextlib.suppress(InputError):
                 photo_file.decode(bytes(spoiled), generator.choice([1, 8]))
+
+
+@pytest.mark.parametrize(
+    ('start', 'name'),
+    [
+        (b'\x00\x00\x00\x18ftypheic', 'HEIC'),
+        (b'RIFF\x24\x00\x00\x00WEBPVP8 ', 'WebP'),
+        (b'II*\x00\x10\x00\x00\x00CR\x02\x00', 'a raw file of a camera'),
+        (b'BM\x36\x00', 'BMP'),
+    ],
+)
+def test_another_format_is_named(start: bytes, name: str) -> None:
+    with pytest.raises(InputError, match=f'photograph is {name}; set the camera to JPEG'):
+        photo_file.photo_size(start + bytes(64))
+
+
+def test_the_colour_profile_is_read() -> None:
+    picture = Image.fromarray(pixels())
+    plain, adobe, srgb = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    picture.save(plain, 'JPEG')
+    tags = Image.Exif()
+    tags.get_ifd(0x8769)[0xA005] = {1: 'R03'}
+    picture.save(adobe, 'JPEG', exif=tags)
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile('sRGB')).tobytes()
+    picture.save(srgb, 'JPEG', icc_profile=profile)
+    found = [photo_file.colour_profile(file.getvalue()) for file in (plain, adobe, srgb)]
+    assert found == ['sRGB', 'Adobe RGB', 'sRGB']
+    assert photo_file.colour_profile(b'nothing') == 'sRGB'

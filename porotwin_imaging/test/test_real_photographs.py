@@ -12,6 +12,8 @@ from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.laser_grid_check import check_laser_grid
+from porotwin_imaging.phase_colours import DISSOLVED, GAS, UNKNOWN, WATER
+from porotwin_imaging.phase_study import PhaseStudy
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
 
 PUBLISHED = {
@@ -135,3 +137,14 @@ def test_the_laser_grid_is_straight_and_square(rig, tracer_photographs) -> None:
     assert after.straightness_m < 0.0015 < 0.004 < before.straightness_m
     assert after.skew_deg < 0.05
     assert after.spacing < 0.6 * before.spacing
+
+
+def test_lost_and_gained_tracer_are_two_phases(rig, maps, tracer_photographs) -> None:
+    """Relative to the second photograph, the third lost its dye in places, as gas would."""
+    before, after = ((tracer_photographs / f'tracer_{n}.jpg').read_bytes() for n in (2, 3))
+    baseline = make_baseline(rig, rig.grid(NX, NZ), [before])
+    found = PhaseStudy.of({0.0: lambda: after}, baseline, {}).phases(after)
+    change, known = maps[3].values - maps[2].values, found.phase != UNKNOWN
+    for phase, cells in ((GAS, change < -0.6), (DISSOLVED, change > 0.6)):
+        assert (found.phase[cells & known] == phase).mean() > 0.9
+    assert (found.phase[(np.abs(change) < 0.05) & known] == WATER).mean() > 0.99

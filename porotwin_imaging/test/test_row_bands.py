@@ -1,8 +1,8 @@
-"""Work band by band gives what the work on the whole map gives."""
+"""Work band by band gives the same as work on the whole map."""
 
 import numpy as np
 
-from porotwin_imaging.row_bands import CELLS_PER_BAND, by_bands
+from porotwin_imaging.row_bands import CELLS_PER_BAND, by_bands, by_overlapping_bands
 
 
 def test_bands_change_no_bit() -> None:
@@ -28,3 +28,15 @@ def test_a_small_map_is_one_band() -> None:
 
     by_bands(work, np.ones((150, 200)))
     assert calls == [(150, 200)]
+
+
+def test_overlapping_bands_change_no_bit() -> None:
+    generator = np.random.default_rng(43)
+    values = generator.random((75, CELLS_PER_BAND // 20)).astype(np.float32)
+
+    def work(values: np.ndarray) -> tuple[np.ndarray]:
+        padded = np.pad(values, ((2, 2), (0, 0)), mode='edge')
+        return (padded[:-4] + padded[4:] * padded[2:-2],)
+
+    (found,), (whole,) = by_overlapping_bands(work, 2, values), work(values)
+    np.testing.assert_array_equal(found, whole)

@@ -123,6 +123,17 @@ def test_a_large_map_in_tiles_is_the_map_as_a_whole() -> None:
     assert np.abs(difference).max() < 0.02
 
 
+def test_clean_sand_in_tiles_needs_no_iteration() -> None:
+    generator = np.random.default_rng(31)
+    data = 0.2 + generator.normal(0, 0.01, (300, 300))
+    options = {'spacing': (1 / 750, 1 / 500), 'weight_m': 1e-4, 'tolerance': 1e-3}
+    tiled = denoise(data, np.ones_like(data), **options, tiled_from_cells=1000, tile_cells=150)
+    whole = denoise(data, np.ones_like(data), **options)
+    assert tiled.iterations == 0
+    assert tiled.error < 1e-3
+    assert np.sqrt(np.mean((tiled.values - whole.values) ** 2)) < 2e-3
+
+
 @settings(max_examples=25)
 @given(st.integers(0, 10_000), st.floats(1e-5, 1e-2))
 def test_no_value_leaves_the_range_of_the_data(seed: int, weight_m: float) -> None:

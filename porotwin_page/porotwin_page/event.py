@@ -5,6 +5,9 @@ Numbers that are not finite become null, which the page shows as a dash.
 
 from collections.abc import Mapping
 
+import numpy as np
+
+from porotwin_core.control_zones import control_zones
 from porotwin_core.rig import Rig
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.header import header_view
@@ -18,7 +21,10 @@ def rig_view(rig: Rig) -> Json:
         'width_m': rig.width_m,
         'height_m': rig.height_m,
         'wells': [{'name': name, 'x_m': w.x_m, 'z_m': w.z_m} for name, w in rig.wells.items()],
-        'zone_m': [list(point) for point in rig.control.disallowed_zone_m] if rig.control else [],
+        'zones': [
+            {'kind': kind, 'outlines_m': [np.round(line, 4).tolist() for line in zone.outlines]}
+            for kind, zone in control_zones(rig)
+        ],
     }
 
 

@@ -6,8 +6,9 @@ import contourpy
 import numpy as np
 
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.units import ML
 from porotwin_core.wells import WellRates
-from porotwin_page.json_values import ML, Json, finite, rates_ml_h
+from porotwin_page.json_values import Json, finite, rates_ml_h
 
 PLUME_LEVEL = 0.05
 """Concentration [-] at the outline of a plume, as in the quantities of the solver."""

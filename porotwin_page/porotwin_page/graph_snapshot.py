@@ -155,6 +155,7 @@ class CyclePoint:
         rates: commanded rates [m^3/s].
         objective: cost f with the new setpoint [m^3].
         objective_unchanged: cost f with unchanged rates [m^3].
+        expected_error: relative L2 error that the deviations of map and forecast let expect [-].
     """
 
     time: float
@@ -168,6 +169,7 @@ class CyclePoint:
     rates: WellRates = field(default_factory=dict)
     objective: float = math.nan
     objective_unchanged: float = math.nan
+    expected_error: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,27 @@ class Mark:
 
     time: float
     reason: str
+
+
+@dataclass(frozen=True)
+class MendOffer:
+    """An offer of a diagnosis to mend the model.
+
+    Attributes:
+        sequence: its number.
+        state: what became of it, in words.
+        is_open: whether it waits for an answer.
+        time: of the last photograph that the diagnosis has seen [s].
+        confidence: of the verdict [-].
+        sentence: what the operator hears.
+    """
+
+    sequence: int
+    state: str
+    is_open: bool
+    time: float
+    confidence: float
+    sentence: str
 
 
 class Level(Enum):
@@ -229,6 +252,7 @@ class GraphSnapshot:
         expired: number of the setpoint whose expiry is in the log; None if it is not over.
         log: newest setpoints, expiries and reports of rates.
         expected: newest forecast of the siblings with the present rates; None before it.
+        offer: newest offer to mend the model; None before the first one.
         alarm: one line on wrong publishers of setpoints; empty if all is well.
         history: points of the curves.
         history_end: number of points ever added; `history` ends with number `history_end` - 1.
@@ -256,6 +280,7 @@ class GraphSnapshot:
     expired: int | None = None
     log: tuple[LogLine, ...] = ()
     expected: Expectation | None = None
+    offer: MendOffer | None = None
     alarm: str = ''
     history: tuple[CyclePoint, ...] = ()
     history_end: int = 0
@@ -432,6 +457,11 @@ def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> Gr
         return now
     now = _with_line(now, clock, Event.EXPIRED, setpoint.sequence, now.safe_rates)
     return replace(now, expired=setpoint.sequence)
+
+
+def with_offer(now: GraphSnapshot, offer: MendOffer) -> GraphSnapshot:
+    """Return the snapshot with the newest offer to mend the model."""
+    return replace(now, offer=offer)
 
 
 def with_alarm(now: GraphSnapshot, alarm: str) -> GraphSnapshot:

@@ -8,9 +8,6 @@ from porotwin_core.wells import WellRates
 
 Json = dict[str, Any]
 
-ML = 1e6
-"""Millilitres in a cubic metre."""
-
 
 def finite(value: float | None, digits: int = 6) -> float | None:
     """Return `value` with so many significant digits; None, JSON's null, unless it is finite."""

@@ -21,6 +21,7 @@ from porotwin_msgs.msg import (
     CleanState,
     CycleReport,
     Forecast,
+    MendOffer,
     NewState,
     Outcome,
     RigDescription,
@@ -28,12 +29,14 @@ from porotwin_msgs.msg import (
     TracerField,
     WellRates,
 )
-from porotwin_msgs.srv import ConfirmRates, WhatIf
+from porotwin_msgs.srv import AnswerMend, ConfirmRates, WhatIf
 from porotwin_page import address, graph_snapshot
 from porotwin_page.access import Access, new_token, parse_hosts, token_in
 from porotwin_page.confirmation import Confirmation
 from porotwin_page.expectation import Expectation, plume_outlines
+from porotwin_page.mend_answer import MendAnswer
 from porotwin_page.past_states import MOST_STATES, PastStates
+from porotwin_page.rigs import RigList, announce, named_pages
 from porotwin_page.server import (
     ConfirmationUnavailable,
     PageApplication,
@@ -56,6 +59,18 @@ SETPOINT_TOPIC = 'wells/setpoint'
 
 SERVICE_TIMEOUT = 1.0
 """Longest wait for the service of another node [s]."""
+
+OFFER_STATES = {
+    MendOffer.OFFERED: 'offered',
+    MendOffer.ACCEPTED: 'accepted',
+    MendOffer.REFUSED: 'refused',
+    MendOffer.TAKEN_BACK: 'taken back',
+    MendOffer.EXPIRED: 'expired',
+}
+"""States of an offer in words."""
+
+MEND_TIMEOUT = 60.0
+"""Longest wait until an accepted effect acts [s]; a large model takes ten to change."""
 
 ANSWER_TIMEOUT = 20.0
 """Longest wait for the outlook of proposed rates [s]; the siblings take about a second."""
@@ -109,6 +124,8 @@ class PageNode(Node):
             at_least=0,
             at_most=100_000,
         )
+        named = declare(self, 'rigs', '', 'pages of other rigs: NAME=http://HOST:PORT, with commas')
+        rigs = named_pages(named)
         listening = address.listen(address_text)
         host, port = address.parse(address_text)[0], listening.getsockname()[1]
         token = token_in(Path(token_file)) if token_file else new_token()
@@ -116,6 +133,7 @@ class PageNode(Node):
         self._source = SetpointSource(senders.full_name(self, senders.GUARD))
         self._past = PastStates(most=states)
         self._what_if_client = self.create_client(WhatIf, 'siblings/what_if')
+        self._mend_client = self.create_client(AnswerMend, 'mend/answer')
         self._confirm_client = self.create_client(ConfirmRates, 'operator/confirm')
         self._diagnostics = Diagnostics(self)
         self._make_subscriptions()
@@ -125,10 +143,13 @@ class PageNode(Node):
             self._graph_time,
             access,
             ask=self._ask,
+            mend=self._answer_offer,
             past=self._past,
+            rigs=RigList(port, rigs),
             settings=StreamSettings(limit=browsers),
         )
         self._server = ServerThread(self._application.make(), listening)
+        self._announced = announce(self.get_namespace(), self.context.get_domain_id(), host, port)
         self._url = f'http://{address.written(host, port)}'
         for line in address.page_lines(address.written(host, port), token):
             self.get_logger().info(line)
@@ -154,6 +175,7 @@ class PageNode(Node):
             (WellRates, 'wells/measured', self._on_measured, qos.FIELD),
             (CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD),
             (Forecast, 'siblings/forecast', self._on_forecast, qos.CONFIG),
+            (MendOffer, 'mend/offer', self._on_offer, qos.CONFIG),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10),
         ):
             self.create_subscription(message_type, topic, self._checked(topic, callback), profile)
@@ -241,6 +263,7 @@ class PageNode(Node):
             time=conversions.time_from_msg(message.header.stamp),
             prediction_error=message.prediction_error,
             corrected_error=message.corrected_error,
+            expected_error=message.expected_error,
             disallowed_tracer=message.disallowed_tracer,
             cycle_duration=message.cycle_duration,
             objective=message.objective,
@@ -253,6 +276,17 @@ class PageNode(Node):
 
     def _on_forecast(self, message: Forecast) -> None:
         self._store.update(graph_snapshot.with_expectation, self._expectation(message))
+
+    def _on_offer(self, message: MendOffer) -> None:
+        offer = graph_snapshot.MendOffer(
+            sequence=message.sequence,
+            state=OFFER_STATES.get(message.state, 'unknown'),
+            is_open=message.state == MendOffer.OFFERED and len(message.effects) > 0,
+            time=conversions.time_from_msg(message.header.stamp),
+            confidence=message.confidence,
+            sentence=message.sentence,
+        )
+        self._store.update(graph_snapshot.with_offer, offer)
 
     def _expectation(self, message: Forecast) -> Expectation:
         """Return a forecast of the siblings with the outlines of the plume at its end.
@@ -319,6 +353,25 @@ class PageNode(Node):
         if response.outcome.code != Outcome.OK:
             raise InputError(response.outcome.message)
         return self._expectation(response.proposed)
+
+    def _answer_offer(self, answer: MendAnswer) -> None:
+        """Call the mend node; runs in a thread of the server.
+
+        Raises:
+            InputError: the mend node refused the answer.
+            ConfirmationUnavailable: the mend node is absent or does not answer.
+        """
+        client = self._mend_client
+        if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
+            raise ConfirmationUnavailable('nobody receives answers: the node mend does not run')
+        request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
+        response = _answered(client, request, MEND_TIMEOUT)
+        if response is None:
+            raise ConfirmationUnavailable(
+                f'the mend node did not answer within {MEND_TIMEOUT:g} s; try again'
+            )
+        if response.outcome.code != Outcome.OK:
+            raise InputError(response.outcome.message)
 
     def _confirm(self, given: Confirmation) -> str:
         """Call the operator node and return one line; runs in a thread of the server.

@@ -25,6 +25,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.wells import WellRates
 from porotwin_page import confirmation
 from porotwin_page.access import Access, AccessRefused
+from porotwin_page.address import DEFAULT_HOST
 from porotwin_page.confirmation import Confirmation, ConfirmationDoubt
 from porotwin_page.curve_history import history_view
 from porotwin_page.event import event_view, past_view
@@ -32,10 +33,12 @@ from porotwin_page.expectation import Expectation, expectation_view
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.json_values import Json
 from porotwin_page.map_pictures import Theme
+from porotwin_page.mend_answer import MendAnswer, parse_mend_answer
 from porotwin_page.panel import MapPanel, Moment, Panel
 from porotwin_page.panel_registry import all_panels
 from porotwin_page.past_states import PastStates
 from porotwin_page.proposal import parse_proposal
+from porotwin_page.rigs import NO_RIGS, RigList
 from porotwin_page.snapshot_store import SnapshotStore
 from porotwin_page.web_files import document, web_files
 
@@ -70,6 +73,12 @@ AskFn = Callable[[WellRates], Expectation]
 Raises InputError if the question is refused, SiblingsUnavailable if nobody answers.
 """
 
+MendFn = Callable[[MendAnswer], None]
+"""Passes the answer to an offer on; blocks.
+
+Raises InputError if it is refused, ConfirmationUnavailable if nobody receives it.
+"""
+
 ClockFn = Callable[[], float | None]
 """Returns the time on the graph's clock [s]; None if it has not started."""
 
@@ -85,6 +94,11 @@ class SiblingsUnavailable(Exception):  # noqa: N818  it is a state of the graph,
 def nobody_to_ask(_: WellRates) -> Expectation:
     """Answer no question."""
     raise SiblingsUnavailable('nobody can tell: the node siblings does not run')
+
+
+def nobody_to_mend(_: MendAnswer) -> None:
+    """Receive no answer."""
+    raise ConfirmationUnavailable('nobody receives answers: the node mend does not run')
 
 
 @dataclass(frozen=True)
@@ -115,8 +129,10 @@ class PageApplication:
         clock: returns the time on the graph's clock [s].
         access: the rules for requests.
         ask: asks for the outlook of proposed rates; nobody by default.
+        mend: passes answers to offers on; nobody receives them by default.
         past: holds earlier states; an empty one by default.
         panels: panels by name; all panels of the registry by default.
+        rigs: the rigs to choose from.
         settings: timing of the streams.
 
     Attributes:
@@ -131,14 +147,18 @@ class PageApplication:
         access: Access,
         *,
         ask: AskFn = nobody_to_ask,
+        mend: MendFn = nobody_to_mend,
         past: PastStates | None = None,
         panels: Mapping[str, Panel] | None = None,
+        rigs: RigList = NO_RIGS,
         settings: StreamSettings | None = None,
     ) -> None:
+        self._rigs = rigs
         self.streams = 0
         self._store = store
         self._confirm = confirm
         self._ask = ask
+        self._mend = mend
         self._asking = asyncio.Lock()
         self._clock = clock
         self._access = access
@@ -159,11 +179,13 @@ class PageApplication:
                 web.get('/{path:(?:web|panels)/[^/]+}', self.file),
                 web.get('/events', self.events),
                 web.get('/past', self.past),
+                web.get('/rigs', self.rigs),
                 web.get('/map/{panel}.png', self.map),
                 web.get('/values/{panel}', self.values),
                 web.get('/scale/{panel}.png', self.scale),
                 web.post('/confirm', self.confirm),
                 web.post('/what-if', self.what_if),
+                web.post('/mend', self.mend),
             ]
         )
         return application
@@ -196,6 +218,11 @@ class PageApplication:
             raise web.HTTPNotFound(text=f'{request.path}: no such file\n')
         text, content_type = found
         return web.Response(text=text, content_type=content_type)
+
+    async def rigs(self, request: web.Request) -> web.Response:
+        """Answer with the rigs to choose from: name, address, and which is this one."""
+        host = request.url.host or DEFAULT_HOST
+        return web.json_response(await asyncio.to_thread(self._rigs.offered, host))
 
     async def past(self, request: web.Request) -> web.Response:
         """Answer with the maps' contents of an earlier state."""
@@ -331,38 +358,56 @@ class PageApplication:
             return 503, {'error': str(error)}
 
     async def what_if(self, request: web.Request) -> web.Response:
-        """Answer with the outlook of proposed rates; nothing is pumped."""
-        status, answer = await self._answer(request)
-        return web.json_response(answer, status=status)
+        """Answer with the outlook of proposed rates; nothing is pumped.
 
-    async def _answer(self, request: web.Request) -> tuple[int, Json]:
-        """Return the status and the expectation, or the reason why there is none.
-
-        A question costs the machine of the twin some time. So it needs the token, and only one is
-        asked at a time.
+        A question costs the machine of the twin some time, so that only one is asked at a time.
         """
+
+        async def outlook(data: Any) -> tuple[int, Json]:
+            rates = parse_proposal(data, self._store.snapshot)
+            if self._asking.locked():
+                return 429, {'error': 'another question is being answered; ask again'}
+            async with self._asking:
+                return 200, expectation_view(await asyncio.to_thread(self._ask, rates))
+
+        return await self._with_token(request, 'proposal', outlook)
+
+    async def mend(self, request: web.Request) -> web.Response:
+        """Pass the answer to an offer on."""
+
+        async def answered(data: Any) -> tuple[int, Json]:
+            await asyncio.to_thread(self._mend, parse_mend_answer(data))
+            return 200, {}
+
+        return await self._with_token(request, 'answer', answered)
+
+    async def _with_token(
+        self, request: web.Request, what: str, act: Callable[[Any], Awaitable[tuple[int, Json]]]
+    ) -> web.Response:
+        """Answer with the result of `act` on the body of a request that has the token."""
         if request.content_type != 'application/json':
-            return 415, {'error': 'proposal: send application/json'}
+            return _error(415, f'{what}: send application/json')
         token = request.headers.get('Authorization', '').removeprefix('Bearer').strip()
         try:
             self._access.check_change(request.headers.get('Origin'), request.host, token)
             async with asyncio.timeout(BODY_TIMEOUT_S):
                 body = await request.read()
-            rates = parse_proposal(confirmation.decoded(body), self._store.snapshot)
-            if self._asking.locked():
-                return 429, {'error': 'another question is being answered; ask again'}
-            async with self._asking:
-                return 200, expectation_view(await asyncio.to_thread(self._ask, rates))
+            status, answer = await act(confirmation.decoded(body))
         except AccessRefused as refused:
-            return 403, {'error': str(refused)}
+            return _error(403, str(refused))
         except web.HTTPRequestEntityTooLarge:
-            return 413, {'error': f'proposal: longer than {MAX_CONFIRMATION} bytes'}
+            return _error(413, f'{what}: longer than {MAX_CONFIRMATION} bytes')
         except TimeoutError:
-            return 408, {'error': 'proposal: the request did not arrive as a whole'}
+            return _error(408, f'{what}: the request did not arrive as a whole')
         except InputError as error:
-            return 400, {'error': str(error)}
-        except SiblingsUnavailable as error:
-            return 503, {'error': str(error)}
+            return _error(400, str(error))
+        except (SiblingsUnavailable, ConfirmationUnavailable) as error:
+            return _error(503, str(error))
+        return web.json_response(answer, status=status)
+
+
+def _error(status: int, text: str) -> web.Response:
+    return web.json_response({'error': text}, status=status)
 
 
 def _theme(request: web.Request) -> Theme:

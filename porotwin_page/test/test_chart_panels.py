@@ -16,6 +16,9 @@ def test_errors_are_shown_in_percent() -> None:
     shown = values('forecast_error', point(2, 0.125))
     assert shown['model alone'] == pytest.approx(12.5)
     assert shown['corrected'] == pytest.approx(6.25)
+    assert shown['expected'] is None
+    told = values('forecast_error', replace(point(2), expected_error=0.04))
+    assert told['expected'] == pytest.approx(4.0)
 
 
 def test_an_error_without_correction_is_not_shown_as_a_corrected_one() -> None:

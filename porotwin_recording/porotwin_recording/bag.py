@@ -1,5 +1,6 @@
 """The experiment in a bag: rig, rates, tracer maps and photographs from recorded messages."""
 
+import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -29,11 +30,20 @@ from porotwin_recording.serialization import SECOND, stamp_of
 _START, _INTERRUPTED = 0, 1
 """Values of CleanState.cause; a bag is read without the installed message classes."""
 
+_STAMP_END = 12
+"""End of the stamp in a message that begins with a header [bytes]."""
+
 _SHOWN = 5
 """Most moments that a remark lists."""
 
 _SUFFIXES = {b'\xff\xd8': '.jpg', b'\x89P': '.png', b'II': '.tif', b'MM': '.tif'}
 """Suffix of an image file by its first two bytes."""
+
+HEAD_BYTES = 4096
+"""Bytes that tell one photograph from another: its stamp, length, EXIF data and first pixels."""
+
+_LARGE = (topic_names.NEW_STATE, topic_names.IMAGE, topic_names.BASELINE)
+"""Topics whose messages are read later, one by one."""
 
 _SIZE_TOLERANCE = 1e-6
 """Relative difference of sizes that only round-off explains."""
@@ -76,7 +86,7 @@ def read_bag(path: Path, rig: Rig | None = None, *, segment: int | None = None) 
         rig,
         commanded=_schedule(chosen.commanded, start),
         measured=_schedule(chosen.measured, start),
-        maps=_maps(bag, chosen, collector.grid, start, rig),
+        maps=_maps(bag, chosen, start, rig),
         photos=_photos(bag, chosen, start),
         remarks=tuple(bag.remarks),
     )
@@ -134,6 +144,24 @@ def _experiment_topics(bag: BagReader) -> dict[str, str]:
     return names
 
 
+def image_begin(data: bytes) -> bytes:
+    """Return the length (4 bytes) and the first bytes of the file in a CompressedImage (CDR).
+
+    Raises:
+        InputError: the bytes are no CompressedImage.
+    """
+    try:
+        length_of = struct.Struct('<I' if data[1] & 1 else '>I').unpack_from
+        position = _STAMP_END
+        for _ in ('frame_id', 'format'):
+            (length,) = length_of(data, position)
+            position += 4 + length + -length % 4
+        length_of(data, position)
+    except (struct.error, IndexError):
+        raise InputError("message is not a 'sensor_msgs/msg/CompressedImage'") from None
+    return data[position:HEAD_BYTES]
+
+
 def _located(messages: Iterable[BagMessage]) -> Iterator[tuple[Location, BagMessage]]:
     """Yield messages with their locations."""
     last: dict[str, Location] = {}
@@ -160,7 +188,6 @@ class _Collector:
         self.bag = bag
         self.rig: Rig | None = None
         self.rig_fault = 'holds no rig description'
-        self.grid: Grid | None = None
         self.segments = [Segment()]
         self._rate_faults: list[str] = []
         self._add: dict[str, Callable[[BagMessage, Location], None]] = {
@@ -176,7 +203,8 @@ class _Collector:
     def collect(self, names: dict[str, str]) -> None:
         """Read the topics `names` (absolute name to relative name)."""
         faults: dict[str, list[str]] = {}
-        for location, message in _located(self.bag.messages(list(names))):
+        heads = {name: HEAD_BYTES for name in names if names[name] in _LARGE}
+        for location, message in _located(self.bag.messages(list(names), heads=heads)):
             try:
                 self._add[names[message.topic]](message, location)
             except InputError as error:  # one wrong message costs that message
@@ -235,9 +263,6 @@ class _Collector:
             self.segments += self.segments[-1].restarted(stamp, starts=starts)
 
     def _add_state(self, message: BagMessage, location: Location) -> None:
-        if self.grid is None:
-            grid = self.bag.decode(message).tracer.grid
-            self.grid = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
         self.segments[-1].add_map(stamp_of(message.data), location)
 
     def _add_photo(self, message: BagMessage, location: Location) -> None:
@@ -247,9 +272,9 @@ class _Collector:
         self._add_image(message, location, 'baseline')
 
     def _add_image(self, message: BagMessage, location: Location, role: Role) -> None:
-        image = bytes(self.bag.decode(message).data)
-        key = PhotoKey(role, stamp_of(message.data), zlib.crc32(image))
-        suffix = _SUFFIXES.get(image[:2], '.img')
+        begin = image_begin(message.data)
+        key = PhotoKey(role, stamp_of(message.data), zlib.crc32(begin))
+        suffix = _SUFFIXES.get(begin[4:6], '.img')
         self.segments[-1].photos[key] = LocatedPhoto(location, suffix)
 
 
@@ -261,16 +286,16 @@ def _schedule(rates: dict[int, WellRates], start: int) -> Schedule | None:
     return Schedule.from_rates(by_time.items())
 
 
-def _maps(
-    bag: BagReader, segment: Segment, grid: Grid | None, start: int, rig: Rig
-) -> ConcentrationMaps | None:
+def _maps(bag: BagReader, segment: Segment, start: int, rig: Rig) -> ConcentrationMaps | None:
     """Return the tracer maps, which are decoded when they are read.
 
     Raises:
         InputError: the maps have another size than the rig.
     """
-    if not segment.maps or grid is None:
+    first = _first_state(bag, segment)
+    if first is None:
         return None
+    state, origin, grid = first
     sizes, expected = (grid.width, grid.height), (rig.width_m, rig.height_m)
     if not np.allclose(sizes, expected, rtol=_SIZE_TOLERANCE):
         raise InputError(
@@ -294,7 +319,6 @@ def _maps(
         return read
 
     cells = rig.grid(grid.nx, grid.nz)
-    state, origin = _first_state(bag, locations[0])
     deviations = {
         name: MapSeries(times, cells, reader(_deviation_reader(name, grid)))
         for name in DEVIATIONS
@@ -304,14 +328,36 @@ def _maps(
     return ConcentrationMaps(times, cells, read, **deviations, origin=origin)
 
 
-def _first_state(bag: BagReader, first: Location) -> tuple[Any, MapOrigin]:
-    """Return the state message at `first`, and how the maps of its topic were made."""
-    state = next(bag.decode(one) for location, one in _between(bag, [first]) if location == first)
-    program = bag.topics[first.topic].program
+def _first_state(bag: BagReader, segment: Segment) -> tuple[Any, MapOrigin, Grid] | None:
+    """Return the first readable state of a segment, how its map was made, and its grid.
+
+    States before it that cannot be read are removed, with a remark. None: there is no state.
+    """
+    faults: list[str] = []
+    for stamp in sorted(segment.maps):
+        wanted = segment.maps[stamp]
+        found = (message for location, message in _between(bag, [wanted]) if location == wanted)
+        try:
+            state = next((bag.decode(message) for message in found), None)
+        except InputError as error:
+            state, faults = None, [*faults, str(error)]
+        if state is None:
+            del segment.maps[stamp]
+            continue
+        if faults:
+            bag.remark(f'{bag.path}: {len(faults)} states left out: {faults[0]}')
+        grid = state.tracer.grid
+        cells = Grid(int(grid.nx), int(grid.nz), float(grid.width), float(grid.height))
+        return state, _origin(state, bag.topics[wanted.topic].program), cells
+    return None
+
+
+def _origin(state: Any, program: str | None) -> MapOrigin:
+    """Return how the maps of a topic were made, from a state and the program that made it."""
     # an imported folder may hold maps of unknown origin, which count as calibrated
     unknown = program == '' and state.calibrated
     calibration = getattr(state, 'calibration', '')
-    return state, MapOrigin(None if unknown else state.calibrated, calibration, program or '')
+    return MapOrigin(None if unknown else state.calibrated, calibration, program or '')
 
 
 def _deviation_reader(name: str, grid: Grid) -> Callable[[Any], Any]:

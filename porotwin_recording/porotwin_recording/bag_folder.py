@@ -1,4 +1,4 @@
-"""The files of a bag: what metadata.yaml names, what is there, and what cannot be read here."""
+"""The files of a bag: named by metadata.yaml, present in the folder, or not readable here."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,12 +46,20 @@ class BagFolder:
 def is_bag(path: Path) -> bool:
     """Return whether `path` is a file or folder of a bag, readable here or not."""
     if path.is_dir():
-        return (path / METADATA).is_file() or bool(mcap_files(path) or _others(path))
+        own = (path / METADATA).is_file() or bool(mcap_files(path) or _others(path))
+        return own or bool(bags_in(path))
     return path.name.endswith(('.mcap', f'.mcap{COMPRESSED}', *_OTHERS))
 
 
+def bags_in(folder: Path) -> list[Path]:
+    """Return the bag folders directly in `folder`, by name."""
+    return sorted(
+        path for path in folder.iterdir() if path.is_dir() and (path / METADATA).is_file()
+    )
+
+
 def bag_folder(path: Path) -> BagFolder:
-    """Return the files of the bag at `path`.
+    """Return the files of the bag at `path`, or of all bags in the folder `path`.
 
     All MCAP files of a folder count, whether metadata.yaml names them or not: a killed recorder
     writes none, and a recorder that continues has not written it yet.
@@ -69,16 +77,36 @@ def bag_folder(path: Path) -> BagFolder:
     if not (path / METADATA).is_file():
         if others := _others(path):
             raise InputError(_other_format(path, others[0].suffix.lstrip('.')))
-        if not found:
-            raise InputError(f'{path}: not a bag; it has neither {METADATA} nor an .mcap file')
-        return BagFolder(found)
+        if found:
+            return BagFolder(found)
+        if bags := bags_in(path):
+            return _together(path, bags)
+        raise InputError(f'{path}: not a bag; it has neither {METADATA} nor an .mcap file')
     try:
-        information = _information(path / METADATA)
+        information = metadata_of(path / METADATA)
     except InputError as error:
         if not found:
             raise
         return BagFolder(found, remarks=(f'{error}; all {len(found)} .mcap files are read',))
     return _described(path, information, found)
+
+
+def _together(path: Path, bags: list[Path]) -> BagFolder:
+    """Return the files of several bags, which are read as one.
+
+    Raises:
+        InputError: one of them cannot be read, or has its messages compressed.
+    """
+    parts = [bag_folder(bag) for bag in bags]
+    packed = [bag for bag, part in zip(bags, parts, strict=True) if part.messages_compressed]
+    if packed:
+        raise InputError(f'{packed[0]}: its messages are compressed; {_conversion(packed[0])}')
+    remarks = [f'{path}: {len(bags)} bags joined: {", ".join(bag.name for bag in bags)}']
+    remarks = remarks if len(bags) > 1 else []
+    return BagFolder(
+        [file for part in parts for file in part.files],
+        remarks=(*remarks, *(remark for part in parts for remark in part.remarks)),
+    )
 
 
 def _described(path: Path, information: dict[str, Any], found: list[Path]) -> BagFolder:
@@ -149,7 +177,7 @@ def _count_in(information: dict[str, Any], file: Path) -> str:
     return '; its messages are missing'
 
 
-def _information(path: Path) -> dict[str, Any]:
+def metadata_of(path: Path) -> dict[str, Any]:
     """Return the description of a bag in the metadata at `path`.
 
     Raises:

@@ -4,7 +4,7 @@ import heapq
 import logging
 import tempfile
 import weakref
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_recording.bag_folder import COMPRESSED, bag_folder, plain_data, unpacked
 from porotwin_recording.bag_records import BagMessage
-from porotwin_recording.mcap_reader import McapFile, merged_topics, open_mcap
+from porotwin_recording.mcap_reader import NO_HEADS, McapFile, merged_topics, open_mcap
 from porotwin_recording.serialization import Deserializer
 
 logger = logging.getLogger(__name__)
@@ -88,6 +88,7 @@ class BagReader:
         *,
         start: int | None = None,
         stop: int | None = None,
+        heads: Mapping[str, int] = NO_HEADS,
     ) -> Iterator[BagMessage]:
         """Yield messages, ordered by log time; one chunk at a time is in memory.
 
@@ -95,11 +96,14 @@ class BagReader:
             topics: absolute names; all topics by default.
             start: first log time [ns].
             stop: end of the log times [ns], exclusive.
+            heads: number of first bytes that are enough, by topic; such messages may be cut
+                there. So the stamps of large photographs are read without the photographs.
 
         Raises:
             InputError: a compressed message is damaged.
         """
-        streams = [file.messages(topics, start, stop) for file in self._files]
+        heads = NO_HEADS if self._compressed else heads
+        streams = [file.messages(topics, start, stop, heads) for file in self._files]
         merged = heapq.merge(*streams, key=lambda message: message.log_time)
         if not self._compressed:
             yield from merged

@@ -3,7 +3,8 @@
 import itertools
 import logging
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -16,6 +17,7 @@ from porotwin_recording.bag_records import Topic, TopicQos, qos_profiles
 from porotwin_recording.definitions import message_definition, type_hash
 from porotwin_recording.mcap_reader import open_mcap
 from porotwin_recording.mcap_writer import McapWriter, OpenFn, new_file
+from porotwin_recording.serialization import SECOND
 
 logger = logging.getLogger(__name__)
 
@@ -34,6 +36,25 @@ def next_free_path(path: Path) -> Path:
     stem, suffix = (path.stem, path.suffix) if path.suffix == '.mcap' else (path.name, '')
     numbered = (path.with_name(f'{stem}_{number}{suffix}') for number in itertools.count(2))
     return next(place for place in itertools.chain([path], numbered) if not place.exists())
+
+
+@dataclass(frozen=True)
+class SplitRule:
+    """When a recorder goes on in another file of its folder; 0: never for this reason.
+
+    Attributes:
+        size_bytes: size of a file.
+        duration_s: time between the first and the last message of a file [s].
+    """
+
+    size_bytes: int = 0
+    duration_s: float = 0.0
+
+    def ends(self, mcap: McapWriter) -> bool:
+        """Return whether the file of `mcap` is full."""
+        seconds = (mcap.end_time - mcap.start_time) / SECOND
+        full = 0 < self.size_bytes <= mcap.size
+        return full or 0.0 < self.duration_s <= seconds
 
 
 class _Part(NamedTuple):
@@ -56,6 +77,7 @@ class BagWriter:
         path: the bag.
         compress: compress chunks with zstd.
         extend: if the folder exists, add a file to it, as `ros2 bag` does when it splits a bag.
+        split: when to go on in another file of the folder.
         open_file: creates the MCAP file for unbuffered writing.
 
     Raises:
@@ -68,10 +90,13 @@ class BagWriter:
         *,
         compress: bool = True,
         extend: bool = False,
+        split: SplitRule = SplitRule(),
         open_file: OpenFn = new_file,
     ) -> None:
         self.path = Path(path)
         is_file = self.path.suffix == '.mcap'
+        if is_file and split != SplitRule():
+            raise InputError(f'{self.path}: one file cannot be split; name a folder for the bag')
         extend = extend and not is_file
         if self.path.exists() and not (extend and self.path.is_dir()):
             raise InputError(f'{self.path}: exists already; name another bag')
@@ -83,18 +108,21 @@ class BagWriter:
             self._mcap = McapWriter(self.file, compress=compress, open_file=open_file)
         except OSError as error:
             raise InputError(f'{self.path}: cannot be written ({error.strerror})') from None
+        self._new_mcap = partial(McapWriter, compress=compress, open_file=open_file)
+        self._split = split
+        self._parts: list[_Part] = []
         self._topics: dict[str, tuple[int, Topic]] = {}
         self._schemas: dict[str, int] = {}
 
     @property
     def readable_count(self) -> int:
         """Number of messages on the disk: they survive the end of this process."""
-        return self._mcap.readable_count
+        return self._mcap.readable_count + sum(part.message_count for part in self._parts)
 
     @property
     def message_count(self) -> int:
         """Number of messages written so far, flushed or not."""
-        return self._mcap.message_count
+        return self._mcap.message_count + sum(part.message_count for part in self._parts)
 
     def add_topic(
         self,
@@ -126,12 +154,17 @@ class BagWriter:
             return
         qos = qos or TopicQos()
         definition = message_definition(type_name) if definition is None else definition
-        if type_name not in self._schemas:
-            self._schemas[type_name] = self._mcap.add_schema(type_name, definition)
-        profiles = yaml.safe_dump(qos_profiles(qos), sort_keys=False)
-        metadata = {'offered_qos_profiles': profiles, 'program': program}
-        channel = self._mcap.add_channel(name, self._schemas[type_name], metadata)
-        self._topics[name] = (channel, Topic(name, type_name, qos, definition, program=program))
+        topic = Topic(name, type_name, qos, definition, program=program)
+        self._topics[name] = (self._add_channel(topic), topic)
+
+    def _add_channel(self, topic: Topic) -> int:
+        """Add a topic to the file that is written; return its number there."""
+        kind = topic.type_name
+        if kind not in self._schemas:
+            self._schemas[kind] = self._mcap.add_schema(kind, topic.definition)
+        profiles = yaml.safe_dump(qos_profiles(topic.qos), sort_keys=False)
+        metadata = {'offered_qos_profiles': profiles, 'program': topic.program or ''}
+        return self._mcap.add_channel(topic.name, self._schemas[kind], metadata)
 
     def write(
         self,
@@ -154,6 +187,8 @@ class BagWriter:
         Raises:
             OSError: the disk refused the data; the message stays in memory for the next flush.
         """
+        if self._split.ends(self._mcap):
+            self._go_on_in_another_file()
         self._mcap.write(
             self._topics[topic][0],
             data,
@@ -161,6 +196,24 @@ class BagWriter:
             publish_time=log_time if publish_time is None else publish_time,
             sequence=sequence,
         )
+
+    def _go_on_in_another_file(self) -> None:
+        """Complete the file and begin the next one, with the same topics.
+
+        Raises:
+            OSError: the disk refused; everything stays where it is.
+        """
+        assert self._folder is not None
+        self._mcap.flush()
+        file = _next_file(self._folder)
+        following = self._new_mcap(file)
+        part = self._own_part()
+        self._mcap.close()
+        self._parts.append(part)
+        self.file, self._mcap, self._schemas = file, following, {}
+        self._topics = {
+            name: (self._add_channel(topic), topic) for name, (_, topic) in self._topics.items()
+        }
 
     def flush(self) -> None:
         """Write all messages in memory to disk.
@@ -192,13 +245,13 @@ class BagWriter:
         self._mcap.close()
         if self._folder is not None:
             text = yaml.safe_dump(self._metadata(), sort_keys=False)
-            partial = self._folder / f'{METADATA}.partial'
-            partial.write_text(text, encoding='utf-8')
-            partial.replace(self._folder / METADATA)
+            unfinished = self._folder / f'{METADATA}.partial'
+            unfinished.write_text(text, encoding='utf-8')
+            unfinished.replace(self._folder / METADATA)
 
     def _metadata(self) -> dict[str, Any]:
         """Return the content of metadata.yaml: this file, and the earlier ones of the folder."""
-        parts = [*self._earlier_parts(), self._own_part()]
+        parts = [*self._earlier_parts(), *self._parts, self._own_part()]
         channels = {topic.name: topic for part in parts for topic in part.topics.values()}
         counts = {
             name: sum(part.topics[name].message_count for part in parts if name in part.topics)
@@ -239,7 +292,7 @@ class BagWriter:
     def _earlier_parts(self) -> Iterator[_Part]:
         assert self._folder is not None
         for file in mcap_files(self._folder):
-            if file == self.file:
+            if file.name in {self.file.name, *(part.name for part in self._parts)}:
                 continue
             try:
                 found = open_mcap(file, logger.info)

@@ -49,6 +49,9 @@ DAMAGE = (
 LARGEST_CHUNK = 1 << 30
 """Largest size of an uncompressed chunk [bytes]; writers close chunks at about a megabyte."""
 
+NO_PLACE = 0
+"""Place of a message index that is not known."""
+
 _FOOTER_SIZE = RECORD_HEADER.size + 20
 _CHECKSUM_SIZE = 4
 
@@ -59,6 +62,12 @@ _CHUNK = re.compile(
 """Begin of a record of a chunk: opcode, length, two times, size, checksum, compression."""
 
 _CHUNK_BEGIN = struct.Struct('<BQQQQI')
+
+_MESSAGE_BEGIN = struct.Struct('<BQHIQQ')
+"""Begin of a message: opcode, length, channel, sequence, log time, publish time."""
+
+_PIECE = 1 << 20
+"""Bytes of a chunk that are unpacked at once."""
 
 _WINDOW = 1 << 22
 """Bytes that are searched at once for the next chunk behind a damage."""
@@ -94,6 +103,7 @@ class BuiltIndex:
         losses: damaged parts.
         end: end of the last complete record [bytes].
         has_end: whether the file is closed.
+        behind: begin of another MCAP file behind the end of this one [bytes]; None: there is none.
     """
 
     statistics: Statistics = field(default_factory=lambda: Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0))
@@ -102,6 +112,7 @@ class BuiltIndex:
     losses: list[Loss] = field(default_factory=list)
     end: int = len(MAGIC)
     has_end: bool = False
+    behind: int | None = None
 
 
 def chunk_records(stream: IO[bytes], position: int) -> list[McapRecord]:
@@ -124,6 +135,79 @@ def chunk_records(stream: IO[bytes], position: int) -> list[McapRecord]:
     return breakup_chunk(chunk, validate_crc=True)
 
 
+def message_heads(
+    stream: IO[bytes], index: ChunkIndex, limits: dict[int, int | None]
+) -> list[Message]:
+    """Return messages of a chunk, each as far as it is wanted; the rest of the chunk is not read.
+
+    Nothing is checked: a damaged chunk may give wrong messages.
+
+    Args:
+        stream: the file.
+        index: the chunk, with the places of its message indexes.
+        limits: most bytes of a message by channel; None: the whole message. Channels that are not
+            named are left out.
+
+    Raises:
+        DAMAGE: the chunk is damaged, or compressed in another way than by zstd.
+    """
+    places = [
+        (place, channel)
+        for channel, position in index.message_index_offsets.items()
+        if channel in limits
+        for _, place in _message_index(stream, position).records
+    ]
+    content = _ChunkContent(stream, index.chunk_start_offset)
+    return [content.message(place, limits[channel]) for place, channel in sorted(places)]
+
+
+def _message_index(stream: IO[bytes], position: int) -> MessageIndex:
+    stream.seek(position)
+    opcode, length = RECORD_HEADER.unpack(stream.read(RECORD_HEADER.size))
+    if opcode != Opcode.MESSAGE_INDEX:
+        raise ValueError('there is no message index where the index says')
+    return MessageIndex.read(ReadDataStream(io.BytesIO(stream.read(length))))
+
+
+class _ChunkContent:
+    """Reads the records of a chunk forward, without holding all of it."""
+
+    def __init__(self, stream: IO[bytes], position: int) -> None:
+        """Begin to read the chunk at `position` [bytes]."""
+        stream.seek(position + _CHUNK_BEGIN.size)
+        compression = stream.read(int.from_bytes(stream.read(4), 'little'))
+        stream.read(8)  # the length of the records
+        if compression not in (b'', b'zstd'):
+            raise ValueError('chunks of this compression are read as a whole')
+        self._source: IO[bytes] = (
+            zstandard.ZstdDecompressor().stream_reader(stream) if compression else stream
+        )
+        self._at = 0
+
+    def message(self, place: int, limit: int | None) -> Message:
+        """Return the message at `place` [bytes], with at most `limit` bytes of its data."""
+        self._skip(place - self._at)
+        opcode, length, channel, sequence, log_time, publish_time = _MESSAGE_BEGIN.unpack(
+            self._read(_MESSAGE_BEGIN.size)
+        )
+        if opcode != Opcode.MESSAGE or length > LARGEST_CHUNK:
+            raise ValueError('there is no message where the index says')
+        size = length + RECORD_HEADER.size - _MESSAGE_BEGIN.size
+        data = self._read(size if limit is None else min(size, limit))
+        return Message(channel, log_time, data, publish_time, sequence)
+
+    def _skip(self, count: int) -> None:
+        while count > 0:
+            count -= len(self._read(min(count, _PIECE)))
+
+    def _read(self, count: int) -> bytes:
+        data = self._source.read(count)
+        if len(data) < count:
+            raise ValueError('its chunk is too short')
+        self._at += count
+        return data
+
+
 def chunks_are_there(stream: IO[bytes], summary: Summary) -> bool:
     """Return whether every chunk of an index begins where the index says."""
     for index in summary.chunk_indexes:
@@ -134,17 +218,29 @@ def chunks_are_there(stream: IO[bytes], summary: Summary) -> bool:
     return True
 
 
+def footer_of(stream: IO[bytes], size: int) -> tuple[int, int, bytes] | None:
+    """Return the begin of the summary [bytes], its checksum, and its bytes, of a file of `size`.
+
+    None: the file has no end or no summary.
+    """
+    if size < 2 * len(MAGIC) + _FOOTER_SIZE:
+        return None
+    stream.seek(size - len(MAGIC) - _FOOTER_SIZE)
+    tail = stream.read(_FOOTER_SIZE + len(MAGIC))
+    opcode, _, start, _, checksum = struct.unpack('<BQQQI', tail[:_FOOTER_SIZE])
+    if opcode != Opcode.FOOTER or tail[_FOOTER_SIZE:] != MAGIC or not 0 < start < size:
+        return None
+    stream.seek(start)
+    return start, checksum, stream.read(size - len(MAGIC) - _CHECKSUM_SIZE - start)
+
+
 def own_index(stream: IO[bytes], size: int) -> Summary | None:
     """Return the index at the end of a file of `size` bytes; None if it is missing or damaged."""
     try:
-        stream.seek(size - len(MAGIC) - _FOOTER_SIZE)
-        tail = stream.read(_FOOTER_SIZE + len(MAGIC))
-        footer = tail[:_FOOTER_SIZE]
-        opcode, _, start, _, checksum = struct.unpack('<BQQQI', footer)
-        if opcode != Opcode.FOOTER or tail[_FOOTER_SIZE:] != MAGIC or not 0 < start < size:
+        footer = footer_of(stream, size)
+        if footer is None:
             return None
-        stream.seek(start)
-        content = stream.read(size - len(MAGIC) - _CHECKSUM_SIZE - start)
+        start, checksum, content = footer
         if checksum not in (0, zlib.crc32(content)):
             return None
         stream.seek(0)
@@ -179,8 +275,7 @@ def built_index(stream: IO[bytes], size: int, own: Summary | None = None) -> Bui
         opcode, length = RECORD_HEADER.unpack(stream.read(RECORD_HEADER.size))
         end = position + RECORD_HEADER.size + length
         if opcode == Opcode.DATA_END and length == _CHECKSUM_SIZE:
-            stream.seek(size - len(MAGIC))
-            built.has_end = stream.read() == MAGIC
+            _add_end(built, stream, end, size)
             break
         try:
             if not 0 < opcode <= max(Opcode):
@@ -198,6 +293,101 @@ def built_index(stream: IO[bytes], size: int, own: Summary | None = None) -> Bui
             end = next_position if next_position is not None else behind
         position = built.end = min(end, size)
     return built
+
+
+def skimmed_index(stream: IO[bytes], size: int) -> BuiltIndex | None:
+    """Return an index from the headers of the records, without the content of the chunks.
+
+    A file of 100 GB takes seconds. Damage within a chunk shows when it is read.
+
+    Args:
+        stream: the file.
+        size: its size [bytes].
+
+    Returns:
+        None if the headers do not lead to all messages: `built_index` then looks closer.
+    """
+    built = BuiltIndex()
+    built.summary.statistics = built.statistics
+    position = len(MAGIC)
+    try:
+        while position + RECORD_HEADER.size <= size:
+            stream.seek(position)
+            opcode, length = RECORD_HEADER.unpack(stream.read(RECORD_HEADER.size))
+            end = position + RECORD_HEADER.size + length
+            if opcode == Opcode.DATA_END and length == _CHECKSUM_SIZE:
+                _add_end(built, stream, end, size)
+                break
+            if end > size:
+                if _next_chunk(stream, position + 1, size) is not None:
+                    return None
+                break
+            if not _skim_record(built, stream, opcode, position, length):
+                return None
+            position = built.end = end
+        return built if _is_complete(built, stream) else None
+    except DAMAGE:
+        return None
+
+
+def _skim_record(
+    built: BuiltIndex, stream: IO[bytes], opcode: int, position: int, length: int
+) -> bool:
+    """Add a record to an index; return whether its header was enough."""
+    chunks = built.summary.chunk_indexes
+    if opcode == Opcode.CHUNK:
+        if chunks and not chunks[-1].message_index_offsets:
+            return False
+        stream.seek(position)
+        chunks.append(_chunk_index(stream, position, length, {}))
+    elif opcode == Opcode.MESSAGE_INDEX and chunks:
+        index = MessageIndex.read(ReadDataStream(io.BytesIO(stream.read(length))))
+        if index.records:
+            chunks[-1].message_index_offsets[index.channel_id] = position
+            times = [time for time, _ in index.records]
+            _count(built.statistics, index.channel_id, len(times), min(times), max(times))
+    elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        _add_record(built, stream, opcode, position, length)
+    else:
+        return opcode in (Opcode.HEADER, Opcode.METADATA, Opcode.ATTACHMENT)
+    return True
+
+
+def _is_complete(built: BuiltIndex, stream: IO[bytes]) -> bool:
+    """Look into the chunks that hold names of topics; return whether all topics have one.
+
+    The last chunk may lack the indexes of its messages, which are counted here.
+    """
+    chunks, known = built.summary.chunk_indexes, built.summary.channels
+    if chunks and not chunks[-1].message_index_offsets:
+        last = chunks.pop()
+        stream.seek(last.chunk_start_offset + RECORD_HEADER.size)
+        length = last.chunk_length - RECORD_HEADER.size
+        records = chunk_records(stream, last.chunk_start_offset)
+        _add_chunk(built, records, stream, last.chunk_start_offset, length)
+    counts = built.statistics.channel_message_counts
+    for chunk in chunks:
+        if counts.keys() <= known.keys():
+            break
+        for record in chunk_records(stream, chunk.chunk_start_offset):
+            if isinstance(record, Schema | Channel):
+                _add(built, record)
+    return counts.keys() <= known.keys()
+
+
+def _add_end(built: BuiltIndex, stream: IO[bytes], position: int, size: int) -> None:
+    """Add whether a file is closed behind its data, which end at `position` [bytes]."""
+    stream.seek(size - len(MAGIC))
+    built.has_end = stream.read() == MAGIC
+    while position + RECORD_HEADER.size <= size:
+        stream.seek(position)
+        opcode, length = RECORD_HEADER.unpack(stream.read(RECORD_HEADER.size))
+        position += RECORD_HEADER.size + length
+        if opcode == Opcode.FOOTER:
+            position += len(MAGIC)
+            stream.seek(position)
+            built.behind = position if stream.read(len(MAGIC)) == MAGIC else None
+            return
 
 
 def _loss(
@@ -271,19 +461,26 @@ def _add_chunk(
         if isinstance(record, Message):
             channels.add(record.channel_id)
     stream.seek(position)
+    index = _chunk_index(stream, position, length, dict.fromkeys(channels, NO_PLACE))
+    built.summary.chunk_indexes.append(index)
+
+
+def _chunk_index(
+    stream: IO[bytes], position: int, length: int, offsets: dict[int, int]
+) -> ChunkIndex:
+    """Return the index of the chunk whose record begins at the position of the stream."""
     _, _, first, last, size, _ = _CHUNK_BEGIN.unpack(stream.read(_CHUNK_BEGIN.size))
-    index = ChunkIndex(
+    return ChunkIndex(
         chunk_length=RECORD_HEADER.size + length,
         chunk_start_offset=position,
         compression='',  # read again from the chunk itself
         compressed_size=length,
         message_end_time=last,
         message_index_length=0,
-        message_index_offsets=dict.fromkeys(channels, 0),
+        message_index_offsets=offsets,
         message_start_time=first,
         uncompressed_size=size,
     )
-    built.summary.chunk_indexes.append(index)
 
 
 def _add(built: BuiltIndex, record: object) -> None:
@@ -292,14 +489,14 @@ def _add(built: BuiltIndex, record: object) -> None:
     elif isinstance(record, Channel):
         built.summary.channels[record.id] = record
     elif isinstance(record, Message):
-        _count(built.statistics, record)
+        _count(built.statistics, record.channel_id, 1, record.log_time, record.log_time)
 
 
-def _count(found: Statistics, message: Message) -> None:
+def _count(found: Statistics, channel: int, count: int, first: int, last: int) -> None:
+    """Add `count` messages with log times from `first` to `last` [ns]."""
     counts = found.channel_message_counts
-    counts[message.channel_id] = counts.get(message.channel_id, 0) + 1
-    first = found.message_count == 0
-    earliest = message.log_time if first else min(found.message_start_time, message.log_time)
-    found.message_start_time = earliest
-    found.message_end_time = max(found.message_end_time, message.log_time)
-    found.message_count += 1
+    counts[channel] = counts.get(channel, 0) + count
+    none_before = found.message_count == 0
+    found.message_start_time = first if none_before else min(found.message_start_time, first)
+    found.message_end_time = max(found.message_end_time, last)
+    found.message_count += count

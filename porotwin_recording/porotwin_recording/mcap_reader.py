@@ -6,31 +6,45 @@ missing or damaged (`mcap_index`), and every chunk that cannot be read is report
 messages.
 """
 
+import contextlib
 import heapq
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Message, MessageIndex, Statistics
 from mcap.summary import Summary
+from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_recording.bag_records import BagMessage, Topic, qos_from_yaml
 from porotwin_recording.mcap_index import (
     DAMAGE,
+    NO_PLACE,
     RECORD_HEADER,
     Loss,
     built_index,
     chunk_records,
     chunks_are_there,
+    message_heads,
     own_index,
+    skimmed_index,
 )
 from porotwin_recording.mcap_writer import MAGIC
 from porotwin_recording.serialization import SECOND
+
+LARGE_CHUNK = 4 << 20
+"""Size of a chunk above which only the wanted begins of its messages are read [bytes]."""
+
+NO_HEADS: Mapping[str, int] = MappingProxyType({})
+"""Every message is wanted as a whole."""
 
 RemarkFn = Callable[[str], None]
 """Receives one line about a fault that did not prevent reading."""
@@ -57,13 +71,29 @@ class McapFile:
     remark: RemarkFn
     _reported: set[int] = field(default_factory=set)
 
+    @cached_property
+    def _order(self) -> tuple[list[ChunkIndex], NDArray[np.uint64], NDArray[np.uint64]]:
+        """The chunks by their first log times, and their first and last log times [ns]."""
+        order = sorted(
+            self.summary.chunk_indexes,
+            key=lambda index: (index.message_start_time, index.chunk_start_offset),
+        )
+        starts = np.array([index.message_start_time for index in order], dtype=np.uint64)
+        ends = np.array([index.message_end_time for index in order], dtype=np.uint64)
+        return order, starts, ends
+
     def messages(
-        self, topics: Collection[str] | None, start: int | None, stop: int | None
+        self,
+        topics: Collection[str] | None,
+        start: int | None,
+        stop: int | None,
+        heads: Mapping[str, int] = NO_HEADS,
     ) -> Iterator[BagMessage]:
         """Yield the messages of `topics` from `start` to before `stop` [ns], by log time.
 
         None stands for all topics, the first and the last message. The messages of a damaged chunk
-        are missing, and `remark` receives one line about them.
+        are missing, and `remark` receives one line about them. For the topics in
+        `heads` the first bytes of a message are enough; messages in large chunks are cut there.
         """
         channels = {
             number: channel
@@ -71,7 +101,8 @@ class McapFile:
             if topics is None or channel.topic in topics
         }
         with self.path.open('rb') as stream:
-            chunked = self._chunked(stream, channels, start, stop)
+            limits = {number: heads.get(channel.topic) for number, channel in channels.items()}
+            chunked = self._chunked(stream, limits, start, stop)
             with self.path.open('rb') as other:
                 for message in heapq.merge(
                     chunked, self._outside(other), key=lambda message: message.log_time
@@ -96,32 +127,49 @@ class McapFile:
     def _chunked(
         self,
         stream: IO[bytes],
-        channels: Collection[int],
+        limits: dict[int, int | None],
         start: int | None,
         stop: int | None,
     ) -> Iterator[Message]:
-        """Yield the messages in chunks by log time; chunks may overlap in time."""
+        """Yield the messages in chunks by log time; chunks may overlap in time.
+
+        `limits` has the channels, and the number of bytes that are enough of their messages.
+        """
         waiting: list[tuple[int, int, int, Message]] = []
-        order = sorted(
-            self.summary.chunk_indexes,
-            key=lambda index: (index.message_start_time, index.chunk_start_offset),
-        )
-        for chunk in order:
+        for chunk in self._chunks_between(start, stop):
             held = chunk.message_index_offsets
-            if held and not any(number in channels for number in held):
+            if held and not any(number in limits for number in held):
                 continue
-            if start is not None and chunk.message_end_time < start:
-                continue
-            if stop is not None and chunk.message_start_time >= stop:
-                break
             while waiting and waiting[0][0] < chunk.message_start_time:
                 yield heapq.heappop(waiting)[-1]
-            for number, message in enumerate(self._messages_in(stream, chunk)):
-                if message.channel_id in channels:
+            for number, message in enumerate(self._wanted_in(stream, chunk, limits)):
+                if message.channel_id in limits:
                     entry = (message.log_time, chunk.chunk_start_offset, number, message)
                     heapq.heappush(waiting, entry)
         while waiting:
             yield heapq.heappop(waiting)[-1]
+
+    def _chunks_between(self, start: int | None, stop: int | None) -> Iterator[ChunkIndex]:
+        """Yield the chunks with log times from `start` to before `stop` [ns], by their begin."""
+        order, starts, ends = self._order
+        wanted = np.ones(len(order), dtype=bool)
+        if start is not None:
+            wanted &= ends >= np.uint64(max(0, start))
+        if stop is not None:
+            wanted &= starts < np.uint64(max(0, stop))
+        return (order[number] for number in np.flatnonzero(wanted))
+
+    def _wanted_in(
+        self, stream: IO[bytes], chunk: ChunkIndex, limits: dict[int, int | None]
+    ) -> list[Message]:
+        """Return the messages of a chunk; those of a large one may be cut at `limits`."""
+        held = chunk.message_index_offsets
+        if chunk.uncompressed_size > LARGE_CHUNK and NO_PLACE not in held.values():
+            limited = {number: limits[number] for number in held if number in limits}
+            if any(limit is not None for limit in limited.values()):
+                with contextlib.suppress(*DAMAGE):
+                    return message_heads(stream, chunk, limited)
+        return self._messages_in(stream, chunk)
 
     def _messages_in(self, stream: IO[bytes], chunk: ChunkIndex) -> list[Message]:
         """Return the messages of a chunk; none if it is damaged."""
@@ -213,8 +261,8 @@ def open_mcap(path: Path, remark: RemarkFn) -> McapFile:
 def _scanned(
     path: Path, stream: IO[bytes], size: int, remark: RemarkFn, own: Summary | None
 ) -> tuple[Summary, list[tuple[int, int]]]:
-    """Return the index from a scan of the whole file, and the messages outside of chunks."""
-    built = built_index(stream, size, own)
+    """Return the index from a look at the whole file, and the messages outside of chunks."""
+    built = skimmed_index(stream, size) or built_index(stream, size, own)
     statistics = built.statistics
     for loss in built.losses:
         remark(loss_line(path, loss, built.summary, statistics))
@@ -228,7 +276,12 @@ def _scanned(
         statistics.message_count -= total
         remark(f'{path}: {total} messages lost, because the names of their topics are damaged')
     count = statistics.message_count
-    if not built.has_end:
+    if built.behind is not None:
+        remark(
+            f'{path}: another MCAP file begins at its byte {built.behind} and is not read; write '
+            f"both into one folder: 'head -c {built.behind}' and 'tail -c +{built.behind + 1}'"
+        )
+    elif not built.has_end:
         remark(
             f'{path}: has no end, because its recorder is running or was killed; '
             f'{count} messages are in its first {built.end} of {size} bytes'

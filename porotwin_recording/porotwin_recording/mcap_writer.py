@@ -99,6 +99,11 @@ class McapWriter:
         return sum(self.message_counts.values())
 
     @property
+    def size(self) -> int:
+        """Size of the file and of the messages in memory [bytes]."""
+        return self._size + self._records.count
+
+    @property
     def readable_count(self) -> int:
         """Number of messages in the file: they survive the end of this process."""
         return self.message_count - sum(len(entries) for entries in self._entries.values())

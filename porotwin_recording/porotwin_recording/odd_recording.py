@@ -6,12 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from porotwin_core.plausibility import Remark
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import MINUTE_S, to_ml_h
 from porotwin_recording.rates import remarks_about_rates
 from porotwin_recording.recorded_data import RecordedData
-
-MINUTE = 60.0
-"""Seconds per minute."""
 
 SAME_END = (0.7, 1.3)
 """Ratio of two ends of a recording, one of them converted, that shows a mistaken unit."""
@@ -93,7 +90,7 @@ def _times(data: RecordedData) -> Iterator[Remark]:
         (last, end, 'the maps and photographs', 'rates.csv'),
         (end, last, 'the rates', 'concentration.nc or imaging.csv'),
     ):
-        if one > 0 and low * other < one * MINUTE < high * other:
+        if one > 0 and low * other < one * MINUTE_S < high * other:
             why = f'its times end at {one:g} s, {what} at {other:g} s'
             yield Remark(key, '', why, 'were its times in minutes? write seconds')
 

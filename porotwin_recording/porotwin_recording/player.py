@@ -29,7 +29,7 @@ def played_topics(bag: BagReader, selection: str) -> list[str]:
         selection: `inputs`, `all`, or names separated by spaces, absolute or relative to the
             namespace. `inputs` are the data from the physical asset, from which the twin computes
             the rest: photographs, or states if there are none; measured rates, or setpoints if
-            there are none (see `as_measured`).
+            there are none (see `as_measured`); effects that were set in the model.
 
     Raises:
         InputError: a selected topic is not in the bag, or the bag holds no inputs.
@@ -63,7 +63,8 @@ def _inputs(bag: BagReader, filled: list[str]) -> list[str]:
     if not observed:
         raise InputError(f'{bag.path}: holds no photographs or states to play; name --topics')
     rates = _ending(filled, [topic_names.MEASURED]) or _ending(filled, [topic_names.SETPOINT])
-    return [*observed, *rates]
+    decisions = _ending(filled, [topic_names.EFFECTS, topic_names.OFFER])
+    return [*observed, *rates, *decisions]
 
 
 def _ending(names: list[str], ends: list[str]) -> list[str]:

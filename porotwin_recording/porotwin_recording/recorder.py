@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from porotwin_recording.bag_records import TopicQos
-from porotwin_recording.bag_writer import BagWriter
+from porotwin_recording.bag_writer import BagWriter, SplitRule
 
 FLUSH_PERIOD = 1.0
 """Longest time until a received message survives a kill of the process [s]."""
@@ -80,6 +80,7 @@ class Recorder:
         bag: the bag, a new folder or a file .mcap.
         compress: compress the bag with zstd.
         extend: if the folder `bag` exists, add a file to it.
+        split: when to go on in another file of the folder.
         say: receives the final report.
         warn: receives warnings.
         backlog_limit: largest size of messages in memory [bytes].
@@ -99,6 +100,7 @@ class Recorder:
         *,
         compress: bool = True,
         extend: bool = False,
+        split: SplitRule = SplitRule(),  # noqa: B008  a frozen value
         say: LogFn = print,
         warn: LogFn = print,
         backlog_limit: int = BACKLOG_LIMIT,
@@ -106,7 +108,7 @@ class Recorder:
         self.losses = LossCounter()
         self.dropped = 0
         self.failed = False
-        self._writer = BagWriter(bag, compress=compress, extend=extend)
+        self._writer = BagWriter(bag, compress=compress, extend=extend, split=split)
         self._say = say
         self._warn = warn
         self._backlog_limit = backlog_limit

@@ -22,7 +22,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, run
 from porotwin_recording.bag_records import TopicQos
-from porotwin_recording.bag_writer import next_free_path
+from porotwin_recording.bag_writer import SplitRule, next_free_path
 from porotwin_recording.interfaces import message_class
 from porotwin_recording.recorder import Recorder
 from porotwin_recording.serialization import SECOND
@@ -32,6 +32,9 @@ DISCOVERY_PERIOD = 0.2
 
 DIAGNOSTICS_PERIOD = 10.0
 """Period of this node's reports on /diagnostics [s]."""
+
+MEGABYTE = 1e6
+"""Bytes."""
 
 QUEUE_DEPTH = 5000
 """Number of messages of one topic in the queue of this process, the largest of Fast DDS."""
@@ -77,6 +80,7 @@ class RecorderNode(Node):
             bag,
             compress=declare(self, 'compress', True, 'compress the bag with zstd'),
             extend=continues,
+            split=self._split_rule(),
             say=self.get_logger().info,
             warn=self.get_logger().warning,
         )
@@ -96,6 +100,19 @@ class RecorderNode(Node):
         self.create_timer(DIAGNOSTICS_PERIOD, self._report, clock=steady)
         self._discover()
         self.get_logger().info(f'recording into {self._recorder.path}')
+
+    def _split_rule(self) -> SplitRule:
+        """Return when the bag goes on in another file.
+
+        Raises:
+            InputError: a parameter is negative.
+        """
+        size = declare(self, 'split_mb', 0.0, 'size of a file of the bag [MB]; 0: one file')
+        duration = declare(self, 'split_s', 0.0, 'duration of a file of the bag [s]; 0: one file')
+        for name, value in (('split_mb', size), ('split_s', duration)):
+            if not value >= 0.0:
+                raise InputError(f"parameter '{name}' of recorder is {value:g}; give 0 or more")
+        return SplitRule(round(size * MEGABYTE), duration)
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():

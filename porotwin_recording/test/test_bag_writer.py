@@ -11,8 +11,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from porotwin_core.errors import InputError
-from porotwin_recording.bag_writer import BagWriter, next_free_path
+from porotwin_recording.bag_reader import BagReader
+from porotwin_recording.bag_writer import BagWriter, SplitRule, next_free_path
 from porotwin_recording.definitions import message_definition, type_hash
+from porotwin_recording.serialization import SECOND
 
 
 @pytest.mark.parametrize('compress', [True, False])
@@ -78,3 +80,38 @@ def test_a_topic_keeps_its_type(tmp_path: Path) -> None:
             bag.add_topic('/words', SETPOINT)
         with pytest.raises(InputError, match="'nowhere_msgs/msg/Word' is not installed"):
             bag.add_topic('/other', 'nowhere_msgs/msg/Word')
+
+
+def test_a_bag_is_split_by_size_and_by_time(tmp_path: Path) -> None:
+    for name, split in (('sized', SplitRule(size_bytes=3000)), ('timed', SplitRule(duration_s=4))):
+        with BagWriter(tmp_path / name, compress=False, split=split) as bag:
+            for number in range(12):
+                bag.add_topic(f'/words_{number // 6}', STRING)  # one begins in a later file
+                bag.write(f'/words_{number // 6}', bytes([number]) * 1000, log_time=number * SECOND)
+        files = sorted((tmp_path / name).glob('*.mcap'))
+        assert [file.name for file in files] == [f'{name}_{n}.mcap' for n in range(len(files))]
+        assert len(files) > 2
+        reader = BagReader(tmp_path / name)
+        assert reader.remarks == []
+        assert [message.data[0] for message in reader.messages()] == list(range(12))
+        # rosbag2's own metadata name the same files and numbers
+        with AnyReader([tmp_path / name]) as other:
+            assert other.message_count == 12
+            assert set(other.topics) == {'/words_0', '/words_1'}
+
+
+def test_one_file_is_not_split(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='one file cannot be split'):
+        BagWriter(tmp_path / 'bag.mcap', split=SplitRule(size_bytes=1))
+
+
+def test_bags_in_one_folder_are_read_as_one(tmp_path: Path) -> None:
+    for name, first in (('morning', 0), ('noon', 10)):
+        with BagWriter(tmp_path / 'day' / name) as bag:
+            bag.add_topic('/words', STRING)
+            for number in range(3):
+                bag.write('/words', bytes([first + number]), log_time=(first + number) * SECOND)
+    reader = BagReader(tmp_path / 'day')
+    assert [message.data[0] for message in reader.messages()] == [0, 1, 2, 10, 11, 12]
+    assert reader.topics['/words'].message_count == 6
+    assert '2 bags joined: morning, noon' in reader.remarks[0]

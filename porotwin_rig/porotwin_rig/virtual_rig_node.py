@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Header
 
 from porotwin_core import __version__, conversions, qos, senders
 from porotwin_core.errors import InputError
@@ -71,6 +72,9 @@ class VirtualRigNode(Node):
         )
         self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
         self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
+        self._waits_for_mend = declare(
+            self, 'wait_for_mend', False, 'also wait for mend/seen: diagnoses take no time then'
+        )
         needed = 'solver/predict,costa/corrective_source,guard/control'
         needed = declare(self, 'wait_for_services', needed, 'services to wait for at the start')
         self._needed = [self.resolve_service_name(name) for name in filter(None, needed.split(','))]
@@ -79,6 +83,7 @@ class VirtualRigNode(Node):
         self._diagnostics = Diagnostics(self)
         self._answered = threading.Condition()
         self._answered_stamp: int | None = None
+        self._seen_stamp: int | None = None
         self._make_topics()
         self._worker = threading.Thread(target=self._work, daemon=True)
         self._worker.start()
@@ -116,6 +121,7 @@ class VirtualRigNode(Node):
         self._photo = self.create_publisher(CompressedImage, 'camera/image/compressed', qos.PHOTO)
         self._measured = self.create_publisher(WellRates, 'wells/measured', qos.FIELD)
         self._clean = self.create_publisher(CleanState, 'asset/clean_state', qos.FIELD)
+        self.create_subscription(Header, 'mend/seen', self._on_seen, qos.FIELD)
         self.create_service(Control, 'asset/control', self._on_control)
         self.create_service(Ping, 'asset/ping', self._on_ping)
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
@@ -141,6 +147,11 @@ class VirtualRigNode(Node):
         response.outcome = conversions.ok()
         return response
 
+    def _on_seen(self, message: Header) -> None:
+        with self._answered:
+            self._seen_stamp = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
+            self._answered.notify_all()
+
     def _on_ping(self, request: Ping.Request, response: Ping.Response) -> Ping.Response:
         now = self._session.time
         response.name = 'virtual rig'
@@ -157,6 +168,8 @@ class VirtualRigNode(Node):
             self._publish_photo(self._baseline, self._session.baseline())
             self._session.advance_with_safe_rates(self._start)
             self._wait_for_graph()
+            if self._start > 0.0:
+                self._publish_measured(self._session.asset.measured_rates(), since=0.0)
             self._run_experiment()
         except Exception as error:  # a thread that fails must say so
             self.get_logger().fatal(f'experiment failed at {self._session.time:.0f} s: {error!r}')
@@ -204,11 +217,15 @@ class VirtualRigNode(Node):
             return
         wanted = round(self._session.time * 1e9)
         with self._answered:
-            if self._answered.wait_for(lambda: self._answered_stamp == wanted, self._patience):
+            if self._answered.wait_for(lambda: self._is_answered(wanted), self._patience):
                 return
         text = f'no setpoint for the photograph at {self._session.time:.0f} s: going on without'
         self.get_logger().warning(text)
         self._diagnostics.report(DiagnosticStatus.WARN, text)
+
+    def _is_answered(self, stamp: int) -> bool:
+        seen = not self._waits_for_mend or self._seen_stamp == stamp
+        return seen and self._answered_stamp == stamp
 
     def _wait_for_graph(self) -> None:
         """Return when the photographs have a subscriber and the services of the twin are there."""
@@ -234,12 +251,13 @@ class VirtualRigNode(Node):
             CompressedImage(header=header, format='jpeg', data=array.array('B', jpeg))
         )
 
-    def _publish_measured(self, rates: dict[str, WellRate]) -> None:
+    def _publish_measured(self, rates: dict[str, WellRate], since: float | None = None) -> None:
         now = self._session.time
+        start = now - self._interval if since is None else since
         self._measured.publish(
             WellRates(
                 header=conversions.header_at(now),
-                start=conversions.time_to_msg(now - self._interval),
+                start=conversions.time_to_msg(start),
                 wells=conversions.rates_to_msg(rates),
             )
         )

@@ -49,6 +49,15 @@ class CostOrder:
     with_gradient: bool
 
 
+def chosen_judges(ranked: Sequence[int], count: int) -> list[int]:
+    """Return `count` numbers of siblings that stand for equal shares of all.
+
+    `ranked` are the numbers of all siblings in the order of the tracer that they expect.
+    """
+    count = min(count, len(ranked))
+    return [ranked[(2 * n + 1) * len(ranked) // (2 * count)] for n in range(count)]
+
+
 def judge_plan(order: CostOrder) -> ScheduleCost:
     """Return the cost that one sibling expects, and its gradient by the rates of the plan.
 

@@ -4,7 +4,6 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,15 +11,24 @@ import numpy as np
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.map_blocks import Blocks
 from porotwin_core.rates_in_force import RatePeriod, injected_tracer
 from porotwin_core.rig import Rig
 from porotwin_core.state_filter import Estimate, Seen, StateFilter
 from porotwin_core.wells import RateStep
-from porotwin_siblings.belief import Belief, standard_scores
 from porotwin_siblings.course import Course, CourseOrder, run_course
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 from porotwin_siblings.expected_cost import CostOrder
+from porotwin_siblings.forecast_check import (
+    CHECK_S,
+    LEAST_AREA,
+    LEAST_TRACER,
+    USUAL_AREA,
+    USUAL_TRACER,
+    ForecastCheck,
+)
+from porotwin_siblings.learning import Learning
+from porotwin_siblings.outlook import BAND, Outlook
+from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import plan_periods
 from porotwin_siblings.traits import Traits, Unknowns
 from porotwin_siblings.zone_measure import ZoneMeasure
@@ -33,81 +41,15 @@ LEARNING_S = 150.0
 """Shortest time between two photographs that are learnt from [s]: the plume moves by less than a
 block meanwhile, so that photographs in between tell little more."""
 
-MEMORY_S = 7200.0
-"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
-
-MODEL_DEVIATION = 0.02
-"""Error of the mean of a block that no sibling knows a cause of [-]."""
-
-FEATURE_FLOOR = 0.005
-"""Difference of the mean of a block that means nothing [-]."""
-
-INFLATION_SHARE = 0.5
-"""Weight of a new photograph in the inflation of the spread."""
-
-LEAST_INFLATION, MOST_INFLATION = 1.0, 4.0
-"""Range of the inflation: the belief itself, and as far as the effects stay linear."""
-
-RELATED_BLOCKS = 4.0
-"""Blocks whose errors are alike: they count as one observation."""
-
-USUAL_DEVIATION = 0.02
-"""Deviation of a photograph that tells none, random and systematic each [-]."""
-
-BAND = (0.05, 0.5, 0.95)
-"""Quantiles of a forecast: the ends of the 90 % band and the median."""
-
-
-class Photograph(NamedTuple):
-    """A map from a photograph at `time` [s], on the grid of the maps.
-
-    `concentration` (nz, nx) [-], NaN where nothing was seen. `random` and `systematic` are the
-    standard deviations of its error [-], (nz, nx): new in every photograph, and always the same.
-    """
-
-    time: float
-    concentration: FloatArray
-    random: FloatArray
-    systematic: FloatArray
-
-    @classmethod
-    def plain(cls, time: float, concentration: FloatArray) -> 'Photograph':
-        """Return a map (nz, nx) of unknown deviation."""
-        usual = np.full(concentration.shape, USUAL_DEVIATION)
-        return cls(time, concentration, usual, usual * np.nan_to_num(concentration))
-
-
-@dataclass(frozen=True)
-class Outlook:
-    """The expectations from `start` [s] on under a `plan` of rates over `horizon` [s].
-
-    `times` [s] are after `start`. `zone_tracer` [m^3], `zone_area` [m^2] are (3, times): the ends
-    of the 90 % band about the median, in the order of `BAND`. `zone_reached` (times,) is the share
-    of siblings whose tracer has reached the zone by then. All three are NaN without a zone. `mean`
-    and `deviation` are the maps (map times, nz, nx) [-] at `map_times` [s] after `start`. `ranked`
-    are the numbers of the siblings in the order of their tracer in the zone, summed over all times.
-    """
-
-    start: float
-    plan: tuple[RateStep, ...]
-    horizon: float
-    times: FloatArray
-    zone_tracer: FloatArray
-    zone_area: FloatArray
-    zone_reached: FloatArray
-    map_times: FloatArray
-    mean: FloatArray
-    deviation: FloatArray
-    ranked: tuple[int, ...]
-
 
 class _Moment(NamedTuple):
-    """A state estimate, the systematic deviation of its photograph (nz, nx), and rates until the
-    next one."""
+    """A state estimate, the systematic deviation of its photograph (nz, nx), the traits of the mean
+    belief then, and rates until the next photograph."""
 
     time: float
     estimate: Estimate
     systematic: FloatArray
+    mean: Traits
     periods: tuple[RatePeriod, ...]
 
     @property
@@ -117,11 +59,10 @@ class _Moment(NamedTuple):
 
 
 class _Standing(NamedTuple):
-    """Where all siblings stand: the newest state, and the traits of each and of their mean."""
+    """Where all siblings stand: the newest state, and the traits of each."""
 
     begin: _Moment
     traits: tuple[Traits, ...]
-    mean: Traits
 
 
 class Siblings:
@@ -158,13 +99,11 @@ class Siblings:
         self._zones = {one: ZoneMeasure.of(rig, one) for one in (grid, map_grid)}
         self._pores = rig.cell_pore_volume(map_grid)
         self._executor = executor
-        self._blocks = Blocks.of(grid)
-        self._prior = Belief.independent(self.unknowns.mean, self.unknowns.deviation)
-        self._scores = standard_scores(len(self.unknowns.listed), count, seed)
-        self.belief = self._prior
-        self.inflation = 1.0
+        self.learning = Learning(self.unknowns, grid, count, seed)
         self._past: deque[_Moment] = deque()
         self._learnt = -math.inf
+        self.area_check = ForecastCheck(USUAL_AREA, LEAST_AREA)
+        self.tracer_check = ForecastCheck(USUAL_TRACER, LEAST_TRACER)
         self._filter = self._new_filter()
         self._newest: _Standing | None = None
 
@@ -204,22 +143,18 @@ class Siblings:
     def begin_anew(self) -> None:
         """Forget everything."""
         self.interrupt()
-        self.belief = self._prior
-        self.inflation = 1.0
+        self.learning.begin_anew()
+        self.area_check.begin_anew()
+        self.tracer_check.begin_anew()
         self._filter = self._new_filter()
-
-    def members(self) -> list[Traits]:
-        """Return the traits of every sibling."""
-        drawn = self.belief.members(self.inflation * self._scores)
-        return [self.unknowns.traits(values) for values in drawn.T]
 
     def rate_factors(self) -> dict[str, tuple[float, float]]:
         """Return the rate factor of every well, and its standard deviation [-]."""
-        result = {}
+        belief, result = self.learning.belief, {}
         for well in self.unknowns.wells:
             place = self.unknowns.index(f'rate {well}')
-            factor = math.exp(self.belief.mean[place])
-            result[well] = (factor, factor * float(self.belief.deviation[place]))
+            factor = math.exp(belief.mean[place])
+            result[well] = (factor, factor * float(belief.deviation[place]))
         return result
 
     def observe(self, photograph: Photograph, periods: Sequence[RatePeriod] = ()) -> None:
@@ -248,12 +183,14 @@ class Siblings:
             )
         else:
             estimate = self._filter.begin(seen)
-        self._past.append(_Moment(photograph.time, estimate, photograph.systematic, ()))
+        mean = self.learning.mean()
+        self._past.append(_Moment(photograph.time, estimate, photograph.systematic, mean, ()))
+        self._check_forecast()
         while photograph.time - self._past[0].time > WINDOW_S:
             self._past.popleft()
         if len(self._past) == 1:
             self._learnt = photograph.time
-        self._newest = _Standing(self._past[-1], tuple(self.members()), self._mean())
+        self._newest = _Standing(self._past[-1], tuple(self.learning.members()))
 
     def outlook(
         self,
@@ -277,13 +214,13 @@ class Siblings:
             InputError: a course cannot be run.
         """
         after, maps_after = np.array(list(times)), np.array(list(map_times))
-        begin, traits, mean = self._standing()
+        begin, traits = self._standing()
         periods = plan_periods(plan, begin.time, horizon)
         # the mean of all, on both grids, shows the smear of the coarse grid
         fine, coarse, *courses = self._run(
             [
-                self._order(begin, mean, periods, after, np.empty(0), self.map_grid),
-                self._order(begin, mean, periods, after, np.empty(0)),
+                self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid),
+                self._order(begin, begin.mean, periods, after, np.empty(0)),
                 *(self._order(begin, one, periods, after, maps_after) for one in traits),
             ],
             executor,
@@ -300,8 +237,8 @@ class Siblings:
             tuple(plan),
             horizon,
             after,
-            np.quantile(tracer, BAND, axis=0),
-            np.quantile(area, BAND, axis=0),
+            self.tracer_check.widened(np.quantile(tracer, BAND, axis=0), after),
+            self.area_check.widened(np.quantile(area, BAND, axis=0), after),
             reached_share,
             maps_after,
             maps.mean(axis=0),
@@ -329,7 +266,7 @@ class Siblings:
             InputError: no photograph has come yet.
         """
         standing = self._standing()
-        usual = standing.mean.rate_factors
+        usual = standing.begin.mean.rate_factors
         nz, nx = initial.shape
         return [
             CostOrder(
@@ -372,16 +309,33 @@ class Siblings:
             tuple(float(begin.time + time) for time in map_times),
         )
 
-    def _mean(self) -> Traits:
-        return self.unknowns.traits(self.belief.mean)
-
     def _expected(self, time: float) -> FloatArray:
         """Return the map (nz, nx) that a photograph at `time` [s] would show by the mean belief."""
-        last, traits = self._past[-1], self._mean()
+        last, traits = self._past[-1], self.learning.mean()
         after = np.array([time - last.time])
         order = self._order(last, traits, last.periods, np.empty(0), after, self.map_grid)
         (course,) = self._run([order])
         return course.maps[0] + traits.photograph_error * last.systematic
+
+    def _check_forecast(self) -> None:
+        """Compare the plume in the zone with its forecast by the mean of some minutes ago."""
+        now = self._past[-1]
+        old = [moment for moment in self._past if now.time - moment.time >= CHECK_S]
+        if not old or self._learnt != now.time or not self.zone.known:
+            return
+        begin = old[-1]
+        periods = [
+            period
+            for moment in self._past
+            if moment.time >= begin.time
+            for period in moment.periods
+        ]
+        after = np.array([now.time - begin.time])
+        order = self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid)
+        (course,) = self._run([order])
+        seen = np.clip(now.state - now.mean.photograph_error * now.systematic, 0.0, 1.0)
+        self.area_check.compare(float(course.zone_area[0]), self.zone.plume_area(seen))
+        self.tracer_check.compare(float(course.zone_tracer[0]), self.zone.tracer(seen))
 
     def _learn(self, photograph: Photograph) -> None:
         """Update the belief by how well each sibling expected `photograph` from a window ago."""
@@ -389,48 +343,13 @@ class Siblings:
         length = photograph.time - begin.time
         elapsed = photograph.time - self._learnt
         self._learnt = photograph.time
-        self.belief = self.belief.relaxed(self._prior, 1.0 - math.exp(-elapsed / MEMORY_S))
+        self.learning.fade(elapsed)
         periods = [period for moment in self._past for period in moment.periods]
-        traits = self.members()
+        traits = self.learning.members()
         courses = self._run(
             self._order(begin, one, periods, np.empty(0), np.array([length])) for one in traits
         )
-        shape = self.grid.shape
-        map_, random, systematic = (
-            conservative_resample(values, shape)
-            for values in (
-                photograph.concentration,
-                photograph.random**2,
-                photograph.systematic,
-            )
-        )
-        seen = np.isfinite(map_)
-        expected = np.array(
-            [
-                course.maps[0] + one.photograph_error * systematic
-                for course, one in zip(courses, traits, strict=True)
-            ]
-        )
-        blocks = self._blocks
-        predicted = blocks.means(expected, seen).T
-        observed = blocks.means(map_, seen)
-        noise = blocks.means(random, seen)
         # photographs of one window judge nearly the same course: together they count as one
-        alike = RELATED_BLOCKS * max(1.0, length / elapsed)
-        variance = alike * (noise + MODEL_DEVIATION**2)
-        self.belief = self.belief.updated(
-            self.inflation * self._scores, predicted, observed, variance
+        self.learning.learn(
+            photograph, traits, [course.maps[0] for course in courses], alike=length / elapsed
         )
-        self._inflate(predicted, observed, noise)
-
-    def _inflate(self, predicted: FloatArray, observed: FloatArray, noise: FloatArray) -> None:
-        """Spread the siblings by the distance of the photograph from their expectations.
-
-        A cause that no sibling knows shows as a difference larger than their spread (adaptive
-        inflation; Anderson, Tellus A 61 (2009) 72-83).
-        """
-        missed = float(np.sum((observed - predicted.mean(axis=1)) ** 2))
-        spread = float(np.sum(predicted.var(axis=1) + noise + FEATURE_FLOOR**2))
-        wanted = self.inflation * math.sqrt(missed / spread)
-        moved = self.inflation + INFLATION_SHARE * (wanted - self.inflation)
-        self.inflation = min(max(moved, LEAST_INFLATION), MOST_INFLATION)

@@ -6,8 +6,9 @@ the forecast. A proposed schedule is answered beside it. Nothing here is ever pu
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,40 +18,42 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from porotwin_core import conversions, qos
+from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
-from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.parallel import LastingCrew, crew
 from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.rig import EffectDescription
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
+from porotwin_core.units import MINUTE_S
 from porotwin_core.wells import RateStep
-from porotwin_msgs.msg import CleanState, Forecast, NewState, Setpoint, WellRates
+from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
-from porotwin_siblings.expected_cost import expected_cost
+from porotwin_siblings.expected_cost import chosen_judges, expected_cost
+from porotwin_siblings.outlook import TIMES, Outlook
+from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
     RateLog,
     check_proposal,
     proposed_plan,
 )
-from porotwin_siblings.siblings import Outlook, Photograph, Siblings
+from porotwin_siblings.siblings import Siblings
+from porotwin_siblings.siblings_messages import (
+    forecast_to_msg,
+    known_rates_from_msg,
+    photograph_from_msg,
+)
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
 NICENESS = 10
 """Nice value of the threads that learn: they use only time that the twin leaves."""
 
-DEFAULT_CELL_M = 0.015
-"""Cell size of the siblings [m]: three cells of the maps; see docs/siblings.md."""
-
 OPEN_END_S = 7200.0
 """Horizon of an experiment without an end [s]."""
-
-MINUTE_S = 60.0
-"""Length of a minute [s]."""
-
-TIMES = 24
-"""Times of a forecast: enough for a smooth curve."""
 
 MAPS = 2
 """Maps of a forecast: half way, and at its end."""
@@ -109,14 +112,19 @@ class SiblingsNode(Node):
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
         self._quick = ThreadPoolExecutor(workers)
-        self.siblings = Siblings(
-            self._rig,
-            self._declare_grid(),
+        self._make_siblings = partial(
+            Siblings,
+            grid=self._declare_grid(),
             map_grid=self._map_grid,
-            executor=_learning_executor(self._declare_scheduler(), workers),
+            executor=_learning_executor(
+                self._declare_scheduler(), workers, self.get_logger().warning
+            ),
             count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
         )
+        self.siblings = self._make_siblings(self._rig)
+        self._effects: tuple[EffectDescription, ...] = ()
+        self._new_effects: tuple[EffectDescription, ...] | None = None
         self._rates = RateLog(safe_rates(self._rig))
         self._changed = threading.Condition()
         self._arrived: _Arrived | None = None
@@ -129,21 +137,16 @@ class SiblingsNode(Node):
         threading.Thread(target=self._work, daemon=True).start()
 
     def _declare_grid(self) -> Grid:
-        """Return the grid of the siblings, which is never finer than the maps.
-
-        Raises:
-            InputError: the parameter is no length.
-        """
-        cell = declare(
+        """Return the grid of the siblings, which is never finer than the maps."""
+        cells = declare(
             self,
-            'cell_m',
-            DEFAULT_CELL_M,
-            'cell size of the siblings [m]; smaller takes the cube of time',
-            at_least=1e-4,
-            at_most=1.0,
+            'cells',
+            COARSE_CELLS,
+            'cells of the grid of the siblings; four times as many take eight times as long',
+            at_least=100,
+            at_most=1_000_000,
         )
-        wanted, maps = self._rig.default_grid(cell), self._map_grid
-        return self._rig.grid(min(wanted.nx, maps.nx), min(wanted.nz, maps.nz))
+        return coarse_grid(self._rig, self._map_grid, cells)
 
     def _declare_scheduler(self) -> str:
         return str(
@@ -160,6 +163,7 @@ class SiblingsNode(Node):
         self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
         self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
         self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
@@ -175,8 +179,7 @@ class SiblingsNode(Node):
         start = conversions.time_from_msg(message.start)
         end = conversions.time_from_msg(message.header.stamp)
         try:
-            rates = conversions.rates_from_msg(message.wells)
-            self._check_wells(rates)
+            rates = known_rates_from_msg(message.wells, self._rig)
         except InputError as error:
             self.get_logger().error(f'measured rates ignored: {error}')
             return
@@ -186,8 +189,7 @@ class SiblingsNode(Node):
 
     def _on_setpoint(self, message: Setpoint) -> None:
         try:
-            rates = conversions.rates_from_msg(message.wells)
-            self._check_wells(rates)
+            rates = known_rates_from_msg(message.wells, self._rig)
         except InputError as error:
             self.get_logger().error(f'setpoint {message.sequence} ignored: {error}')
             return
@@ -199,46 +201,24 @@ class SiblingsNode(Node):
         with self._changed:
             self._interrupted = True
 
+    def _on_effects(self, message: ModelEffects) -> None:
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        with self._changed:
+            self._new_effects = effects
+
     def _on_state(self, message: NewState) -> None:
         try:
-            photograph = self._photograph(message)
+            photograph = photograph_from_msg(message, self._map_grid)
         except InputError as error:
             self.get_logger().error(f'state {message.sequence} ignored: {error}')
             return
         with self._changed:
             self._arrived = _Arrived(message.sequence, photograph)
             self._changed.notify_all()
-
-    def _check_wells(self, rates: Any) -> None:
-        """Return if all wells are in the rig.
-
-        Raises:
-            InputError: one is not.
-        """
-        for name in rates:
-            if name not in self._rig.wells:
-                known = ', '.join(self._rig.wells)
-                raise InputError(f"well '{name}' is not in rig.yaml; known: {known}")
-
-    def _photograph(self, message: NewState) -> Photograph:
-        """Return a state on the grid of the siblings.
-
-        Raises:
-            InputError: its map or its deviations are wrong.
-        """
-        values, grid = conversions.tracer_from_msg(message.tracer)
-        deviation = conversions.deviation_from_msg(message.deviation, grid)
-        systematic = conversions.deviation_from_msg(message.systematic, grid)
-        if grid != self._map_grid:
-            raise InputError(f'its map is {grid}, the siblings work on {self._map_grid}')
-        stamp = conversions.time_from_msg(message.header.stamp)
-        photograph = Photograph.plain(stamp, values)
-        if deviation is None or systematic is None:
-            return photograph
-        variance = np.maximum(deviation**2 - systematic**2, 0.0)
-        return photograph._replace(
-            random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
-        )
 
     # --- work ---------------------------------------------------------------------------------
 
@@ -262,6 +242,8 @@ class SiblingsNode(Node):
         siblings = self.siblings
         if self._began is None or photograph.time < self._began:
             self._began = photograph.time
+        if self._follow_effects(photograph):
+            return
         with self._changed:
             if siblings.started and photograph.time <= siblings.time:
                 siblings.begin_anew()
@@ -270,6 +252,24 @@ class SiblingsNode(Node):
             self._interrupted = False
             periods = self._rates.take(siblings.time, photograph.time) if siblings.started else ()
         siblings.observe(photograph, periods)
+
+    def _follow_effects(self, photograph: Photograph) -> bool:
+        """Return whether other effects act: new siblings, who have learnt nothing, then follow.
+
+        What the others had learnt may stand for the same effects under other names.
+        """
+        with self._changed:
+            effects, self._new_effects = self._new_effects, None
+            if effects is None or effects == self._effects:
+                return False
+            self._interrupted = False
+            if self.siblings.started and photograph.time > self.siblings.time:
+                self._rates.take(self.siblings.time, photograph.time)
+        siblings = self._make_siblings(self._rig.with_effects(effects))
+        siblings.observe(photograph)
+        self.siblings, self._effects = siblings, effects
+        self.get_logger().info(f'{len(effects)} effects beyond rig.yaml; learning anew')
+        return True
 
     def _tell(self) -> None:
         """Publish the forecast under the rates of the setpoint that follows from the photograph."""
@@ -281,7 +281,7 @@ class SiblingsNode(Node):
             )
             present = self._rates.present(time)
         self._forecast = self._outlook([RateStep(0.0, present)], self._ahead(), None)
-        self._publisher.publish(self._message(self._forecast))
+        self._publisher.publish(self._as_message(self._forecast))
 
     def _ahead(self) -> float:
         """Return how far to look ahead [s]: to the end of the experiment where it is known."""
@@ -331,8 +331,11 @@ class SiblingsNode(Node):
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan[0].rates != rates:
             present = self._outlook([RateStep(0.0, rates)], horizon, self._quick)
-        response.present = self._message(present)
-        response.proposed = self._message(self._outlook(plan, horizon, self._quick))
+        response.present = self._as_message(present)
+        response.proposed = self._as_message(self._outlook(plan, horizon, self._quick))
+
+    def _as_message(self, outlook: Outlook) -> Forecast:
+        return forecast_to_msg(outlook, self.siblings.grid)
 
     def _cost_gradient(
         self, request: CostGradient.Request, response: CostGradient.Response
@@ -362,8 +365,7 @@ class SiblingsNode(Node):
         plan = conversions.plan_from_msg(request.schedule)
         reached = [step for step in plan if step.start < request.horizon]
         check_proposal(reached, request.horizon, self._rig)
-        ranked, count = self._forecast.ranked, min(self._judges, len(self._forecast.ranked))
-        chosen = [ranked[(2 * n + 1) * len(ranked) // (2 * count)] for n in range(count)]
+        chosen = chosen_judges(self._forecast.ranked, self._judges)
         orders = self.siblings.cost_orders(
             chosen,
             initial,
@@ -374,53 +376,22 @@ class SiblingsNode(Node):
         )
         return expected_cost(orders, self._quick)
 
-    def _message(self, outlook: Outlook) -> Forecast:
-        grid, start = self.siblings.grid, outlook.start
-        low, median, high = range(3)
 
-        def maps(values: FloatArray) -> list[Any]:
-            return [
-                conversions.tracer_to_msg(one, grid, start + float(time))
-                for one, time in zip(values, outlook.map_times, strict=True)
-            ]
-
-        return Forecast(
-            header=conversions.header_at(start),
-            schedule=conversions.plan_to_msg(outlook.plan),
-            times=outlook.times.tolist(),
-            zone_tracer=outlook.zone_tracer[median].tolist(),
-            zone_tracer_low=outlook.zone_tracer[low].tolist(),
-            zone_tracer_high=outlook.zone_tracer[high].tolist(),
-            zone_area=outlook.zone_area[median].tolist(),
-            zone_area_low=outlook.zone_area[low].tolist(),
-            zone_area_high=outlook.zone_area[high].tolist(),
-            zone_reached=outlook.zone_reached.tolist(),
-            map_times=outlook.map_times.tolist(),
-            mean=maps(outlook.mean),
-            deviation=maps(outlook.deviation),
-        )
-
-
-def _finite(values: FloatArray) -> FloatArray:
-    """Return `values` with the largest known one where they are not known."""
-    known = values[np.isfinite(values)]
-    return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
-
-
-def _learning_executor(scheduler: str, workers: int) -> Executor:
+def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:
     """Return the executor of the siblings: the cluster of a `scheduler`, or patient threads.
+
+    Threads also follow a scheduler that goes away; `tell` then gets a line.
 
     Raises:
         InputError: there is no scheduler at that address.
     """
-    if not scheduler:
-        return ThreadPoolExecutor(workers, initializer=_be_patient)
-    from distributed import Client
 
-    try:
-        return Client(scheduler).get_executor()
-    except OSError as error:
-        raise InputError(f"scheduler '{scheduler}': {error}; start dask-scheduler") from None
+    def patient_threads() -> Executor:
+        return ThreadPoolExecutor(workers, initializer=_be_patient)
+
+    if not scheduler:
+        return patient_threads()
+    return LastingCrew(crew(scheduler=scheduler), patient_threads, tell)
 
 
 def _be_patient() -> None:

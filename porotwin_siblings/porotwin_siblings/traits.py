@@ -8,7 +8,7 @@ import numpy as np
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription, Rig
-from porotwin_core.units import GRAVITY
+from porotwin_core.units import GRAVITY, HOUR_S
 from porotwin_siblings.diagnosed_effects import DiagnosedEffect
 
 RATE_DEVIATION = 0.06
@@ -37,8 +37,6 @@ rig and above; smaller scales bend the plume little."""
 
 WAVE_DEVIATION = 0.25
 """Standard deviation of the log permeability in one wave of the longest kind [-]."""
-
-HOUR_S = 3600.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_siblings.siblings import Photograph
+from porotwin_siblings.photograph import Photograph
 
 RIG = load_rig(Path(__file__).resolve().parents[2] / 'porotwin_hub' / 'config' / 'small_rig.yaml')
 GRID = RIG.grid(24, 14)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
 
@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter  # noqa: E402
 
 from porotwin_core import conversions, qos  # noqa: E402
 from porotwin_core.node import until_shutdown  # noqa: E402
-from porotwin_msgs.msg import Forecast, NewState, Outcome, Setpoint  # noqa: E402
+from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
 from porotwin_msgs.srv import WhatIf  # noqa: E402
 from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
 
@@ -36,7 +36,7 @@ class Beside:
     def __init__(self, domain: int) -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
-        given = {'rig': str(RIG), 'grid': '40x24', 'cell_m': 0.04, 'horizon_s': 1200.0}
+        given = {'rig': str(RIG), 'grid': '40x24', 'cells': 330, 'horizon_s': 1200.0}
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         self.node = SiblingsNode(context=self.context, parameter_overrides=overrides)
         self.other = rclpy.create_node('other', context=self.context)
@@ -46,6 +46,7 @@ class Beside:
         )
         self.states = self.other.create_publisher(NewState, 'asset/new_state', qos.FIELD)
         self.setpoints = self.other.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
+        self.effects = self.other.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
         self.client = self.other.create_client(WhatIf, 'siblings/what_if')
         executor = MultiThreadedExecutor(4, context=self.context)
         executor.add_node(self.node)
@@ -121,5 +122,9 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     wrong = beside.ask([RateStep(0.0, {'absent': WellRate(1e-9)})], 600.0)
     assert "well 'absent' is not in the rig" in wrong.outcome.message
 
+    effect = EffectDescription(name='retardation', parameters={'retardation_factor': 2.0})
+    beside.effects.publish(ModelEffects(effects=[conversions.effect_to_msg(effect)]))
+    assert beside.effects.wait_for_all_acked()
     beside.photograph(300.0, plume)
     beside.wait(lambda: len(beside.forecasts) == 2)
+    assert beside.node.siblings.rig.effects == (effect,)

@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core.grid import FloatArray
-from porotwin_solver.diffusion_kernels import exchange, pair_cells
+from porotwin_solver.cell_threads import in_rows
+from porotwin_solver.diffusion_kernels import (
+    add_gains,
+    ends_of_tracer,
+    exchange,
+    gains_from_neighbours,
+    neighbour_pairs,
+    pair_cells,
+)
 from porotwin_solver.face_field import FaceField
 from porotwin_solver.local_time_steps import NO_TAPE, TimeStepLevels
 from porotwin_solver.physics import Physics
@@ -44,12 +52,15 @@ class Exchanges(NamedTuple):
     start: (nz * nx + 1,); cell k owns the pairs start[k] to start[k + 1] - 1.
     other: (pairs,); flat index of the other cell.
     weight: (pairs,) [m^3/s]; exchanged volume.
+    to_neighbours: whether every cell owns the pairs with its upper and its right neighbour, in this
+        order, and all cells take one step.
     """
 
     levels: TimeStepLevels
     start: NDArray[np.int32]
     other: NDArray[np.int32]
     weight: FloatArray
+    to_neighbours: bool = False
 
 
 def dispersion_tensor(physics: Physics, flux: FaceField) -> DispersionTensor:
@@ -109,6 +120,10 @@ def _pore_velocity(physics: Physics, flux: FaceField) -> tuple[FloatArray, Float
 
 def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> Exchanges:
     """Return the exchanges of all cells for the water flux [m^3/s], over `duration` [s]."""
+    if not physics.disperses:
+        found = _neighbour_exchanges(physics, duration)
+        if found is not None:
+            return found
     level, order, count_at_least, start, other, weight = pair_cells(
         _per_cell_size(dispersion_tensor(physics, flux), physics),
         physics.mobile_water,
@@ -118,6 +133,22 @@ def dispersive_exchanges(physics: Physics, flux: FaceField, duration: float) -> 
     )
     levels = TimeStepLevels(duration, level, order, count_at_least)
     return Exchanges(levels, start, other, weight)
+
+
+def _neighbour_exchanges(physics: Physics, duration: float) -> Exchanges | None:
+    """Return the exchanges of the same diffusion everywhere; None if a cell needs several steps."""
+    grid, water = physics.grid, physics.mobile_water
+    diffusion = physics.diffusion + physics.model_diffusion
+    start, other, weight, total = neighbour_pairs(
+        diffusion / grid.dx**2, diffusion / grid.dz**2, water
+    )
+    storage = physics.storage * (1.0 - physics.immobile_fraction)
+    if diffusion == 0.0 or float(np.max(total / storage)) * duration > EXCHANGE_LIMIT:
+        return None
+    order = np.arange(water.size, dtype=np.int32)
+    level = np.zeros(grid.shape, np.int8)
+    levels = TimeStepLevels(duration, level, order, np.array([water.size]))
+    return Exchanges(levels, start, other, weight, to_neighbours=True)
 
 
 def _per_cell_size(tensor: DispersionTensor, physics: Physics) -> DispersionTensor:
@@ -138,6 +169,15 @@ def diffuse(
     """Advance `concentration` (nz, nx) in place by `exchanges.levels.duration`.
 
     `storage` (nz, nx) [m^3] is the volume of every cell that stores tracer. `tape`, of length
-    `tape_length(exchanges.levels)`, records the values that the adjoint needs.
+    `tape_length(exchanges.levels)`, records the values that the adjoint needs. Threads share the
+    cells of a large grid where neighbours alone exchange.
     """
-    exchange(concentration.ravel(), storage.ravel(), exchanges, tape)
+    if len(tape) or not exchanges.to_neighbours:
+        exchange(concentration.ravel(), storage.ravel(), exchanges, tape)
+        return
+    nz, nx = concentration.shape
+    gain = np.empty((nz, nx))
+    ends = np.empty((nz, 2), np.int64)
+    in_rows(ends_of_tracer, nz, nz * nx, concentration, ends)
+    in_rows(gains_from_neighbours, nz, nz * nx, concentration, exchanges, ends, gain)
+    in_rows(add_gains, nz, nz * nx, concentration, gain, storage, ends)

@@ -159,7 +159,7 @@ def exchange(c, storage, exchanges, tape):
     substeps, unless it has no room at all.
     """
     gain = np.zeros(len(c))
-    levels, start, other, weight = exchanges
+    levels, start, other, weight, _ = exchanges
     duration, level_2d, order, count_at_least = levels
     level = level_2d.ravel()
     highest = len(count_at_least) - 1
@@ -184,3 +184,105 @@ def exchange(c, storage, exchanges, tape):
             if gain[k] != 0.0:
                 c[k] += gain[k] / storage[k]
                 gain[k] = 0.0
+
+
+@compiled
+def neighbour_pairs(across, upward, water):
+    """Return `start`, `other`, `weight` of Exchanges, and `total` as of `named_pairs`.
+
+    They are those of `pair_cells` for a tensor without cross terms: `across` and `upward` [1/s] are
+    its two entries per squared cell size, the same in all cells. All cells take one step.
+    """
+    nz, nx = water.shape
+    start = np.zeros(nz * nx + 1, np.int32)
+    other = np.empty(2 * nz * nx - nz - nx, np.int32)
+    weight = np.empty(2 * nz * nx - nz - nx)
+    total = np.zeros((nz, nx))
+    place = 0
+    for i in range(nz):
+        for j in range(nx):
+            k = i * nx + j
+            if i < nz - 1:
+                other[place] = k + nx
+                weight[place] = 0.5 * upward * water[i, j] + 0.5 * upward * water[i + 1, j]
+                total[i, j] += weight[place]
+                total[i + 1, j] += weight[place]
+                place += 1
+            if j < nx - 1:
+                other[place] = k + 1
+                weight[place] = 0.5 * across * water[i, j] + 0.5 * across * water[i, j + 1]
+                total[i, j] += weight[place]
+                total[i, j + 1] += weight[place]
+                place += 1
+            start[k + 1] = place
+    return start, other, weight, total
+
+
+@compiled
+def ends_of_tracer(c, ends, first, last):
+    """Fill `ends` (nz, 2) of the rows with the first column with tracer, and one after the last."""
+    nx = c.shape[1]
+    for i in range(first, last):
+        low, high = 0, nx
+        while low < nx and c[i, low] == 0.0:
+            low += 1
+        while high > low and c[i, high - 1] == 0.0:
+            high -= 1
+        ends[i, 0], ends[i, 1] = low, high
+
+
+@compiled
+def reach(ends, i, nx):
+    """Return the columns of row `i` with tracer in or beside them: the first, one after the last.
+
+    A row that has none, and none in the rows beside it, has no such columns.
+    """
+    low, high = nx, 0
+    for row in range(max(i - 1, 0), min(i + 2, len(ends))):
+        if ends[row, 0] < ends[row, 1]:
+            low, high = min(low, ends[row, 0] - 1), max(high, ends[row, 1] + 1)
+    return max(low, 0), min(high, nx)
+
+
+@compiled
+def moved(difference, factor):
+    """Return what a pair moves for a difference in concentration; none below round-off."""
+    return factor * difference if abs(difference) > NEGLIGIBLE else 0.0
+
+
+@compiled
+def gains_from_neighbours(c, exchanges, ends, gain, first, last):
+    """Fill the rows of `gain` (nz, nx) [m^3] with what the cells get from their neighbours.
+
+    `ends` as of `ends_of_tracer`. The sums have the order of `exchange`, so the result is the same.
+    """
+    nz, nx = c.shape
+    levels, start, _, weight, _ = exchanges
+    duration = levels.duration
+    for i in range(first, last):
+        low, high = reach(ends, i, nx)
+        to_right = 1 if i < nz - 1 else 0
+        for j in range(low, high):
+            k = i * nx + j
+            here = c[i, j]
+            total = 0.0
+            if i > 0:
+                total -= moved(here - c[i - 1, j], duration * weight[start[k - nx]])
+            if j > 0:
+                total -= moved(here - c[i, j - 1], duration * weight[start[k - 1] + to_right])
+            if i < nz - 1:
+                total += moved(c[i + 1, j] - here, duration * weight[start[k]])
+            if j < nx - 1:
+                total += moved(c[i, j + 1] - here, duration * weight[start[k] + to_right])
+            gain[i, j] = total
+
+
+@compiled
+def add_gains(c, gain, storage, ends, first, last):
+    """Add `gain` to the rows of `c`, in the columns that `gains_from_neighbours` filled."""
+    nx = c.shape[1]
+    for i in range(first, last):
+        low, high = reach(ends, i, nx)
+        for j in range(low, high):
+            if gain[i, j] != 0.0:
+                c[i, j] += gain[i, j] / storage[i, j]

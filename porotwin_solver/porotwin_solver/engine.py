@@ -13,6 +13,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import RateStep, WellRates
 from porotwin_solver.background_flux import background_flux
+from porotwin_solver.cell_threads import THREADED_CELLS
 from porotwin_solver.coupling import Coupling
 from porotwin_solver.diffusion import Exchanges, diffuse, dispersive_exchanges
 from porotwin_solver.face_field import FaceField
@@ -180,7 +181,13 @@ class Engine:
         pumped = np.zeros(len(self.sources_and_sinks.all))
         for source in active:
             pumped[self.sources_and_sinks.all.index(source.source_sink)] += source.rate
-        flux = FaceField(*(_weighted_sum(pumped, units) for units in self.unit_fluxes))
+        if self.grid.nx * self.grid.nz < THREADED_CELLS:
+            flux = FaceField(*(_weighted_sum(pumped, units) for units in self.unit_fluxes))
+        else:  # a second copy of all unit flows would take more memory than all the rest
+            flux = FaceField.zeros(self.grid)
+            for source_sink, rate in zip(self.sources_and_sinks.all, pumped, strict=True):
+                if rate != 0.0:
+                    flux = flux + self.flow.unit_flux(source_sink) * rate
         return flux if self.background is None else flux + self.background
 
     def coupled_flux(self, water: FaceField, rates: WellRates, mobile: FloatArray) -> FaceField:

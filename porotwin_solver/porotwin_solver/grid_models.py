@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import Rig
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import RateStep
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.implicit_model import ImplicitModel
 from porotwin_solver.model import Model
+from porotwin_solver.presets import IMPLICIT
 from porotwin_solver.supervision import UNSUPERVISED, Supervision
 
 
@@ -34,6 +36,7 @@ class GridModels:
 
     Attributes:
         own: the model on the grid of the maps.
+        effects: those that act beyond the description of the rig.
     """
 
     def __init__(
@@ -43,17 +46,36 @@ class GridModels:
         *,
         preset: str,
         coarse_preset: str,
+        effects: Sequence[EffectDescription] = (),
         supervision: Supervision = UNSUPERVISED,
     ) -> None:
-        """Prepare the model on `grid`.
+        """Prepare the model on `grid`, with `effects` beyond those of `rig`.
 
         Raises:
             InputError: as `Model`.
         """
-        self.own = Model(rig, grid, preset=preset, supervision=supervision)
+        self.effects = tuple(effects)
+        kind = ImplicitModel if preset == IMPLICIT else Model
+        self.own: Model = kind(rig, grid, preset=preset, effects=effects, supervision=supervision)
         self.own.prepare()
         self._coarse_preset = coarse_preset
         self._other: Model | None = None
+
+    def with_effects(self, effects: Sequence[EffectDescription]) -> 'GridModels':
+        """Return the same models with other `effects` beyond those of the rig.
+
+        Raises:
+            InputError: as `Model`.
+        """
+        own = self.own
+        return GridModels(
+            own.rig,
+            own.grid,
+            preset=own.preset,
+            coarse_preset=self._coarse_preset,
+            effects=effects,
+            supervision=own.engine.supervision,
+        )
 
     def on(self, grid: Grid) -> Model:
         """Return the model on `grid`; a new one takes as long as a factorisation.
@@ -75,6 +97,7 @@ class GridModels:
                 own.rig,
                 own.rig.grid(grid.nx, grid.nz),
                 preset=self._coarse_preset,
+                effects=self.effects,
                 supervision=own.engine.supervision,
             )
             self._other.prepare()

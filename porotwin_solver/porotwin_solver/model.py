@@ -155,8 +155,12 @@ class Model:
             InputError: as `predict`.
         """
         observed = self.validated_map(next_, 'next')
-        predicted = self._prediction(previous, rates, time_step)
-        return self._storage_per_volume * (observed - predicted) / time_step
+        return self.source_of(observed - self._prediction(previous, rates, time_step), time_step)
+
+    def source_of(self, change: FloatArray, time_step: float) -> FloatArray:
+        """Return the sigma (nz, nx) [1/s] that adds `change` (nz, nx) [-] in one step [s]."""
+        source: FloatArray = self._storage_per_volume * change / time_step
+        return source
 
     def correct(
         self,

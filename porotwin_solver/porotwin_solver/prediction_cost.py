@@ -19,6 +19,7 @@ from porotwin_core.wells import WellRate, WellRates
 from porotwin_solver.engine import LONGEST_STEP, Engine, State
 from porotwin_solver.physics import nominal_physics
 from porotwin_solver.presets import preset_named
+from porotwin_solver.pressure import LARGEST_FACTOR
 from porotwin_solver.scheme import Scheme
 from porotwin_solver.transport import CFL_LIMIT
 
@@ -36,6 +37,9 @@ SECONDS_PER_SUBSTEP = {Scheme.UPWIND: 0.7e-8, Scheme.SUPERBEE: 1.0e-8, Scheme.TH
 
 SECONDS_PER_STEP = 1e-4
 """Time of one splitting step beside the substeps of its cells [s], on the same machine."""
+
+SECONDS_PER_LARGE_FLOW = 1.8e-6
+"""Time for solving the flow once by multigrid, per well and cell [s], on the same machine."""
 
 SECONDS_PER_FLOW = 4e-9
 """Time for factorising and solving the flow once, per well and power 1.5 of the cells [s], on the
@@ -111,7 +115,10 @@ def prediction_cost(
     cells = fine.nx * fine.nz
     substeps = round(steps * cells * float(np.mean(2.0**levels)))
     each = SECONDS_PER_SUBSTEP[chosen.scheme]
-    flow = SECONDS_PER_FLOW * cells**1.5 * max(1, len(rig.wells))
+    per_well = (
+        SECONDS_PER_FLOW * cells**1.5 if cells <= LARGEST_FACTOR else SECONDS_PER_LARGE_FLOW * cells
+    )
+    flow = per_well * max(1, len(rig.wells))
     return PredictionCost(
         cells=cells,
         refinement=factor,

@@ -1,13 +1,13 @@
-"""Solvers for the pressure: a sparse factor, or for large grids an iteration on two grids."""
+"""Solvers for the pressure: a sparse factor, or multigrid on large grids."""
 
 from collections.abc import Callable
 
-import numpy as np
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import LinearOperator, cg, splu
+from scipy.sparse.linalg import splu
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_solver.multigrid import GridLevel, Multigrid
 
 PressureSolver = Callable[[FloatArray], FloatArray]
 """From the source of every cell [m^3/s] to its pressure [Pa], both flat (nz * nx,)."""
@@ -16,19 +16,16 @@ SolverFactory = Callable[[csc_matrix, tuple[int, int]], PressureSolver]
 """From the pressure matrix and the shape (nz, nx) of the grid to a solver."""
 
 LARGEST_FACTOR = 200_000
-"""Cells up to which the matrix itself is factorised; a factor takes about 1 kB per cell."""
+"""Cells up to which the matrix is factorised; a factor takes about 1 kB per cell."""
 
-TOLERANCE = 1e-9
+TOLERANCE = 1e-8
 """Relative residual of the iteration. `flow.Flow.flux` solves twice and so reaches round-off."""
 
 MAX_ITERATIONS = 500
-"""Ten iterations are usual, 50 where the permeability of neighbours differs by decades."""
+"""Fifteen iterations are usual, more where the permeability of neighbours differs by decades."""
 
-JACOBI_DAMPING = 0.7
-"""Damping [-] of the Jacobi smoother; it damps the upper half of the five-point spectrum most."""
-
-OVERCORRECTION = 1.8
-"""Factor [-] of the coarse correction: constant blocks are too stiff by about a factor of two."""
+COARSEST_CELLS = 20_000
+"""Cells of the coarsest grid of the iteration: its factor is used several times in an iteration."""
 
 
 def pressure_solver(
@@ -40,7 +37,7 @@ def pressure_solver(
 ) -> PressureSolver:
     """Return a solver for the symmetric positive definite `matrix` of (nz, nx) = `shape` cells.
 
-    Up to `largest_factor` cells the matrix is factorised; beyond, `two_grid` iterates, and its
+    Up to `largest_factor` cells the matrix is factorised; beyond, `multigrid` iterates, and its
     solver raises InputError where it does not converge.
 
     Args:
@@ -51,7 +48,8 @@ def pressure_solver(
     """
     if matrix.shape[0] <= largest_factor:
         return factorised(matrix)
-    return two_grid(matrix, shape, largest_factor=largest_factor, max_iterations=max_iterations)
+    coarsest = min(largest_factor, COARSEST_CELLS)
+    return multigrid(matrix, shape, largest_factor=coarsest, max_iterations=max_iterations)
 
 
 def factorised(matrix: csc_matrix) -> PressureSolver:
@@ -68,56 +66,28 @@ def factorised(matrix: csc_matrix) -> PressureSolver:
     return factor.solve
 
 
-def two_grid(
+def multigrid(
     matrix: csc_matrix,
     shape: tuple[int, int],
     *,
-    largest_factor: int = LARGEST_FACTOR,
+    largest_factor: int = COARSEST_CELLS,
     max_iterations: int = MAX_ITERATIONS,
 ) -> PressureSolver:
-    """Return a solver by preconditioned conjugate gradients, for matrices too large to factorise.
-
-    The preconditioner smooths by damped Jacobi before and after a correction on 2 x 2 blocks of
-    cells, whose matrix is factorised. The correction is scaled up because blocks of constant
-    pressure are too stiff (Braess, Computing 55 (1995) 379-393).
+    """Return a solver by conjugate gradients with `Multigrid`, for matrices too large to factorise.
 
     The solver raises InputError when it does not converge within `max_iterations`.
     """
-    rows, columns = np.indices(shape)
-    coarse_columns = (shape[1] + 1) // 2
-    block = ((rows // 2) * coarse_columns + columns // 2).ravel()
-    cells = np.arange(block.size)
-    spread = csc_matrix((np.ones(block.size), (cells, block)))
-    solve_blocks = pressure_solver(
-        csc_matrix(spread.T @ matrix @ spread),
-        ((shape[0] + 1) // 2, coarse_columns),
-        largest_factor=largest_factor,
-        max_iterations=max_iterations,
-    )
-    damped = JACOBI_DAMPING / matrix.diagonal()
-
-    def preconditioned(residual: FloatArray) -> FloatArray:
-        pressure = damped * residual
-        pressure += damped * (residual - matrix @ pressure)
-        coarse = solve_blocks(spread.T @ (residual - matrix @ pressure))
-        pressure += OVERCORRECTION * coarse[block]
-        for _ in range(2):
-            pressure += damped * (residual - matrix @ pressure)
-        return pressure
+    cycles = Multigrid(GridLevel.of(matrix, shape), factorised, largest_factor=largest_factor)
 
     def solve(source: FloatArray) -> FloatArray:
-        pressure, unconverged = cg(
-            matrix,
-            source,
-            rtol=TOLERANCE,
-            maxiter=max_iterations,
-            M=LinearOperator(matrix.shape, matvec=preconditioned, dtype=float),
+        pressure = cycles.solve(
+            source.reshape(shape), tolerance=TOLERANCE, most_iterations=max_iterations
         )
-        if unconverged:
+        if pressure is None:
             raise InputError(
                 f'pressure on {shape[1]} x {shape[0]} cells: no convergence in {max_iterations} '
                 'iterations; the permeability varies too much for so fine a grid, make it coarser'
             )
-        return np.asarray(pressure)
+        return pressure.ravel()
 
     return solve

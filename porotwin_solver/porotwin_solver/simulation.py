@@ -73,13 +73,20 @@ def simulated_maps(
     begin = (
         model.initial_condition() if initial is None else model.validated_map(initial, 'initial')
     )
-    state = State.equilibrium(refine(begin, model.engine.grid.shape))
-    return _maps(model, state, schedule, moments, start)
+    return maps_of(model, schedule, moments, initial=begin, start=start)
 
 
-def _maps(
-    model: Model, state: State, schedule: Schedule, times: FloatArray, start: float
+def maps_of(
+    model: Model, schedule: Schedule, times: FloatArray, *, initial: FloatArray, start: float
 ) -> Iterator[FloatArray]:
+    """Yield the maps (nz, nx) of `model` at ascending `times` [s] as the camera shows them.
+
+    It runs from the map `initial` (nz, nx) at `start` [s] through the `schedule`.
+
+    Raises:
+        InputError: an unknown well, or rates that do not balance in a closed rig.
+    """
+    state = State.equilibrium(refine(initial, model.engine.grid.shape))
     engine, operator, now = model.engine, model.observation_operator, start
     for time in times:
         target = time + operator.clock_offset

@@ -20,8 +20,10 @@ from porotwin_core.rig import Rig, Well
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_solver.adjoint import gradient
+from porotwin_solver.cell_threads import most_threads
 from porotwin_solver.face_field import FaceField
 from porotwin_solver.flow import pressure_matrix, transmissibilities
+from porotwin_solver.large_grid_bench import GRIDS, LARGE_FRAMES, large_grid_cost
 from porotwin_solver.model import Model
 from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.simulation import simulate
@@ -202,7 +204,10 @@ def errors(maps: FloatArray, reference: FloatArray) -> list[float]:
 
 
 def run() -> list[Row]:
-    """Return one row per model: CPU time [s] for 80 min, its ratio to the plain model, errors."""
+    """Return one row per model: CPU time [s] for 80 min, its ratio to the plain model, errors.
+
+    The last rows come from `large_grid_bench`.
+    """
     rig, schedule = bench_rig(), bench_schedule()
     grid = rig.grid(187, 112)
     for preset in ('fast', 'accurate'):  # compile the kernels before the timing
@@ -221,6 +226,8 @@ def run() -> list[Row]:
             'ratio_to_plain': round(seconds / plain_seconds, 4),
             'error_35_min': None if early is None else round(early, 4),
             'error_80_min': None if late is None else round(late, 4),
+            'ns_per_cell_frame': round(1e9 * seconds / (on.nx * on.nz) / FRAMES, 1),
+            'memory_gb': None,
         }
 
     rows = [row('plain: upwind, implicit, LU', grid, plain_seconds, plain)]
@@ -229,6 +236,7 @@ def run() -> list[Row]:
     for preset, size in (
         ('fast', (187, 112)),
         ('accurate', (187, 112)),
+        ('sharp', (187, 112)),
         ('upwind', (187, 112)),
         ('fast', (94, 56)),
         ('upwind', (374, 225)),
@@ -245,7 +253,23 @@ def run() -> list[Row]:
         row('fast, gradient by 800 rates', grid, _gradient_seconds(rig, schedule, grid), None)
     )
     rows.extend(_interval_rows(rig, schedule, grid, plain_seconds))
+    rows.extend(_large_row(size) for size in GRIDS)
     return rows
+
+
+def _large_row(size: tuple[int, int]) -> Row:
+    """Return the cost of 100 frames of the large rig."""
+    cost = large_grid_cost(*size)
+    return {
+        'model': f'fast, large rig, {LARGE_FRAMES} frames, {most_threads()} threads',
+        'grid': f'{size[0]}x{size[1]}',
+        'cpu_s': round(cost.processor_s, 1),
+        'ratio_to_plain': None,
+        'error_35_min': None,
+        'error_80_min': None,
+        'ns_per_cell_frame': round(cost.nanoseconds, 1),
+        'memory_gb': round(cost.memory_gb, 2),
+    }
 
 
 def _gradient_seconds(rig: Rig, schedule: Schedule, grid: Grid) -> float:
@@ -277,6 +301,8 @@ def _interval_rows(rig: Rig, schedule: Schedule, grid: Grid, plain_seconds: floa
                 'ratio_to_plain': round(seconds * FRAMES / plain_seconds, 4),
                 'error_35_min': None,
                 'error_80_min': None,
+                'ns_per_cell_frame': round(1e9 * seconds / (size.nx * size.nz), 1),
+                'memory_gb': None,
             }
         )
     return rows

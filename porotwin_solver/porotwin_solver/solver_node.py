@@ -1,6 +1,7 @@
 """The node that offers the physics-based model as services (paper sec. 2.3)."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -8,11 +9,13 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from porotwin_core import __version__
+from porotwin_core import __version__, qos
 from porotwin_core.conversions import (
     cost_term_from_msg,
     effect_to_msg,
+    effects_from_msg,
     grid_to_msg,
+    header_at,
     ok,
     plan_from_msg,
     rates_from_msg,
@@ -26,8 +29,17 @@ from porotwin_core.conversions import (
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.node import declare, declare_grid, declare_rig, run
+from porotwin_core.rig import EffectDescription
+from porotwin_core.senders import callers
 from porotwin_core.single_instance import only_one
-from porotwin_msgs.msg import Outcome, SourceField, TracerField
+from porotwin_core.units import DAY_S
+from porotwin_msgs.msg import (
+    ModelEffects,
+    Outcome,
+    SourceField,
+    StateRefreshed,
+    TracerField,
+)
 from porotwin_msgs.srv import (
     Correct,
     CostGradient,
@@ -38,7 +50,9 @@ from porotwin_msgs.srv import (
     QuantityOfInterest,
     Residual,
     Rollout,
+    SetEffects,
 )
+from porotwin_solver.effects_in_force import checked_effects, in_words
 from porotwin_solver.grid_models import GridModels, refuse_another_size
 from porotwin_solver.model import Model
 from porotwin_solver.presets import PRESETS
@@ -47,16 +61,16 @@ from porotwin_solver.rollout import rollout
 from porotwin_solver.supervision import Supervision
 from porotwin_solver.turns import BusyError, CancelledError, Turns
 
+SET_EFFECTS = 'solver/set_effects'
+
 Handler = Callable[[Any, Any], None]
 
 MOST_WAITING = 4
 """Requests that may wait while another one works: the graph has three clients."""
 
-THREADS = MOST_WAITING + 3
-"""One thread works, some wait, one answers `solver/cancel`, and one refuses a request too many."""
-
-DAY_S = 86400.0
-"""Longest prediction [s], unless a parameter changes it: an experiment lasts hours."""
+THREADS = MOST_WAITING + 4
+"""One thread works, some wait, one answers `solver/cancel`, one `solver/set_effects`, and one
+refuses a request too many."""
 
 MOST_CELL_UPDATES = 2e8
 """Most cell updates of a prediction, unless a parameter changes it: about 20 s beside a busy
@@ -67,6 +81,7 @@ class SolverNode(Node):
     """Offers `solver/predict`, `residual`, `correct` and more for one rig, grid and preset.
 
     `solver/cost_gradient` and `solver/rollout` also take states on a coarser grid.
+    `solver/set_effects` lets effects act beyond those of rig.yaml; `model/effects` tells them.
 
     The parameters `rig`, `grid` and `preset` choose them. A request that fails gets its reason in
     `outcome`, and the log gets one line.
@@ -111,6 +126,7 @@ class SolverNode(Node):
         self._serve(Correct, 'solver/correct', self._correct)
         self._serve(CostGradient, 'solver/cost_gradient', self._cost_gradient)
         self._serve(Rollout, 'solver/rollout', self._rollout)
+        self._offer_effects()
         self._serve(QuantityOfInterest, 'solver/quantity_of_interest', self._quantity)
         self.get_logger().info(f'{rig.name}: {grid} cells, preset {preset}, ready')
 
@@ -140,6 +156,25 @@ class SolverNode(Node):
             check=self._turns.check,
         )
 
+    def _offer_effects(self) -> None:
+        """Tell the effects in force, and take others.
+
+        In simulated time the effects may come from a recording that is replayed: they are followed
+        as they were decided.
+        """
+        self._in_force = ModelEffects(header=header_at(0.0), reason='the start of the solver')
+        self._newest_photograph = 0.0
+        self._told = self.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
+        self._told.publish(self._in_force)
+        own = MutuallyExclusiveCallbackGroup()
+        self.create_service(SetEffects, 'solver/set_effects', self._set_effects, callback_group=own)
+        self.create_subscription(
+            StateRefreshed, 'asset/state_refreshed', self._on_refreshed, qos.FIELD
+        )
+        self.create_subscription(
+            ModelEffects, 'model/effects', self._on_effects, qos.CONFIG, callback_group=own
+        )
+
     def _serve(self, kind: Any, name: str, handler: Handler) -> None:
         def answer(request: Any, response: Any) -> Any:
             try:
@@ -164,6 +199,66 @@ class SolverNode(Node):
         response.success = True
         response.message = f'{count} requests cancelled' if count else 'nothing to cancel'
         return response
+
+    def _on_refreshed(self, message: StateRefreshed) -> None:
+        self._newest_photograph = time_from_msg(message.header.stamp)
+
+    def _set_effects(
+        self, request: SetEffects.Request, response: SetEffects.Response
+    ) -> SetEffects.Response:
+        try:
+            effects = checked_effects(self.model.rig, effects_from_msg(request.effects))
+            self._change_effects(effects)
+        except BusyError as error:
+            response.outcome = Outcome(code=Outcome.NOT_READY, message=str(error))
+        except Exception as error:
+            response.outcome = refusal(error)
+        else:
+            response.outcome = ok()
+            asking = sorted({one.node.rpartition('/')[2] for one in callers(self, SET_EFFECTS)})
+            self._tell(
+                ModelEffects(
+                    header=header_at(self._newest_photograph),
+                    sequence=self._in_force.sequence + 1,
+                    effects=[effect_to_msg(effect) for effect in effects],
+                    reason=f'{" or ".join(asking) or "somebody"} set: {in_words(effects)}',
+                )
+            )
+        if response.outcome.code != Outcome.OK:
+            self.get_logger().error(f'{SET_EFFECTS}: {response.outcome.message}')
+        response.in_force = self._in_force
+        return response
+
+    def _on_effects(self, message: ModelEffects) -> None:
+        """Follow effects that a replay publishes."""
+        is_replay = self.get_parameter('use_sim_time').value
+        if not is_replay or message.sequence <= self._in_force.sequence:
+            return
+        try:
+            self._change_effects(checked_effects(self.model.rig, effects_from_msg(message.effects)))
+        except Exception as error:
+            self.get_logger().error(f'model/effects not followed: {refusal(error).message}')
+            return
+        self._tell(message)
+
+    def _change_effects(self, effects: tuple[EffectDescription, ...]) -> None:
+        """Let `effects` act from the next request on.
+
+        Raises:
+            InputError: the model cannot be solved with them.
+            BusyError: too many requests wait.
+        """
+        changed = False
+        while not changed:
+            # a cancellation was meant for a prediction
+            with suppress(CancelledError), self._turns.turn():
+                self._models = self._models.with_effects(effects)
+                changed = True
+
+    def _tell(self, in_force: ModelEffects) -> None:
+        self._in_force = in_force
+        self._told.publish(in_force)
+        self.get_logger().info(f'effects {in_force.sequence}: {in_force.reason}')
 
     def _ping(self, _: Ping.Request, response: Ping.Response) -> Ping.Response:
         response.name = self.get_name()

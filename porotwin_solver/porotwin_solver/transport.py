@@ -26,10 +26,22 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_solver.cell_threads import THREADED_CELLS, in_blocks, in_rows
 from porotwin_solver.face_field import FaceField
-from porotwin_solver.local_time_steps import NO_TAPE, TimeStepLevels
+from porotwin_solver.local_time_steps import (
+    NO_TAPE,
+    TimeStepLevels,
+    assign_levels,
+    lowest_starting_level,
+)
 from porotwin_solver.scheme import Scheme
-from porotwin_solver.transport_kernels import advection, level_cells
+from porotwin_solver.transport_kernels import (
+    advection,
+    cells_with_tracer,
+    cfl_rates,
+    evaluate_faces,
+    update_cells,
+)
 
 CFL_LIMIT = 0.5
 """Largest CFL number [-] of a cell: the fraction of its storage that leaves or enters in one
@@ -79,7 +91,12 @@ def advection_levels(
     `storage` (nz, nx) [m^3] is the volume that stores tracer: rig volume of the cell times porosity
     times retardation factor.
     """
-    return TimeStepLevels(duration, *level_cells(flux, sources, storage, duration, CFL_LIMIT))
+    nz, nx = storage.shape
+    rate = np.empty((nz, nx))
+    in_rows(cfl_rates, nz, nz * nx, flux, sources, storage, rate)
+    level = np.empty((nz, nx), np.int8)
+    order, count = assign_levels(rate.ravel(), duration, CFL_LIMIT, level.ravel())
+    return TimeStepLevels(duration, level, order, count)
 
 
 def advect(
@@ -102,6 +119,21 @@ def advect(
 
     `tracer_lost` (2,) [m^3] grows by the tracer that left: through wells and leaks, through open
     sides. `tape`, of length `tape_length(levels)`, records the values that the adjoint needs.
+    Threads share the cells of a large grid, unless a tape is recorded.
     """
     lost = np.zeros(2) if tracer_lost is None else tracer_lost
-    advection(concentration, flux, sources, storage, levels, int(scheme), accumulators, lost, tape)
+    if len(tape) or concentration.size < THREADED_CELLS:
+        advection(
+            concentration, flux, sources, storage, levels, int(scheme), accumulators, lost, tape
+        )
+        return
+    accumulators.rate.x[:] = 0.0
+    accumulators.rate.z[:] = 0.0
+    reached = cells_with_tracer(concentration, sources)
+    fields = (concentration, reached, flux, sources, storage, levels)
+    highest = len(levels.count_at_least) - 1
+    for substep in range(1 << highest):
+        starting = levels.count_at_least[lowest_starting_level(substep, highest)]
+        in_blocks(evaluate_faces, starting, (*fields, int(scheme), accumulators))
+        ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
+        in_blocks(update_cells, ending, (*fields, accumulators), lost)

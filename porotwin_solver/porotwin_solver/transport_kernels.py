@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from porotwin_solver.compiled import NEGLIGIBLE, compiled
-from porotwin_solver.local_time_steps import assign_levels, lowest_starting_level
+from porotwin_solver.local_time_steps import lowest_starting_level
 from porotwin_solver.scheme import Scheme
 
 
@@ -26,22 +26,17 @@ class Sides(NamedTuple):
 
 
 @compiled
-def level_cells(flux, sources, storage, duration, limit):
-    """Return `level`, `order` and `count_at_least` of TimeStepLevels for advection."""
-    nz, nx = storage.shape
+def cfl_rates(flux, sources, storage, rate, first, last):
+    """Fill the rows `first` to `last` - 1 of `rate` (nz, nx) with the CFL number per time [1/s]."""
     flux_x, flux_z = flux
     inflow, _, outflow = sources
-    rate = np.empty((nz, nx))
-    for i in range(nz):
-        for j in range(nx):
+    for i in range(first, last):
+        for j in range(storage.shape[1]):
             west, east = flux_x[i, j], flux_x[i, j + 1]
             south, north = flux_z[i, j], flux_z[i + 1, j]
             leaving = max(east, 0.0) - min(west, 0.0) + max(north, 0.0) - min(south, 0.0)
             entering = max(west, 0.0) - min(east, 0.0) + max(south, 0.0) - min(north, 0.0)
             rate[i, j] = max(leaving + outflow[i, j], entering + inflow[i, j]) / storage[i, j]
-    level = np.empty((nz, nx), np.int8)
-    order, count_at_least = assign_levels(rate.ravel(), duration, limit, level.ravel())
-    return level, order, count_at_least
 
 
 @compiled
@@ -144,14 +139,18 @@ def advection(c, flux, sources, storage, levels, scheme, accumulators, tracer_lo
     reached = cells_with_tracer(c, sources)
     for substep in range(1 << highest):
         starting = levels.count_at_least[lowest_starting_level(substep, highest)]
-        evaluate_faces(c, reached, flux, sources, storage, levels, starting, scheme, accumulators)
+        evaluate_faces(
+            c, reached, flux, sources, storage, levels, scheme, accumulators, 0, starting
+        )
         ending = levels.count_at_least[lowest_starting_level(substep + 1, highest)]
         if len(tape) > 0:
             for place in range(ending):
                 i, j = divmod(levels.order[place], c.shape[1])
                 tape[taped] = c[i, j]
                 taped += 1
-        update_cells(c, reached, flux, sources, storage, levels, ending, accumulators, tracer_lost)
+        update_cells(
+            c, reached, flux, sources, storage, levels, accumulators, tracer_lost, 0, ending
+        )
 
 
 @compiled
@@ -170,8 +169,11 @@ def cells_with_tracer(c, sources):
 
 
 @compiled
-def evaluate_faces(c, reached, flux, sources, storage, levels, active, scheme, accumulators):
-    """Compute the tracer flux through the outflow faces of the first `active` cells.
+def evaluate_faces(c, reached, flux, sources, storage, levels, scheme, accumulators, first, last):
+    """Compute the tracer flux through the outflow faces of the cells `first` to `last` - 1.
+
+    The cells count in the order of `levels`. Threads may work on different cells: a face is
+    written by its upstream cell alone, and a cell that another one reaches meanwhile is empty.
 
     The upstream cell of a face sets its rate, once per substep of that cell. Where the downstream
     cell has a lower level, the volume of tracer is accumulated until that cell is updated.
@@ -182,7 +184,7 @@ def evaluate_faces(c, reached, flux, sources, storage, levels, active, scheme, a
     rate, amount = accumulators
     rate_x, rate_z = rate
     amount_x, amount_z = amount
-    for place in range(active):
+    for place in range(first, last):
         k = order[place]
         if reached[k] == 0:
             continue
@@ -287,8 +289,12 @@ def cell_corrections(c, i, j, flux, sources, cfl_per_flux, scheme):
 
 
 @compiled
-def update_cells(c, reached, flux, sources, storage, levels, active, accumulators, tracer_lost):
-    """End one substep of the first `active` cells: add the tracer that entered and left.
+def update_cells(
+    c, reached, flux, sources, storage, levels, accumulators, tracer_lost, first, last
+):
+    """End one substep of the cells `first` to `last` - 1: add the tracer that entered and left.
+
+    The cells count in the order of `levels`. Threads may work on different cells.
 
     `tracer_lost` (2,) [m^3] grows by the tracer that left the rig: first through wells and leaks,
     second through open sides.
@@ -300,7 +306,7 @@ def update_cells(c, reached, flux, sources, storage, levels, active, accumulator
     rate, amount = accumulators
     rate_x, rate_z = rate
     amount_x, amount_z = amount
-    for place in range(active):
+    for place in range(first, last):
         k = order[place]
         if reached[k] == 0:
             continue

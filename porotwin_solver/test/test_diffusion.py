@@ -15,7 +15,7 @@ from porotwin_solver.diffusion import (
     dispersion_tensor_adjoint,
     dispersive_exchanges,
 )
-from porotwin_solver.diffusion_kernels import superbase
+from porotwin_solver.diffusion_kernels import exchange, pair_cells, superbase
 from porotwin_solver.face_field import FaceField
 from porotwin_solver.physics import nominal_physics
 
@@ -92,3 +92,34 @@ def test_the_tensor_and_its_adjoint_pass_the_dot_product_test(rig) -> None:
     back = dispersion_tensor_adjoint(physics, flux, bar)
     backward = np.vdot(back.x, direction.x) + np.vdot(back.z, direction.z)
     assert backward == pytest.approx(forward, rel=1e-8)
+
+
+@pytest.mark.parametrize('shape', [(15, 21), (1, 21), (15, 1)])
+def test_pairs_of_neighbours_are_those_of_the_tensor_to_the_last_bit(make_rig, shape) -> None:
+    rig = make_rig(porosity=0.3)
+    physics = nominal_physics(rig, rig.grid(shape[1], shape[0]))
+    physics = replace(physics, porosity=np.random.default_rng(1).uniform(0.2, 0.4, shape))
+    quick = dispersive_exchanges(physics, FaceField.zeros(physics.grid), 30.0)
+    assert quick.to_neighbours
+    tensor = dispersion_tensor(physics, FaceField.zeros(physics.grid))
+    scaled = DispersionTensor(
+        tensor.xx / physics.grid.dx**2, tensor.xz, tensor.zz / physics.grid.dz**2
+    )
+    found = pair_cells(scaled, physics.mobile_water, physics.storage, 30.0, 0.5)
+    for one, other in zip((*quick.levels[1:], *quick[1:4]), found, strict=True):
+        np.testing.assert_array_equal(one, other)
+    c = np.zeros(shape)
+    c.flat[7:12] = np.random.default_rng(2).uniform(size=5)
+    one, other = c.copy(), c.copy()
+    for _ in range(3):
+        diffuse(one, physics.storage, quick)
+        exchange(other.ravel(), physics.storage.ravel(), quick, np.empty(0))
+    np.testing.assert_array_equal(one, other)
+    assert (one != c).any()
+
+
+def test_a_strong_diffusion_takes_several_steps(rig) -> None:
+    physics = replace(nominal_physics(rig, rig.grid(21, 15)), model_diffusion=1e-4)
+    found = dispersive_exchanges(physics, FaceField.zeros(physics.grid), 60.0)
+    assert not found.to_neighbours
+    assert len(found.levels.count_at_least) > 1

@@ -9,7 +9,6 @@ from porotwin_core.rig import EffectDescription
 from porotwin_core.units import ML_H, from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_solver.adjoint import gradient
-from porotwin_solver.presets import PRESETS
 from porotwin_solver.simulation import simulate
 
 TIMES = np.array([200.0, 430.0, 600.0])
@@ -114,7 +113,7 @@ def piece_sum(found, values: FloatArray, piece: int) -> float:
     )
 
 
-@pytest.mark.parametrize('preset', PRESETS)
+@pytest.mark.parametrize('preset', TOLERANCES)
 @pytest.mark.parametrize('effects', [{}, EFFECTS], ids=['plain', 'all effects'])
 def test_the_gradient_by_rates_equals_finite_differences(rig, preset, effects) -> None:
     problem = Problem(rig, preset, effects)

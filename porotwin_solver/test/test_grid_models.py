@@ -4,6 +4,7 @@ import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.rig import EffectDescription
 from porotwin_solver.grid_models import GridModels, refuse_another_size
 
 
@@ -29,3 +30,13 @@ def test_a_grid_of_another_size_is_refused_although_its_cells_are_as_many(rig) -
     with pytest.raises(InputError, match='source field of'):
         refuse_another_size(Grid(31, 19, own.width, 1.01 * own.height), own, 'source field')
     assert models.on(Grid(31, 19, own.width * (1.0 + 1e-7), own.height)) is models.own
+
+
+def test_effects_act_on_all_grids_and_leave_the_models_before_as_they_were(rig) -> None:
+    models = GridModels(rig, rig.grid(15, 9), preset='upwind', coarse_preset='fast')
+    sorbed = EffectDescription(name='retardation', parameters={'retardation_factor': 1.5})
+    mended = models.with_effects([sorbed])
+    for grid in (rig.grid(15, 9), rig.grid(7, 4)):
+        assert mended.on(grid).physics.retardation_factor == 1.5
+        assert models.on(grid).physics.retardation_factor == 1.0
+    assert mended.with_effects([]).own.effects == models.own.effects

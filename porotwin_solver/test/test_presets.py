@@ -12,7 +12,9 @@ def test_presets_are_found_by_their_names() -> None:
     assert {name: preset.scheme for name, preset in PRESETS.items()} == {
         'fast': Scheme.SUPERBEE,
         'accurate': Scheme.THIRD_ORDER,
+        'sharp': Scheme.SUPERBEE,
         'upwind': Scheme.UPWIND,
+        'implicit': Scheme.UPWIND,
     }
     assert all(preset_named(name).name == name for name in PRESETS)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.grid import conservative_resample
+from porotwin_solver.large_grid_bench import large_grid_cost
 from porotwin_solver.model import Model
 from porotwin_solver.physics import nominal_physics
 from porotwin_solver.solver_bench import PlainModel, bench_rig, bench_schedule, errors
@@ -34,3 +35,9 @@ def test_errors_compare_with_the_means_of_the_finer_map() -> None:
     fine = np.random.default_rng(1).random((12, 18))
     coarse = conservative_resample(fine, (4, 6))
     assert errors(np.array([coarse]), np.array([fine])) == [0.0]
+
+
+def test_a_large_grid_loses_no_tracer() -> None:
+    cost = large_grid_cost(140, 75, frames=4)
+    assert abs(cost.lost) < 1e-12
+    assert cost.nanoseconds > 0.0

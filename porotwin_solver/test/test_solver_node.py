@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from porotwin_core.cost_term import CostTerm
-from porotwin_core.rig import load_rig
+from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
 from porotwin_solver.model import Model
@@ -23,8 +23,11 @@ rclpy = pytest.importorskip('rclpy', reason='needs ROS 2; set it up with ./porot
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from porotwin_core import qos  # noqa: E402
 from porotwin_core.conversions import (  # noqa: E402
     cost_term_to_msg,
+    effect_to_msg,
+    header_at,
     plan_to_msg,
     rates_to_msg,
     source_from_msg,
@@ -32,7 +35,7 @@ from porotwin_core.conversions import (  # noqa: E402
     tracer_from_msg,
     tracer_to_msg,
 )
-from porotwin_msgs.msg import Outcome  # noqa: E402
+from porotwin_msgs.msg import Effect, ModelEffects, Outcome, StateRefreshed  # noqa: E402
 from porotwin_msgs.srv import (  # noqa: E402
     Correct,
     CostGradient,
@@ -43,6 +46,7 @@ from porotwin_msgs.srv import (  # noqa: E402
     QuantityOfInterest,
     Residual,
     Rollout,
+    SetEffects,
 )
 
 pytestmark = pytest.mark.graph
@@ -71,6 +75,12 @@ class Client:
         assert future.done(), f'solver/{service}: no answer after {PATIENCE} s'
         self.node.destroy_client(client)
         return future.result()
+
+    def spin_until(self, condition: Any) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline
+            self.executor.spin_once(timeout_sec=0.1)
 
     def close(self) -> None:
         self.node.destroy_node()
@@ -307,6 +317,45 @@ def test_predictions_are_cancelled_and_the_solver_is_free_again(
     good = client.call(Predict, 'predict', previous=empty, wells=wells, time_step=30.0)
     assert good.outcome.code == Outcome.OK
     client.node.destroy_client(service)
+
+
+def test_effects_act_at_once_and_are_told_and_end(client: Client, model: Model, rates: Any) -> None:
+    told: list[ModelEffects] = []
+    client.node.create_subscription(ModelEffects, 'model/effects', told.append, qos.CONFIG)
+    weak = EffectDescription(name='rate', parameters={'well': 'injector', 'factor': 0.5})
+    state = tracer_to_msg(model.initial_condition(), model.grid, 100.0)
+    request = {'previous': state, 'wells': rates_to_msg(rates), 'time_step': 30.0}
+    plain = client.call(Predict, 'predict', **request).predicted
+    photograph = StateRefreshed(header=header_at(90.0), sequence=3)
+    publisher = client.node.create_publisher(StateRefreshed, 'asset/state_refreshed', qos.FIELD)
+    client.spin_until(lambda: told and publisher.get_subscription_count())
+    publisher.publish(photograph)
+    assert publisher.wait_for_all_acked()
+
+    answer = client.call(SetEffects, 'set_effects', effects=[effect_to_msg(weak)])
+    assert answer.outcome.code == Outcome.OK, answer.outcome.message
+    client.spin_until(lambda: told[-1].sequence == 1)
+    assert str(told[-1]) == str(answer.in_force)  # NaN stands for the number of a text
+    assert told[-1].reason == 'test_solver set: pump injector delivers 50 % of the commanded rate'
+    info = client.call(ModelInfo, 'info')
+    assert [effect.name for effect in info.effects] == ['retardation', 'rate']
+    mended = Model(model.rig, model.grid, preset='fast', effects=[weak])
+    expected = mended.predict(model.initial_condition(), rates, 30.0)
+    found = client.call(Predict, 'predict', **request).predicted
+    np.testing.assert_allclose(tracer_from_msg(found)[0], expected, atol=1e-7)
+    plan = plan_to_msg([RateStep(0.0, rates)])
+    rolled = client.call(Rollout, 'rollout', initial=state, schedule=plan, times=[30.0])
+    np.testing.assert_allclose(tracer_from_msg(rolled.states[0])[0], expected, atol=1e-7)
+
+    lost = Effect(name='leak', parameter_names=['x', 'z', 'rate'])
+    lost.parameter_values, lost.parameter_texts = [9.0, 0.1, 5.0], [''] * 3
+    refused = client.call(SetEffects, 'set_effects', effects=[lost])
+    assert 'lies outside the rig' in refused.outcome.message
+    assert str(refused.in_force) == str(told[-1])
+
+    assert client.call(SetEffects, 'set_effects').in_force.sequence == 2
+    again = client.call(Predict, 'predict', **request).predicted
+    assert again.concentration == plain.concentration
 
 
 def test_a_second_solver_is_refused_with_one_line(client: Client, rig_file: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from porotwin_core.blind_draw import DrawContext
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
 from porotwin_core.units import from_ml_h
@@ -56,6 +57,9 @@ LARGE_EVERY = 11
 SMALL_CELL_M, LARGE_CELL_M = 0.005, 0.01
 """Widths of the cells of the maps [m], for the small and the large rig."""
 
+LARGE_NAME, LARGE_WIDTH_M, LARGE_PORES_M3 = 'large', 2.8, 0.0333
+"""Name, width [m] and pore volume [m^3] of the large rig of the check."""
+
 SMALL_INTERVAL_S, LARGE_INTERVAL_S = 60.0, 300.0
 """Intervals between photographs [s], for the small and the large rig."""
 
@@ -91,15 +95,20 @@ class BlindCase:
     withheld: tuple[str, ...] = ()
 
 
-def draw_case(number: int, seed: int) -> BlindCase:
-    """Return case `number` of the check with `seed`.
+def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
+    """Return case `number` of the check with `seed`, on `rig` or on one of the rigs of the check.
 
     Kinds and effects follow in a fixed order; parameters, rates and noise are drawn at random.
+
+    Raises:
+        InputError: `rig` has no well.
     """
     generator = np.random.default_rng([seed, number])
-    large = number % LARGE_EVERY == LARGE_EVERY - 1
-    rig = large_rig() if large else SMALL
-    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator)
+    large = rig is not None or number % LARGE_EVERY == LARGE_EVERY - 1
+    rig = rig or (large_rig() if large else SMALL)
+    if not rig.wells:
+        raise InputError(f"rig '{rig.name}' has no well; add wells to rig.yaml")
+    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator, rig)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     context = DrawContext(rig, wells, duration, injected)
     turn = number % len(KINDS)
@@ -117,7 +126,7 @@ def draw_case(number: int, seed: int) -> BlindCase:
         schedule=schedule,
         duration=duration,
         photo_interval=LARGE_INTERVAL_S if large else SMALL_INTERVAL_S,
-        cell_m=LARGE_CELL_M if large else SMALL_CELL_M,
+        cell_m=LARGE_CELL_M * rig.width_m / LARGE_WIDTH_M if large else SMALL_CELL_M,
         seed=int(generator.integers(2**31)),
         withheld=names if kind == 'left out' else (),
     )
@@ -149,7 +158,7 @@ def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]
 def large_rig() -> Rig:
     """Return a rig as large as the large FluidFlower rig, with wavy layers of five sands."""
     nz, nx = 150, 280
-    width, height = 2.8, 1.5
+    width, height = LARGE_WIDTH_M, 1.5
     x = (np.arange(nx) + 0.5) * width / nx
     z = (np.arange(nz) + 0.5) * height / nz
     wave = 0.05 * np.sin(2 * np.pi * x / width) - 0.02 * np.cos(6 * np.pi * x / width)
@@ -160,7 +169,7 @@ def large_rig() -> Rig:
     for bottom, sand in zip(bottoms, sands, strict=True):
         permeability[level > bottom] = sand
     data = {
-        'name': 'large',
+        'name': LARGE_NAME,
         'width_m': width,
         'height_m': height,
         'viscosity_pa_s': 1.0e-3,
@@ -176,10 +185,16 @@ def large_rig() -> Rig:
     )
 
 
-def _large_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
-    """Return schedule, duration [s] and wells: slugs of tracer, some of them chased by water."""
+def _large_schedule(generator: Generator, rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
+    """Return schedule, duration [s] and wells: slugs of tracer, some of them chased by water.
+
+    Rates are in proportion to the pores of the rig.
+    """
     duration = float(1800 * generator.integers(8, 13))
     rate = float(generator.uniform(1800, 2500))
+    if rig.name != LARGE_NAME:
+        rate *= rig.pore_volume / LARGE_PORES_M3
+    first, second = (tuple(rig.wells) * 2)[:2]
     rows: list[ScheduleRow] = []
 
     def slug(start: float, well: str, length: float) -> None:
@@ -187,14 +202,14 @@ def _large_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, .
         for time, ml_h, share in ((start, rate, 1.0), (start + length, chase, 0.0)):
             rows.append(ScheduleRow(time, well, WellRate(from_ml_h(ml_h), share)))
 
-    slug(0.0, 'injector', 1800.0)
-    slug(0.25 * duration, 'injector2', 1800.0)
-    slug(0.5 * duration, 'injector', 1200.0)
-    slug(0.75 * duration, 'injector2', 1200.0)
-    return Schedule(tuple(rows)), duration, ('injector', 'injector2')
+    slug(0.0, first, 1800.0)
+    slug(0.25 * duration, second, 1800.0)
+    slug(0.5 * duration, first, 1200.0)
+    slug(0.75 * duration, second, 1200.0)
+    return Schedule(tuple(rows)), duration, tuple(dict.fromkeys((first, second)))
 
 
-def _small_schedule(generator: Generator) -> tuple[Schedule, float, tuple[str, ...]]:
+def _small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
     """Return schedule, duration [s] and wells: tracer with pauses, a chase or a rest, two control
     wells whose rates change three times."""
     duration = float(60 * generator.integers(45, 75))

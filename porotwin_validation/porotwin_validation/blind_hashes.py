@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from porotwin_core.errors import InputError
 from porotwin_validation.blind_cases import BlindCase
@@ -15,23 +16,35 @@ HASHES = 'truth_hashes.json'
 """File with the SHA-256 hash of every case's truth."""
 
 
-def publish_hashes(folder: Path, cases: Sequence[BlindCase], seed: int) -> None:
+Source = Literal['maps', 'photographs']
+"""Input of the diagnosis: maps of the rig with noise, or maps made from photographs of it."""
+
+
+def publish_hashes(
+    folder: Path, cases: Sequence[BlindCase], seed: int, source: Source = 'maps'
+) -> None:
     """Write the hashes of the truths of `cases`, beside those that were published before.
 
     Raises:
-        InputError: another truth of a case was published already.
+        InputError: another truth of a case was published already, or the folder holds a check from
+            another source.
     """
     hashes = {case.name: _hash(case) for case in cases}
     path = folder / HASHES
     if path.exists():
-        known = json.loads(path.read_text(encoding='utf-8'))['sha256']
+        content = json.loads(path.read_text(encoding='utf-8'))
+        before = content.get('from', 'maps')
+        if before != source:
+            raise InputError(f'{path}: a check from {before}; name another folder')
+        known = content['sha256']
         changed = [name for name in known.keys() & hashes.keys() if known[name] != hashes[name]]
         if changed:
             raise InputError(
                 f'{path}: {changed[0]} was published with another truth; name another folder'
             )
         hashes = {**known, **hashes}
-    path.write_text(json.dumps({'seed': seed, 'sha256': hashes}, indent=1), encoding='utf-8')
+    content = {'seed': seed, 'from': source, 'sha256': hashes}
+    path.write_text(json.dumps(content, indent=1), encoding='utf-8')
 
 
 def open_truth(case: BlindCase, folder: Path) -> None:

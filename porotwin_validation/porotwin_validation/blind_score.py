@@ -24,7 +24,7 @@ class CaseScore:
         name: name of the case.
         kind: `none`, `single`, `pair`, `outside` or `left out`.
         truth: names of its effects, or `none`.
-        verdict: the verdict, or `failed`.
+        verdict: the verdict, or `failed`, or `refused` for a refused calibration.
         confidence: confidence of the verdict.
         right: whether the verdict is right.
         imitated: whether it is right only because it looks the same as the truth to the camera.
@@ -34,6 +34,7 @@ class CaseScore:
         intervals_held: number of these parameters whose 90 % interval contains the truth.
         distance_m: distance of a local effect from its true place [m]; None for other effects.
         seconds: time that the diagnosis took [s]; None if it failed.
+        absorbed: names of true effects that the calibration took out of the maps.
     """
 
     name: str
@@ -49,15 +50,19 @@ class CaseScore:
     intervals_held: int = 0
     distance_m: float | None = None
     seconds: float | None = None
+    absorbed: tuple[str, ...] = ()
 
 
-def score_case(case: BlindCase, result: Path, truth: CaseTruth) -> CaseScore:
+def score_case(
+    case: BlindCase, result: Path, truth: CaseTruth, hidden: frozenset[str] = frozenset()
+) -> CaseScore:
     """Return the score of the diagnosis in the folder `result`.
 
     Right is the effect of the case; of a pair the stronger one, or either if both are equally
-    strong. Another name is right too if it looks the same to the camera on the virtual rig. The
-    share of the gap that closes is computed against the virtual rig's maps without noise, and not
-    taken from the diagnosis.
+    strong. Another name is right too if it looks the same to the camera on the virtual rig. Effects
+    that the calibration took out of the maps, `hidden`, need not be found: the names of the others
+    are right, or `none` if there is no other. The share of the gap that closes is computed against
+    the virtual rig's maps without noise, and not taken from the diagnosis.
     """
     stated = json.loads((result / 'diagnosis.json').read_text(encoding='utf-8'))
     verdict = str(stated['verdict'])
@@ -68,9 +73,10 @@ def score_case(case: BlindCase, result: Path, truth: CaseTruth) -> CaseScore:
         truth=_truth_names(case),
         verdict=verdict,
         confidence=float(stated['confidence']),
-        right=verdict in truth.strongest or truth.imitated,
+        right=verdict in truth.strongest or truth.imitated or verdict in _beside(case, hidden),
+        absorbed=tuple(sorted(hidden)),
         imitated=truth.imitated,
-        both_found=_all_found(case, stated) if case.kind == 'pair' else None,
+        both_found=_all_found(case, stated, hidden) if case.kind == 'pair' else None,
         gap_closed=truth.gap_closed,
         parameter_errors=tuple(error for error, _ in parameters),
         intervals_held=sum(inside for _, inside in parameters),
@@ -79,13 +85,16 @@ def score_case(case: BlindCase, result: Path, truth: CaseTruth) -> CaseScore:
     )
 
 
-def failed_score(case: BlindCase) -> CaseScore:
-    """Return the score of a `case` whose diagnosis ended without a verdict: wrong, confidence 0."""
+def failed_score(case: BlindCase, verdict: str = 'failed') -> CaseScore:
+    """Return the score of a `case` that has no verdict: wrong, confidence 0.
+
+    `verdict` is `failed`, or `refused` where the calibration was refused.
+    """
     return CaseScore(
         name=case.name,
         kind=case.kind,
         truth=_truth_names(case),
-        verdict='failed',
+        verdict=verdict,
         confidence=0.0,
         right=False,
         both_found=False if case.kind == 'pair' else None,
@@ -96,10 +105,23 @@ def _truth_names(case: BlindCase) -> tuple[str, ...]:
     return tuple(effect.name for effect in case.effects) or ('none',)
 
 
-def _all_found(case: BlindCase, stated: Mapping[str, Any]) -> bool:
-    """Return whether every effect of `case`, or an equal one, is in the kept combination."""
+def _beside(case: BlindCase, hidden: frozenset[str]) -> tuple[str, ...]:
+    """Return the verdicts that are right because effects of `case` are `hidden`."""
+    if not hidden:
+        return ()
+    left = [effect for effect in case.effects if effect.name not in hidden]
+    return tuple(name for effect in left for name in equal_names(effect)) or ('none',)
+
+
+def _all_found(case: BlindCase, stated: Mapping[str, Any], hidden: frozenset[str]) -> bool:
+    """Return whether every effect of `case`, or an equal one, is in the kept combination.
+
+    Effects that are `hidden` need not be there.
+    """
     return all(
-        not set(equal_names(effect)).isdisjoint(stated['combination']) for effect in case.effects
+        not set(equal_names(effect)).isdisjoint(stated['combination'])
+        for effect in case.effects
+        if effect.name not in hidden
     )
 
 

@@ -1,5 +1,6 @@
 """The blind check: recordings with hidden effects are made, diagnosed and scored.
 
+Recordings hold disturbed maps, or photographs that were calibrated and imaged before the diagnosis.
 The diagnosing process knows the folder of a recording and the effects to leave out, nothing else.
 The truths are hashed and the hashes published before the first diagnosis. An interrupted check
 continues where it stopped.
@@ -10,22 +11,29 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, as_completed
 from dataclasses import asdict
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from porotwin_core.errors import InputError
+from porotwin_core.parallel import crew
+from porotwin_core.parent import PARENT
 from porotwin_diagnosis.report.report_folder import REPORT
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
 from porotwin_validation.blind_cases import BlindCase, draw_case
-from porotwin_validation.blind_hashes import open_truth, publish_hashes
+from porotwin_validation.blind_hashes import Source, open_truth, publish_hashes
+from porotwin_validation.blind_photographs import MAPS, RECORDING, REFUSED, photograph_case
 from porotwin_validation.blind_score import CaseScore, failed_score, score_case
 from porotwin_validation.blind_table import summary, table
 from porotwin_validation.blind_truth import CaseTruth, truth_of
+from porotwin_validation.calibration_absorption import MapFigures, absorption_table, map_figures
+from porotwin_validation.photo_cases import baseline_of
 
 CaseProgress = Callable[[int, int, str], None]
 """Called with the number of cases that are done, the number of all cases, and the event."""
@@ -35,6 +43,11 @@ Work = Callable[[BlindCase, Path], None]
 
 COMPARISON = 'figures.json'
 """File with the comparison of a diagnosis and its truth; a case that has it is done."""
+
+MAP_FIGURES = 'maps.json'
+"""File with the figures of maps from photographs."""
+CASE_BYTES = 1.5e9
+"""Memory of a case, most of it in the process that diagnoses [B]."""
 
 CLEAN_MAPS = 'clean.nc'
 """File with the maps of a case without noise, beside its recording."""
@@ -49,9 +62,13 @@ def blind_check(
     *,
     cases: int = 20,
     seed: int = 1,
-    workers: int = 2,
+    workers: int | None = None,
+    scheduler: str = '',
+    tell: Callable[[str], None] = lambda _: None,
     progress: CaseProgress = ignore_progress,
     draw: Callable[[int, int], BlindCase] = draw_case,
+    source: Source = 'maps',
+    baseline: Path | None = None,
 ) -> dict[str, Any]:
     """Make, diagnose and score `cases` cases; return the figures of the check.
 
@@ -62,29 +79,50 @@ def blind_check(
         output: folder of the check; it is made if it does not exist.
         cases: number of cases.
         seed: seed of the cases.
-        workers: number of cases at a time, each in a process, because netCDF is not thread-safe.
+        workers: number of cases at a time, each in a process, because netCDF is not thread-safe;
+            None: one per core, as far as the memory holds.
+        scheduler: address of a Dask scheduler whose workers do the cases instead.
+        tell: called with a line about the workers.
         progress: called after every case.
-        draw: returns case `number` of the check with `seed`.
+        draw: returns case `number` of the check with `seed`; not used with a `baseline`.
+        source: whether maps of the rig are disturbed, or photographs of it become maps.
+        baseline: experiment folder with the baseline photograph of a real rig; all photographs are
+            composed on it.
 
     Raises:
-        InputError: the folder holds a check with other truths.
+        InputError: the folder holds a check with other truths, `baseline` has no photograph, or a
+            worker does not see the folder.
     """
-    folder = Path(output)
+    folder = Path(output).resolve()  # the workers may have another working folder
     folder.mkdir(parents=True, exist_ok=True)
+    work: Work = make_and_diagnose
+    if source == 'photographs':
+        work = partial(photograph_and_diagnose, baseline=baseline)
+        if baseline is not None:
+            draw = partial(draw_case, rig=baseline_of(baseline)[0])
     drawn = [draw(number, seed) for number in range(cases)]
-    publish_hashes(folder, drawn, seed)
+    publish_hashes(folder, drawn, seed, source)
     missing = [case for case in drawn if not (folder / case.name / COMPARISON).exists()]
-    failed = work_through(
-        folder,
-        missing,
-        ProcessPoolExecutor(workers, mp_context=get_context('spawn')),
-        lambda done, event: progress(cases - len(missing) + done, cases, event),
-    )
+    failed: set[str] = set()
+    if missing:
+        pool = crew(workers=workers, scheduler=scheduler, task_bytes=CASE_BYTES, tell=tell)
+        with pool:
+            pool.needs_folder(folder)
+            failed = work_through(
+                folder,
+                missing,
+                pool,
+                lambda done, event: progress(cases - len(missing) + done, cases, event),
+                work,
+            )
     scores = [_score(case, folder / case.name, failed=case.name in failed) for case in drawn]
     figures = summary(scores)
     content = {'summary': figures, 'cases': [asdict(score) for score in scores]}
     (folder / 'scores.json').write_text(json.dumps(content, indent=1), encoding='utf-8')
-    (folder / 'report.md').write_text(table(scores, figures), encoding='utf-8')
+    report = table(scores, figures)
+    if source == 'photographs':
+        report += '\n'.join(_photographs(drawn, folder)) + '\n'
+    (folder / 'report.md').write_text(report, encoding='utf-8')
     progress(cases, cases, 'done')
     return figures
 
@@ -99,6 +137,48 @@ def make_and_diagnose(case: BlindCase, folder: Path) -> None:
         make_recording(case, folder / 'recording', clean=folder / CLEAN_MAPS)
         _diagnose_in_own_process(folder / 'recording', folder / 'result', case.withheld)
     truth_of(case, folder / 'result', folder / CLEAN_MAPS).write(folder / COMPARISON)
+
+
+def photograph_and_diagnose(case: BlindCase, folder: Path, *, baseline: Path | None = None) -> None:
+    """Photograph `case` in `folder`, calibrate, image, diagnose, and compare with the truth.
+
+    Args:
+        case: the case.
+        folder: its folder.
+        baseline: experiment folder with the baseline photograph of a real rig; None renders.
+
+    Raises:
+        InputError, CalledProcessError: the calibration was refused, or the diagnosis failed.
+    """
+    clean = folder / CLEAN_MAPS
+    if not (folder / 'result' / REPORT).exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        photograph_case(case, folder, clean=clean, baseline=baseline)
+        _diagnose_in_own_process(folder / RECORDING, folder / 'result', case.withheld)
+    map_figures(case, folder / RECORDING / MAPS, clean).write(folder / MAP_FIGURES)
+    truth_of(case, folder / 'result', clean).write(folder / COMPARISON)
+
+
+def _photographs(cases: Sequence[BlindCase], folder: Path) -> Iterator[str]:
+    """Yield the errors of the maps, and the effects that calibrations absorbed, as Markdown."""
+    figures = {
+        case.name: MapFigures.read(folder / case.name / MAP_FIGURES)
+        for case in cases
+        if (folder / case.name / MAP_FIGURES).exists()
+    }
+    yield from ('', '## Photographs', '')
+    if figures:
+        errors = [found.error for found in figures.values()]
+        yield (
+            f'Maps from photographs: relative L2 error {np.median(errors):.1%} in the median, '
+            f'{max(errors):.1%} at most.'
+        )
+        yield ''
+        yield from absorption_table(figures.values())
+    for case in cases:
+        refused = folder / case.name / REFUSED
+        if refused.exists():
+            yield f'\n{case.name}: {refused.read_text(encoding="utf-8").strip()}'
 
 
 def work_through(
@@ -153,14 +233,17 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
 
 def _diagnose_in_own_process(recording: Path, result: Path, withheld: Sequence[str]) -> None:
     """Diagnose `recording` in a process that knows only its folder and the `withheld` effects."""
-    module, workers = 'porotwin_validation.blind_process', '1'
-    command = [sys.executable, '-m', module, str(recording), str(result), workers, *withheld]
-    one_thread = {**os.environ, 'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1'}
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=one_thread)
+    module = 'porotwin_validation.blind_process'
+    command = [sys.executable, '-m', module, str(recording), str(result), *withheld]
+    own = {'OMP_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1', PARENT: str(os.getpid())}
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env={**os.environ, **own})
 
 
 def _score(case: BlindCase, folder: Path, *, failed: bool) -> CaseScore:
     if failed:
-        return failed_score(case)
+        return failed_score(case, 'refused' if (folder / REFUSED).exists() else 'failed')
     open_truth(case, folder)
-    return score_case(case, folder / 'result', CaseTruth.read(folder / COMPARISON))
+    hidden: frozenset[str] = frozenset()
+    if (folder / MAP_FIGURES).exists():
+        hidden = MapFigures.read(folder / MAP_FIGURES).hidden
+    return score_case(case, folder / 'result', CaseTruth.read(folder / COMPARISON), hidden)

@@ -96,7 +96,7 @@ def _cases(scores: Sequence[CaseScore]) -> Iterator[str]:
     yield '|---|---|---|---|---|---|'
     for score in scores:
         right = 'imitated' if score.imitated else 'yes' if score.right else 'no'
-        truth = ' + '.join(score.truth)
+        truth = ' + '.join(f'({name})' if name in score.absorbed else name for name in score.truth)
         yield (
             f'| {score.name} | {score.kind} | {truth} | {score.verdict} '
             f'| {score.confidence:.2f} | {right} |'

@@ -5,13 +5,18 @@ accurate or its calibration is refused. A calibration that was made well must no
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from porotwin_core.errors import InputError
+from porotwin_core.parallel import Crew, crew
 from porotwin_validation.photo_cases import baseline_of, draw_case, write_case
 from porotwin_validation.photo_flaws import WITHHELD_KIND
 from porotwin_validation.photo_scores import PhotoCaseScore, score_case
+
+CASE_BYTES = 1.5e9
+"""Memory of a case [B]: a photograph of some megapixels in several colour spaces."""
 
 
 def run(
@@ -19,6 +24,9 @@ def run(
     cases: int = len(WITHHELD_KIND),
     seed: int = 1,
     flaw: str | None = None,
+    workers: int | None = None,
+    scheduler: str = '',
+    tell: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, object]]:
     """Return one row per case, and the share of safe cases in a last row.
 
@@ -27,6 +35,9 @@ def run(
         cases: number of cases.
         seed: seed of the cases.
         flaw: the same flaw in all cases; None for those of `photo_flaws.WITHHELD_KIND`.
+        workers: cases at a time; None: one per core, as far as the memory holds.
+        scheduler: address of a Dask scheduler that does the cases instead of this machine.
+        tell: called with a line about the workers.
 
     Raises:
         InputError: there is no baseline, or the flaw is not known.
@@ -36,16 +47,27 @@ def run(
             'bench calibration: needs --baseline FOLDER, an experiment folder with a photograph '
             'of the rig without tracer'
         )
-    scores = list(_scores(baseline, cases, seed, flaw))
+    make_crew = partial(
+        crew, workers=workers, scheduler=scheduler, task_bytes=CASE_BYTES, tell=tell
+    )
+    scores = list(_scores(baseline.resolve(), cases, seed, flaw, make_crew))
     return [*(score.row for score in scores), _summary(scores)]
 
 
-def _scores(folder: Path, cases: int, seed: int, flaw: str | None) -> Iterator[PhotoCaseScore]:
+def _scores(
+    folder: Path, cases: int, seed: int, flaw: str | None, make_crew: Callable[[], Crew]
+) -> Iterator[PhotoCaseScore]:
+    with make_crew() as pool:
+        pool.needs_folder(folder)
+        yield from pool.map(partial(_score, folder, seed, flaw), range(cases))
+
+
+def _score(folder: Path, seed: int, flaw: str | None, number: int) -> PhotoCaseScore:
+    """Compose the case `number` on the baseline in `folder`, and score it."""
     rig, pixels = baseline_of(folder)
-    for number in range(cases):
-        with tempfile.TemporaryDirectory(prefix='porotwin_bench_') as output:
-            case = draw_case(rig, number, seed, flaw)
-            yield score_case(write_case(case, pixels, Path(output)))
+    with tempfile.TemporaryDirectory(prefix='porotwin_bench_') as output:
+        case = draw_case(rig, number, seed, flaw)
+        return score_case(write_case(case, pixels, Path(output)))
 
 
 def _summary(scores: list[PhotoCaseScore]) -> dict[str, object]:

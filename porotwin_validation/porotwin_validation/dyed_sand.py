@@ -44,7 +44,7 @@ _WATER_TEXTURE, _WATER_REACH_PX = 0.4, 9.0
 _MOST_SANDS = 8
 """Permeabilities that count as sands of their own."""
 _FILE_LEVELS = np.arange(256) / 255.0
-_TO_LINEAR = np.where(
+TO_LINEAR = np.where(
     _FILE_LEVELS <= 0.04045, _FILE_LEVELS / 12.92, ((_FILE_LEVELS + 0.055) / 1.055) ** 2.4
 ).astype(np.float32)
 """Linear light of each grey level, by the curve of sRGB."""
@@ -156,7 +156,7 @@ class DyedSand:
             raise InputError(f'{int(sands.max()) + 1} sands; the dye knows {len(dye.absorption)}')
         self._dye = dye
         self._sensor = sensor or Sensor()
-        self._light = _TO_LINEAR[baseline]
+        self._light = TO_LINEAR[baseline]
         self._absorption = _absorption(self._light, sands, dye)
         self._across, self._up = places(rig, baseline.shape[:2])
 
@@ -184,8 +184,7 @@ class DyedSand:
         light = self._light * np.exp(-self._absorption * self._seen(concentration)[..., None])
         if obstacle is not None:
             light = obstacle(light)
-        light = _moved(light, shot) * _lamps(shot, light.shape[:2])
-        return self._file(light, np.random.default_rng(seed))
+        return photograph_of(light, shot, self._sensor, seed)
 
     def _seen(self, concentration: Array) -> Linear:
         """Return g of the tracer at every pixel; tracer outside the rig is not seen."""
@@ -202,17 +201,19 @@ class DyedSand:
         blurred = cv2.GaussianBlur(tracer, (0, 0), _TRACER_BLUR_PX)
         return np.asarray(self._dye.response(np.clip(blurred, 0.0, 1.0)), np.float32)
 
-    def _file(self, light: Linear, generator: np.random.Generator) -> bytes:
-        """Return the file of the scene with the noise of the sensor."""
-        noise = generator.standard_normal(light.shape, dtype=np.float32)
-        spread = np.sqrt(self._sensor.read**2 + self._sensor.shot * np.maximum(light, 0.0))
-        noisy = np.clip(light + noise * spread.astype(np.float32), 0.0, 1.0)
-        levels = _TO_LEVEL[(noisy * np.float32(_CODES - 1)).astype(np.int32)]
-        pixels = np.clip(levels + 0.5, 0, 255).astype(np.uint8)
-        whole, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, self._sensor.quality])
-        if not whole:
-            raise RuntimeError('JPEG encoder failed')
-        return data.tobytes()
+
+def photograph_of(light: Linear, shot: Shot, sensor: Sensor, seed: int | tuple[int, ...]) -> bytes:
+    """Return the JPEG file of a scene in the pose and light of `shot`; `seed` is of the noise."""
+    light = _moved(light, shot) * _lamps(shot, light.shape[:2])
+    noise = np.random.default_rng(seed).standard_normal(light.shape, dtype=np.float32)
+    spread = np.sqrt(sensor.read**2 + sensor.shot * np.maximum(light, 0.0))
+    noisy = np.clip(light + noise * spread.astype(np.float32), 0.0, 1.0)
+    levels = _TO_LEVEL[(noisy * np.float32(_CODES - 1)).astype(np.int32)]
+    pixels = np.clip(levels + 0.5, 0, 255).astype(np.uint8)
+    whole, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, sensor.quality])
+    if not whole:
+        raise RuntimeError('JPEG encoder failed')
+    return data.tobytes()
 
 
 def places(rig: Rig, shape: tuple[int, int]) -> tuple[Linear, Linear]:
@@ -252,7 +253,7 @@ def sands_of(rig: Rig, baseline: NDArray[np.uint8]) -> Labels:
 
 def _water(baseline: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Return the smooth part at the top of the picture, shape (rows, columns)."""
-    light = np.log(np.maximum(_TO_LINEAR[baseline].mean(axis=2), _LEAST_LIGHT))
+    light = np.log(np.maximum(TO_LINEAR[baseline].mean(axis=2), _LEAST_LIGHT))
     grains = np.abs(light - cv2.GaussianBlur(light, (0, 0), 2.0))
     texture = cv2.GaussianBlur(grains, (0, 0), _WATER_REACH_PX)
     smooth = texture < _WATER_TEXTURE * np.median(texture)

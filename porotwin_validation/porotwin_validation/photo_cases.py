@@ -295,12 +295,14 @@ def _taken(
     schedule: Schedule, times: Array, generator: np.random.Generator, moved_px: float = 0.0
 ) -> Take:
     """Return the experiment with a shaking camera and drifting lamps."""
-    shots = [Shot(), *_shots(len(times), generator, moved_px)]
+    shots = [Shot(), *drawn_shots(len(times), generator, moved_px)]
     moments = (0.0, *(float(time) for time in times))
     return Take(schedule, moments, tuple(shots), (None,) * len(shots))
 
 
-def _shots(count: int, generator: np.random.Generator, moved_px: float) -> Iterator[Shot]:
+def drawn_shots(
+    count: int, generator: np.random.Generator, moved_px: float = 0.0
+) -> Iterator[Shot]:
     """Yield the shots after the baseline; `moved_px` displaces all of them."""
     angle = generator.uniform(0, 2 * np.pi)
     moved = moved_px * np.array([np.cos(angle), np.sin(angle)])

@@ -23,3 +23,9 @@ def test_an_opened_truth_has_the_published_hash(tmp_path):
     published = json.loads((tmp_path / 'truth_hashes.json').read_text())['sha256'][case.name]
     open_truth(case, tmp_path)
     assert hashlib.sha256((tmp_path / 'truth.json').read_bytes()).hexdigest() == published
+
+
+def test_maps_and_photographs_do_not_share_a_folder(tmp_path):
+    publish_hashes(tmp_path, [draw_case(0, 1)], 1)
+    with pytest.raises(InputError, match='a check from maps'):
+        publish_hashes(tmp_path, [draw_case(0, 1)], 1, 'photographs')

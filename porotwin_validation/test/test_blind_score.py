@@ -53,3 +53,17 @@ def test_errors_of_parameters_are_relative_to_the_deviation_from_no_effect(
 ):
     found = relative_parameter_error(EFFECTS[effect], name, true, value)
     assert found == pytest.approx(error, rel=1e-4)
+
+
+def test_effects_that_the_calibration_absorbed_need_not_be_found(tmp_path):
+    single, pair = case_of_kind('single'), case_of_kind('pair')
+    gone = frozenset({single.effects[0].name})
+    truth = CaseTruth(0.02, 0.02, single.right)
+    said = stated(tmp_path / 'a', 'none', 0.9)
+    assert score_case(single, said, truth, gone).right
+    assert not score_case(single, said, truth).right
+    first, second = (effect.name for effect in pair.effects)
+    named = stated(tmp_path / 'b', second, 0.9, [second])
+    score = score_case(pair, named, CaseTruth(0.2, 0.02, (first,)), frozenset({first}))
+    assert score.right and score.both_found
+    assert score.absorbed == (first,)

@@ -7,6 +7,7 @@ from subprocess import CalledProcessError
 import pytest
 from diagnosis_examples import SKIPPED_FOR_SPEED
 
+from porotwin_core.parallel import SchedulerLost
 from porotwin_validation.blind_cases import draw_case
 from porotwin_validation.blind_study import blind_check, work_through
 
@@ -57,6 +58,23 @@ def test_a_failed_case_does_not_stop_the_others(tmp_path):
         'case_002 diagnosed',
     ]
     assert [done for done, _ in events] == [1, 2, 3]
+
+
+def test_a_lost_scheduler_ends_the_check_and_a_second_call_goes_on(tmp_path):
+    lost = True
+
+    def work(case, folder):
+        if lost and case.name == 'case_001':
+            raise SchedulerLost('scheduler tcp://head:8786: went away')
+        folder.mkdir()
+
+    cases = [draw_case(number, 1) for number in range(3)]
+    with pytest.raises(SchedulerLost):
+        work_through(tmp_path, cases, ThreadPoolExecutor(1), lambda *_: None, work=work)
+    lost, missing = False, [case for case in cases if not (tmp_path / case.name).exists()]
+    assert cases[0] not in missing
+    assert not work_through(tmp_path, missing, ThreadPoolExecutor(1), lambda *_: None, work=work)
+    assert all((tmp_path / case.name).exists() for case in cases)
 
 
 def test_a_fault_of_the_check_itself_ends_it(tmp_path):

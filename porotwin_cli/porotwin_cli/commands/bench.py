@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
@@ -20,18 +21,22 @@ BENCHES = {
 
 LONG = {
     'loop': 'porotwin_cli.bench_loop',
+    'mend': 'porotwin_cli.bench_mend',
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
+    'scaling': 'porotwin_cli.bench_scaling',
 }
-"""Parts that take long or need data: measured only by name. `loop` has a table of its own."""
+"""Parts that take long or need data: measured only by name. `loop` and `mend` have tables
+of their own."""
 
 
 def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop and faults, which '
-            'take an hour or more, and calibration, which needs --baseline. Default: all but these.'
+            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend and faults, '
+            'which take an hour or more, calibration, which needs --baseline, and scaling. '
+            'Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -42,23 +47,22 @@ def command(
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
     seed: Annotated[
-        int, typer.Option(help='loop, faults, calibration: seed of everything drawn.')
+        int, typer.Option(help='loop, mend, faults, calibration: seed of everything drawn.')
     ] = 1,
     baseline: Annotated[
         Path | None,
         typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
     ] = None,
     cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
-    scenarios: Annotated[int, typer.Option(help='loop: number of scenarios.', min=1)] = 20,
+    scenarios: Annotated[int, typer.Option(help='loop, mend: number of scenarios.', min=1)] = 20,
     maps: Annotated[
         bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
     ] = False,
-    workers: Annotated[
-        int | None, typer.Option(help='loop: runs at a time; default: all cores.', min=1)
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     output: Annotated[
         Path | None,
-        typer.Option(help='loop: folder of its runs; one with earlier runs is continued.'),
+        typer.Option(help='loop, mend: folder of its runs; one with earlier runs is continued.'),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -73,14 +77,17 @@ def command(
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
 
     Example: ./porotwin bench calibration --baseline experiment --cases 20
+
+    Example: ./porotwin bench scaling
     """
     modules = {**BENCHES, **LONG}
+    many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed},
+        'mend': {'scenarios': scenarios, 'seed': seed, 'output': output, **many},
+        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
         'loop': {
-            'scenarios': scenarios, 'seed': seed, 'workers': workers, 'output': output,
-            'photographs': not maps,
+            'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
         },
     }  # fmt: skip
     results: dict[str, Any] = {}
@@ -93,7 +100,7 @@ def command(
         results |= found if part == 'loop' else {part: found}
         if as_json:
             continue
-        if part == 'loop':
+        if part in ('loop', 'mend'):
             module.show(found)
         elif found:
             print_table(part, list(found[0]), [list(row.values()) for row in found])

@@ -1,11 +1,13 @@
 """./porotwin blind-check: the diagnosis on recordings whose truth is hidden from it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, progress, say
+from porotwin_core.errors import InputError
 
 
 def command(
@@ -14,6 +16,18 @@ def command(
     ],
     cases: Annotated[int, typer.Option(help='Number of recordings.', min=1)] = 20,
     seed: Annotated[int, typer.Option(help='Seed of the random effects and rigs.')] = 1,
+    source: Annotated[
+        Literal['maps', 'photographs'],
+        typer.Option(
+            '--from', help='Maps with noise, or photographs that are calibrated and imaged.'
+        ),
+    ] = 'maps',
+    baseline: Annotated[
+        Path | None,
+        typer.Option(help='Experiment folder with the photograph of a real rig to compose on.'),
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Score the diagnosis on recordings with hidden effects.
@@ -22,8 +36,16 @@ def command(
     hashes of all hidden effects are written before the first diagnosis. The process that diagnoses
     gets the folder of a recording and nothing else.
 
-    Example: ./porotwin blind-check --cases 100 --output blind
+    With --from photographs the virtual rig is photographed, with all disturbances of its camera. A
+    known injection on the same flawed rig calibrates, and imaging makes the maps. Then the
+    diagnosis begins. With --baseline the tracer is composed on the photograph of a real rig.
+
+    Example: ./porotwin blind-check --cases 100 --output blind --workers 8
+
+    Example: ./porotwin blind-check --from photographs --cases 20 --output seen
     """
+    if baseline is not None and source != 'photographs':
+        raise InputError('--baseline: only with --from photographs; maps need no photograph')
     from porotwin_validation.blind_study import blind_check
 
     with progress() as bar:
@@ -32,7 +54,12 @@ def command(
             output,
             cases=cases,
             seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            tell=say,
             progress=lambda done, _, stage: bar.update(task, completed=done, description=stage),
+            source=source,
+            baseline=baseline,
         )
     if as_json:
         print_json({'output': output, **figures})

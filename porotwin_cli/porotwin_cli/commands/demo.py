@@ -6,33 +6,44 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
-from porotwin_cli.workspace import run_folder
+from porotwin_cli.workspace import run_folder, small_rig
 from porotwin_core.ros_environment import prepare_environment
 
 
 def command(
     minutes: Annotated[
-        float,
+        float | None,
         typer.Option(
             help='Time under control [min]; 80 as in the paper. Below 60, the tracer has spread '
-            'for 20 min or more before the twin takes over.',
+            'for 20 min or more before the twin takes over. Default: 30; with a hidden effect 40.',
             min=1.0,
         ),
-    ] = 30.0,
+    ] = None,
     speed: Annotated[
         str, typer.Option(help="'max', or how many times faster than the laboratory.")
     ] = 'max',
     seed: Annotated[int, typer.Option(help='Seed of sand, camera and training.')] = 7,
-    costa: Annotated[
-        bool, typer.Option(help='Train COSTA on other experiments first, and use it.')
-    ] = True,
-    preset: Annotated[
+    hidden_effect: Annotated[
         str,
         typer.Option(
-            help='Preset of the physics-based model: upwind is too diffusive, as in the paper; '
-            'fast is not.'
+            help="Effect of the rig that the twin is not told, and finds: 'surprise', a name, or "
+            'NAME:PARAM=VALUE,... (docs/mend.md).'
         ),
-    ] = 'upwind',
+    ] = '',
+    costa: Annotated[
+        bool | None,
+        typer.Option(
+            help='Train COSTA on other experiments first, and use it. Default: unless an effect '
+            'is hidden.'
+        ),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help='Preset of the physics-based model: upwind is too diffusive, as in the paper; '
+            'fast is not. Default: upwind; with a hidden effect fast.'
+        ),
+    ] = None,
     photo_width: Annotated[
         int, typer.Option(help='Width of the photographs [px].', min=400)
     ] = 1600,
@@ -51,25 +62,37 @@ def command(
 
     Example: ./porotwin demo
 
+    With --hidden-effect the rig differs from its description. The twin diagnoses itself while it
+    runs, and an automatic operator accepts its offers.
+
     Example: ./porotwin demo --minutes 80 --page 0.0.0.0:8765
+
+    Example: ./porotwin demo --hidden-effect surprise
     """
     prepare_environment()
     from porotwin_cli.closed_loop import DemoSettings, run_demo, show_figures
+    from porotwin_cli.hidden_effect import hidden_effect as draw_hidden
+    from porotwin_core.rig import load_rig
 
+    hidden = draw_hidden(hidden_effect, load_rig(small_rig()), seed=seed) if hidden_effect else None
     settings = DemoSettings(
-        minutes=minutes,
+        minutes=minutes or (40.0 if hidden else 30.0),
         speed=speed,
         seed=seed,
-        costa=costa,
-        preset=preset,
+        costa=hidden is None if costa is None else costa,
+        preset=preset or ('fast' if hidden else 'upwind'),
+        hidden=hidden,
         photo_width=photo_width,
         page='' if no_page else page,
     )
     settings.check()
     folder = run_folder(output, 'demo')
     say(
-        f'demo: {minutes:g} min of the small rig, {settings.photographs} photographs, into {folder}'
+        f'demo: {settings.minutes:g} min of the small rig, {settings.photographs} photographs, '
+        f'into {folder}'
     )
+    if hidden_effect:
+        say('the rig has an effect that the twin is not told')
     if settings.start_minute > 0.0:
         say(f'the twin takes over {settings.start_minute:g} min after the start of the injection')
     say(f'this takes about {duration_in_words(settings.expected_seconds())} on two cores')

@@ -1,13 +1,22 @@
 """./porotwin diagnose: the gap between model and rig, in recordings or in the run so far."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_cli.terminal import Json, print_json, progress, say
+from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.rig_choice import Domain, Namespace
+from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core.errors import InputError
+from porotwin_core.ros_environment import enter_domain, namespace_of
+from porotwin_hub.graph import NAMESPACE
+
+if TYPE_CHECKING:
+    from porotwin_core.rig import Rig
+    from porotwin_diagnosis.rig_history import PastFinding
 
 
 def command(
@@ -22,51 +31,91 @@ def command(
         Path | None, typer.Option(help='rig.yaml of the model. Default: from the recording.')
     ] = None,
     preset: Annotated[
-        str, typer.Option(help='Preset of the model: accurate, fast or upwind.')
+        str, typer.Option(help='Preset of the model: accurate, sharp, fast or upwind.')
     ] = 'accurate',
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder with the findings of earlier recordings of this rig; this one is added.'
+        ),
+    ] = None,
+    namespace: Namespace = NAMESPACE,
+    domain: Domain = None,
+    each: Annotated[
+        bool,
+        typer.Option(
+            '--each',
+            help='Diagnose each recording alone, several at a time; reports in OUTPUT/NAME. '
+            'A second call continues.',
+        ),
+    ] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Find the cause of the gap between model and rig.
 
     The diagnosis says where the gap is, which effect causes it, and how far it shrinks with this
-    effect. Several recordings of one rig are diagnosed together. The report is a page with
-    pictures. With --live the running twin makes the report while it continues to work.
+    effect. Several recordings of one rig are diagnosed together, or with --each one by one. The
+    report is a page with pictures. With --live the running twin makes the report while it continues
+    to work.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
+
+    Example: ./porotwin diagnose runs/tuesday --output tuesday-diagnosis --history rig-history
+
+    Example: ./porotwin diagnose runs/* --each --output archive --scheduler tcp://head:8786
     """
+    from porotwin_core.parallel import crew
     from porotwin_core.rig import load_rig
-    from porotwin_diagnosis.examine import examine
+    from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
+    from porotwin_diagnosis.rig_history import read_history
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
 
     if live != (not recordings):
         raise InputError('name recordings, or the running twin with --live')
     if live or recordings is None:
-        if rig is not None or apply or preset != 'accurate':
+        asked = each or workers or scheduler or history is not None
+        if rig is not None or apply or preset != 'accurate' or asked:
             raise InputError(
-                '--live diagnoses the twin as it runs; leave out --rig, --preset and --apply'
+                '--live diagnoses the twin as it runs; leave out --rig, --preset, --apply, --each, '
+                '--history, --workers and --scheduler'
             )
-        _live(output, as_json=as_json)
+        enter_domain(domain)
+        _live(output, namespace_of(namespace), as_json=as_json)
         return
+    earlier = read_history(history) if history is not None else ()
     own = load_rig(rig) if rig is not None else None
+    if each:
+        if apply or history is not None:
+            raise InputError('--apply and --history belong to one diagnosis; leave out --each')
+        _each(recordings, output, own, preset, workers, scheduler, as_json=as_json)
+        return
     opened = [open_recording(recording, rig=own) for recording in recordings]
     folder = checked_folder(output, recordings)
-    with progress() as bar:
+    pool = crew(
+        workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
+    )
+    with pool, progress() as bar:
         task = bar.add_task('diagnosis', total=100)
 
         def show(stage: str, fraction: float) -> None:
             bar.update(task, completed=round(100 * fraction), description=stage)
 
-        result = examine(opened, preset=preset, progress=show)
+        result = examine(opened, preset=preset, crew=pool, progress=show)
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
+    told = _remember(history, earlier, summary, recordings[0]) if history is not None else []
     if as_json:
-        print_json({'output': output, **summary})
+        print_json({'output': output, **summary, **({'history': told} if history else {})})
         return
     print(f'{summary["verdict"]}, with confidence {summary["confidence"]:.2f}')
+    for line in told:
+        print(line)
     say(f'report: {output / "report.html"}')
     camera = ' and '.join(name for name in result.verdict.members if EFFECTS[name].is_of_camera)
     if apply and not (result.verdict.members and result.verdict.model.effects):
@@ -78,7 +127,61 @@ def command(
         )
 
 
-def _live(output: Path, *, as_json: bool) -> None:
+def _remember(
+    folder: Path, earlier: 'Sequence[PastFinding]', summary: dict[str, Any], recording: Path
+) -> list[str]:
+    """Add a finding to those in `folder`; return lines on how it fits to the `earlier` ones."""
+    from porotwin_diagnosis.rig_history import compared, finding_from, write_history
+
+    new = finding_from(summary, recording)
+    others = [found for found in earlier if found.recording != new.recording]
+    write_history(folder, [*others, new])
+    return compared(others, new)
+
+
+def _each(
+    recordings: list[Path],
+    output: Path,
+    rig: 'Rig | None',
+    preset: str,
+    workers: int | None,
+    scheduler: str,
+    *,
+    as_json: bool,
+) -> None:
+    """Diagnose every recording alone and print a table."""
+    from porotwin_core.parallel import crew
+    from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
+
+    tasks = archive_tasks(recordings, output, rig=rig, preset=preset)
+    left = sum(not task.is_done for task in tasks)
+    pool = crew(
+        workers=workers,
+        scheduler=scheduler,
+        threads=not left,  # no processes for nothing
+        task_bytes=RECORDING_BYTES,
+        tell=say,
+    )
+    with pool, progress() as bar:
+        shown = bar.add_task('recordings', total=len(tasks), completed=len(tasks) - left)
+        table = diagnose_archive(tasks, output, pool, lambda _: bar.advance(shown))
+    if as_json:
+        print_json({'output': output, 'recordings': table})
+    else:
+        rows = [[Path(row['recording']).name, *_verdict_words(row)] for row in table]
+        print_table('archive', ('recording', 'verdict', 'confidence'), rows)
+    refused = [row for row in table if row['refused']]
+    for row in refused:
+        say(row['refused'])
+    if len(refused) == len(table):
+        raise WorkFailed(f'{output}: no recording could be diagnosed')
+
+
+def _verdict_words(row: dict[str, object]) -> tuple[str, str]:
+    return ('refused', '') if row['refused'] else (str(row['verdict']), str(row['confidence']))
+
+
+def _live(output: Path, namespace: str, *, as_json: bool) -> None:
     """Print the diagnosis of the run so far."""
     from porotwin_cli.live_diagnosis import diagnose_run_so_far
 
@@ -87,6 +190,7 @@ def _live(output: Path, *, as_json: bool) -> None:
         result = diagnose_run_so_far(
             output,
             lambda stage, share: bar.update(task, completed=round(100 * share), description=stage),
+            namespace=namespace,
         )
     if as_json:
         print_json({'output': output, **json.loads((output / 'diagnosis.json').read_text())})

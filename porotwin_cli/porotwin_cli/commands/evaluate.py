@@ -19,6 +19,9 @@ def command(
     preset: Annotated[
         str, typer.Option(help='Preset of the physics-based model: fast, accurate or upwind.')
     ] = 'fast',
+    effect: Annotated[
+        list[str], typer.Option(help='Effect of the physics-based model, as in its training.')
+    ] = [],  # noqa: B006 (typer reads the default once)
     output: Annotated[Path | None, typer.Option(help='Folder for a table and pictures.')] = None,
     as_json: Json = False,
 ) -> None:
@@ -28,30 +31,34 @@ def command(
 
     Example: ./porotwin evaluate models/monday run3 --output evaluation
     """
-    from porotwin_cli.costa_data import frames_of, open_all, source_name
+    from porotwin_cli.costa_data import frames_of, open_all, source_name, with_effects
+    from porotwin_core.learnt_physics import LearntPhysics
     from porotwin_core.rig import load_rig
     from porotwin_costa.corrective_model import CorrectiveModel
-    from porotwin_costa.corrective_source import corrective_source
+    from porotwin_costa.corrective_source import LearntStep, corrective_source
     from porotwin_costa.evaluation import evaluate
     from porotwin_costa.evaluation_pictures import write_pictures
-    from porotwin_solver.model import Model
+    from porotwin_solver.learnt_coefficients import LearntModels
 
     learned = CorrectiveModel.load(model)
     experiments = open_all(recordings, load_rig(rig) if rig is not None else None)
-    nominal = experiments[0].rig
+    nominal = with_effects(experiments[0].rig, effect)
     learned.for_physics(nominal, learned.grid, preset)
     if learned.doubt:
         say(f'{model}: {learned.doubt}')
+    say(learned.summary)
     for recording in experiments:
         if source_name(recording) in learned.provenance['sources']:
             say(f'{recording.source}: the model learned from it; expect larger errors on others')
-    physics = Model(nominal, learned.grid, preset=preset)
+    solver = LearntModels(nominal, learned.grid, preset)
+    physics = solver.model(LearntPhysics())
+    step = None if learned.learnt is None else LearntStep(learned.learnt, solver)
     result = evaluate(
         [frames_of(recording, learned.grid) for recording in experiments],
         time_step=learned.time_step,
         predict=physics.predict,
         correct=physics.correct,
-        correction=partial(corrective_source, learned),
+        correction=partial(corrective_source, learned, physics=step),
     )
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)
@@ -60,6 +67,7 @@ def command(
         say(f'table and pictures: {output}')
     if as_json:
         names = ('predicted', 'corrected', 'free_predicted', 'free_corrected')
-        print_json({name: result.mean(name) for name in names})
+        means = {name: result.mean(name) for name in names}
+        print_json({**means, 'recordings': result.by_recording()})
     else:
         print(result.table())

@@ -1,15 +1,17 @@
 """./porotwin image: photographs to concentration maps."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
+    from porotwin_cli.map_sureness import Doubt
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
     from porotwin_recording.photos import Photo
@@ -28,12 +30,15 @@ def command(
     output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
     grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
     calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
     A photograph that cannot be used is named and left out; the others are imaged. A picture of the
-    maps lies beside the output, with the same name and the ending .png.
+    maps lies beside the output, with the same name and the ending .png. After an interruption a
+    second call goes on.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
@@ -47,11 +52,11 @@ def command(
     )
     from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import picture_beside
+    from porotwin_core.parallel import crew, in_order
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
-    from porotwin_imaging.photo_to_map import concentration_map
     from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
 
@@ -68,7 +73,7 @@ def command(
             f'{experiment}: needs a baseline and at least one state photograph; '
             'give their roles in imaging.csv'
         )
-    _tell_cost(baselines[0], rig, map_grid)
+    memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
     known_factors = used.factor_deviations if used else ()
     baseline = make_baseline(
@@ -81,11 +86,21 @@ def command(
         say(remark)
     imaged, refused, doubts = [], [], []
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
-    with ConcentrationWriter(output, map_grid, origin=origin) as writer, progress() as bar:
-        task = bar.add_task('photographs', total=len(states))
-        for photo in states:
+    pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
+    source = f'{experiment.resolve()}, {len(baselines)} baselines'
+    writing = ConcentrationWriter(output, map_grid, origin=origin, resume=source)
+    done = set(writing.earlier)
+    left = [photo for photo in states if not done or photo.time > max(done)]
+    if done:
+        say(f'going on behind {len(done)} maps of an interrupted call')
+    with pool, writing as writer, progress() as bar:
+        task = bar.add_task('photographs', total=len(states), completed=len(states) - len(left))
+        shared = (pool.share(baseline),)
+        maps = in_order(pool, _map_or_reason, map(_read_or_reason, left), first=shared)
+        for photo, found in zip(left, maps, strict=True):
             try:
-                found = concentration_map(_read(photo), baseline)
+                if isinstance(found, InputError):
+                    raise found
                 writer.append(
                     photo.time,
                     found.values,
@@ -106,8 +121,12 @@ def command(
                     }
                 )
             bar.advance(task)
-        if not imaged:
+        if not imaged and not done:
             raise WorkFailed('no photograph could be used')
+    if done:
+        before = _imaged_before(output, rig, [photo for photo in states if photo.time in done])
+        imaged = [*(entry for entry, _ in before), *imaged]
+        doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
     if as_json:
         print_json(
@@ -131,14 +150,57 @@ def command(
         print(UNCALIBRATED)
 
 
-def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> None:
-    """Say what the maps cost, if a photograph takes long."""
+def _imaged_before(
+    output: Path, rig: 'Rig', photos: 'list[Photo]'
+) -> 'list[tuple[dict[str, Any], Doubt]]':
+    """Return the entries and doubts of the maps that an interrupted call had made."""
+    from porotwin_cli.map_sureness import doubt_entry, plume_doubt
+    from porotwin_recording.concentration import open_maps
+
+    found = []
+    for photo, fields in zip(photos, open_maps(output, rig).with_deviations(), strict=False):
+        values, deviation, systematic = fields
+        assert deviation is not None and systematic is not None
+        doubt = plume_doubt(values, deviation, systematic)
+        entry = {
+            'time_s': photo.time,
+            'photo': photo.name,
+            'remarks': 'imaged by an earlier call',
+            'plume': doubt_entry(doubt),
+        }
+        found.append((entry, doubt))
+    return found
+
+
+def _read_or_reason(photo: 'Photo') -> bytes | InputError:
+    """Return the bytes of a photograph, or why they cannot be read."""
+    try:
+        return _read(photo)
+    except InputError as error:
+        return error
+
+
+def _map_or_reason(baseline: Any, content: bytes | InputError) -> Any:
+    """Return the map of a photograph, or why it cannot be used."""
+    from porotwin_imaging.photo_to_map import concentration_map
+
+    if isinstance(content, InputError):
+        return content
+    try:
+        return concentration_map(content, baseline)
+    except InputError as error:
+        return error
+
+
+def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:
+    """Return the memory of one map [B]; tell the cost of the maps if a photograph takes long."""
     from porotwin_imaging.imaging_cost import map_cost
     from porotwin_imaging.photo_file import photo_size
 
     cost = map_cost(rig, grid, photo_size(_read(photo)))
     if cost.seconds > LONG_S:
         say(f'grid {grid}: {cost}; a coarser --grid is faster')
+    return cost.memory_bytes
 
 
 def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:

@@ -1,23 +1,113 @@
-"""./porotwin import: an experiment folder into a bag."""
+"""./porotwin import: an experiment folder into a bag, or data of other programs into a folder."""
 
+import shutil
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from porotwin_cli.conversion import convert
-from porotwin_cli.terminal import Json
+from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+from porotwin_core.errors import InputError
+
+if TYPE_CHECKING:
+    from porotwin_core.rig import Rig
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(help='Experiment folder.')],
-    bag: Annotated[Path, typer.Argument(help='Bag folder to write.')],
+    source: Annotated[
+        Path, typer.Argument(help='Experiment folder, folder with protocols, or file of maps.')
+    ],
+    target: Annotated[Path, typer.Argument(help='Bag or experiment folder to write.')],
+    rig: Annotated[
+        Path | None, typer.Option(help='rig.yaml of foreign data. Default: beside them.')
+    ] = None,
+    date_order: Annotated[
+        Literal['day-first', 'month-first'] | None,
+        typer.Option(help='Order in dates such as 3/4/2024.'),
+    ] = None,
+    time_zone: Annotated[
+        str, typer.Option(help='Zone of times that name none, such as Europe/Oslo.')
+    ] = '',
+    decimal: Annotated[
+        Literal['point', 'comma'] | None, typer.Option(help='How numbers are written.')
+    ] = None,
+    rate_unit: Annotated[str, typer.Option(help='Unit of rates, such as ml/min.')] = '',
+    concentration: Annotated[
+        float | None,
+        typer.Option(help='Of injected fluids where no column has it.', min=0.0, max=1.0),
+    ] = None,
+    camera_ahead: Annotated[
+        float, typer.Option(help="How far the camera's clock is ahead of the pumps' [s].")
+    ] = 0.0,
+    time_unit: Annotated[str, typer.Option(help='Unit of the times of maps, such as min.')] = '',
+    first_row: Annotated[
+        Literal['top', 'bottom'] | None, typer.Option(help='Where the first row of a map is.')
+    ] = None,
+    stock: Annotated[
+        float | None, typer.Option(help='Value of tracer stock in maps, 100 for percent.')
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Convert an experiment folder into an MCAP bag.
+    """Convert an experiment folder into an MCAP bag, or data of other programs into a folder.
+
+    Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
+    them, or maps in a file .npz, .csv or .nc or a folder .zarr. Whatever the data leave open is
+    asked for or told, one line each.
 
     Example: ./porotwin import experiment experiment_bag
+
+    Example: ./porotwin import lab_folder experiment --rig rig.yaml --date-order day-first
     """
     from porotwin_recording.bag_conversion import import_experiment
+    from porotwin_recording.map_import import SUFFIXES, MapAnswers, import_maps
+    from porotwin_recording.protocol_import import (
+        ProtocolAnswers,
+        has_protocols,
+        import_protocols,
+    )
 
-    convert(import_experiment, folder, bag, as_json=as_json)
+    if source.is_dir() and has_protocols(source):
+        answers = ProtocolAnswers(
+            date_order, time_zone, decimal, rate_unit, concentration, camera_ahead
+        )
+        refuse_existing(target)
+        told = import_protocols(source, target, _rig(source, rig), answers)
+    elif source.suffix in SUFFIXES:
+        refuse_existing(target)
+        maps = MapAnswers(time_unit, first_row, stock, decimal)
+        told = import_maps(source, target, _rig(source.parent, rig), maps)
+    else:
+        convert(import_experiment, source, target, as_json=as_json)
+        return
+    for line in told:
+        say(line)
+    try:
+        _report(target, told, as_json=as_json)
+    except InputError:  # a second call would find the target
+        shutil.rmtree(target)
+        raise
+
+
+def _rig(folder: Path, path: Path | None) -> 'Rig':
+    """Return the rig of foreign data.
+
+    Raises:
+        InputError: there is none.
+    """
+    from porotwin_core.rig import load_rig
+
+    if path is None and not (folder / 'rig.yaml').is_file():
+        raise InputError(f'{folder}: has no rig.yaml; give --rig, the description of the rig')
+    return load_rig(path or folder)
+
+
+def _report(target: Path, told: list[str], *, as_json: bool) -> None:
+    from porotwin_recording.recording import open_recording
+
+    made = open_recording(target)
+    maps, photographs = len(made.maps) if made.maps is not None else 0, len(made.photos)
+    if as_json:
+        print_json({'output': target, 'maps': maps, 'photographs': photographs, 'told': told})
+    else:
+        print(f'{target}: {maps} maps, {photographs} photographs')

@@ -6,11 +6,21 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.foreground import run_node
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+from porotwin_hub.graph import NAMESPACE
 
 
 def command(
     output: Annotated[Path, typer.Option(help='Bag folder to write.')],
+    split_mb: Annotated[
+        float, typer.Option(help='Begin another file after this size [MB]. 0: one file.', min=0.0)
+    ] = 0.0,
+    split_min: Annotated[
+        float, typer.Option(help='Begin another file after this time [min]. 0: one.', min=0.0)
+    ] = 0.0,
+    namespace: Namespace = NAMESPACE,
+    domain: Domain = None,
     as_json: Json = False,
 ) -> None:
     """Record the running graph until Ctrl-C.
@@ -21,7 +31,13 @@ def command(
 
     refuse_existing(output)
     say(f'recording into {output}; stop with Ctrl-C')
-    run_node('porotwin_recording.recorder_node', 'recorder', {'output': str(output.resolve())})
+    run_node(
+        'porotwin_recording.recorder_node',
+        'recorder',
+        {'output': str(output.resolve()), 'split_mb': split_mb, 'split_s': 60.0 * split_min},
+        namespace=namespace,
+        domain=domain,
+    )
     messages = BagReader(output).message_count
     if as_json:
         print_json({'output': output, 'messages': messages})

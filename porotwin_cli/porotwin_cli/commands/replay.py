@@ -6,9 +6,10 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.foreground import run_node
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_core.errors import InputError
-from porotwin_hub.graph import Parameter
+from porotwin_hub.graph import NAMESPACE, Parameter
 
 
 def command(
@@ -27,6 +28,8 @@ def command(
     lock_step: Annotated[
         bool, typer.Option(help='Wait for the answer of the twin after each photograph.')
     ] = False,
+    namespace: Namespace = NAMESPACE,
+    domain: Domain = None,
     as_json: Json = False,
 ) -> None:
     """Play a bag into the running graph, which ./porotwin up --replay starts.
@@ -46,6 +49,8 @@ def command(
         'topics': topics,
         'lockstep': 'hub/cycle' if lock_step else '',
     }
-    run_node('porotwin_recording.player_node', 'player', parameters)
+    run_node(
+        'porotwin_recording.player_node', 'player', parameters, namespace=namespace, domain=domain
+    )
     if as_json:
         print_json(parameters)

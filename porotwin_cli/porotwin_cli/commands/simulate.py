@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 SHORTEST_STEP_S = 30.0
 """Time between two maps where only the rates are known [s]: the paper's photo interval."""
 
+MOST_CELLS = 10_000_000
+"""Most cells of a simulation; it takes 0.4 kB for each, so 4 GB."""
+
 MOST_TIMES = 200
 """Most maps where only the rates are known; a longer experiment gets longer steps."""
 
@@ -42,7 +45,9 @@ def command(
             'least every half minute until the last row of rates.csv.'
         ),
     ] = '',
-    preset: Annotated[str, typer.Option(help='Preset: accurate, fast or upwind.')] = 'accurate',
+    preset: Annotated[
+        str, typer.Option(help='Preset: accurate, sharp, fast or upwind.')
+    ] = 'accurate',
     as_json: Json = False,
 ) -> None:
     """Simulate an experiment from its rates.
@@ -68,7 +73,7 @@ def command(
     rig = recording.rig
     moments = _parse_times(times) if times else _recorded_times(recording)
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
-    cells = grid_of(grid, rig) if grid else recorded
+    cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
     effects = [parse_effect(text) for text in effect or []]
     last = max(moments, default=0.0)
     tell_cost(prediction_cost(rig, cells, preset=preset, duration=last), 'simulation')

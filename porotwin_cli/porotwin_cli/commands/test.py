@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+import threading
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -10,6 +12,9 @@ from porotwin_cli.terminal import WorkFailed, say
 from porotwin_cli.workspace import ROOT
 
 CONTEXT_SETTINGS = {'ignore_unknown_options': True}
+
+Runs = Sequence[tuple[str, list[str]]]
+"""Names of runs, and their arguments for Python."""
 
 CHECKS = (
     ('ruff check', ['-m', 'ruff', 'check', '.']),
@@ -25,12 +30,20 @@ AGAIN = ['--reruns', '1', '-raR']
 """A failed test of real processes runs once more, because other work on this machine may starve
 them. The output says RERUN."""
 
-TESTS = (
-    ('tests', [*ON_ALL_CORES, '-m', 'not graph']),
+WITHOUT_NODES = ('tests', [*ON_ALL_CORES, '-m', 'not graph'])
+
+OF_NODES = (
     ('tests of ROS 2 nodes', [*WITH_NODES, *AGAIN, '-m', 'graph and not slow']),
     ('tests of whole graphs', [*ON_ALL_CORES, *AGAIN, '-m', 'graph and slow']),
 )
 """Whole graphs have fewer workers than nodes: beside two others, photographs would be late."""
+
+MARK_OF_NODES = 'mark.graph'
+"""Text in every file with tests of nodes. The import of all other files costs ten seconds for every
+worker of pytest."""
+
+YIELDING, LAST = 10, 19
+"""Niceness of the tests without nodes, which compute, and of mypy: nodes come first."""
 
 
 def command(
@@ -46,29 +59,71 @@ def command(
 
     Example: ./porotwin test porotwin_hub -k limits
     """
-    chosen = [('tests', arguments)] if arguments else TESTS
-    runs = [(name, ['-m', 'pytest', *options]) for name, options in chosen]
-    types = None if arguments else _start_mypy()
-    failed = []
-    for name, run in runs if arguments else (*CHECKS, *runs):
-        say(f'{name} ...')
-        if subprocess.run([sys.executable, *run], cwd=ROOT, check=False).returncode != 0:
-            failed.append(name)
-    if types is not None:
-        found, _ = types.communicate()
-        say(f'mypy ...\n{found.strip()}')
-        if types.returncode != 0:
-            failed.append('mypy')
+    if arguments:
+        failed = _failures([('tests', ['-m', 'pytest', *arguments])])
+    else:
+        failed = _failures(CHECKS)
+        files = files_with_nodes()
+        nodes = [(name, ['-m', 'pytest', *options, *files]) for name, options in OF_NODES]
+        name, options = WITHOUT_NODES
+        beside = [_Beside(nodes), _Beside([('mypy', ['-m', 'mypy'])], niceness=LAST)]
+        failed += _failures([(name, ['-m', 'pytest', *options])], niceness=YIELDING)
+        for work in beside:
+            failed += work.finish()
     if failed:
         raise WorkFailed(f'failed: {", ".join(failed)}')
 
 
-def _start_mypy() -> subprocess.Popen[str]:
-    """Start mypy beside the tests, which often wait for nodes."""
-    return subprocess.Popen(
-        ['nice', '-n', '19', sys.executable, '-m', 'mypy'],
-        cwd=ROOT,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+def files_with_nodes() -> list[str]:
+    """Return the test files with tests of nodes, relative to the checkout."""
+    found = (
+        path.relative_to(ROOT)
+        for pattern in ('porotwin_*/test/**/test_*.py', 'tests/**/test_*.py')
+        for path in ROOT.glob(pattern)
+        if MARK_OF_NODES in path.read_text(encoding='utf-8')
     )
+    return sorted(map(str, found))
+
+
+def _failures(runs: Runs, *, niceness: int = 0) -> list[str]:
+    """Run Python with the arguments of each run; return the names of those that failed."""
+    failed = []
+    for name, arguments in runs:
+        say(f'{name} ...')
+        if subprocess.run(_command(arguments, niceness), cwd=ROOT, check=False).returncode != 0:
+            failed.append(name)
+    return failed
+
+
+def _command(arguments: list[str], niceness: int) -> list[str]:
+    return ['nice', '-n', str(niceness), sys.executable, *arguments]
+
+
+class _Beside(threading.Thread):
+    """Runs beside other work and keeps the output until the end."""
+
+    def __init__(self, runs: Runs, *, niceness: int = 0) -> None:
+        super().__init__(daemon=True)
+        self._runs, self._niceness = runs, niceness
+        self._ended: list[tuple[str, subprocess.CompletedProcess[str]]] = []
+        self.start()
+
+    def run(self) -> None:
+        """Run everything."""
+        for name, arguments in self._runs:
+            done = subprocess.run(
+                _command(arguments, self._niceness),
+                cwd=ROOT,
+                check=False,
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+            )
+            self._ended.append((name, done))
+
+    def finish(self) -> list[str]:
+        """Wait for the end and show the output; return the names of failed runs."""
+        self.join()
+        for name, done in self._ended:
+            say(f'{name} ...\n{done.stdout.strip()}')
+        return [name for name, done in self._ended if done.returncode != 0]

@@ -1,11 +1,15 @@
 """./porotwin train: COSTA from recordings."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from porotwin_cli.terminal import Json, print_json, refuse_existing, say
+from porotwin_cli.terminal import Json, print_json, refuse_existing
+
+PAIRS_KEPT = 300
+"""Most pairs that are kept beside a model for training beside the twin; 8 B a cell and pair."""
 
 
 def command(
@@ -19,43 +23,62 @@ def command(
         str, typer.Option(help='Preset of the model to correct: fast, accurate or upwind.')
     ] = 'fast',
     architecture: Annotated[
-        str, typer.Option(help="Network, such as local. Default: the paper's.")
+        str, typer.Option(help='hybrid (default), local, paper or paper-complex.')
     ] = '',
     epochs: Annotated[
         int, typer.Option(help='Passes over the data. 0: as suits the network.', min=0)
     ] = 0,
     seed: Annotated[int, typer.Option(help='Seed of the weights and of the sample order.')] = 7,
+    effect: Annotated[
+        list[str], typer.Option(help='Effect of the model to correct, as NAME:PARAM=VALUE,...')
+    ] = [],  # noqa: B006 (typer reads the default once)
+    workers: Annotated[
+        int, typer.Option(help='Threads that run the model. 0: one for each core.', min=0)
+    ] = 0,
     as_json: Json = False,
 ) -> None:
     """Train COSTA on the errors of the physics-based model.
 
-    The model learns from recordings how far the physics-based model is off after each time step.
+    COSTA learns from recordings where free runs of the physics-based model go wrong: first physics
+    that explains it, then fluxes for the remainder. A part of the recordings is kept; free runs
+    over it decide how much of the correction is applied.
 
     Example: ./porotwin train run1 run2 --rig rig.yaml --output models/monday
     """
     import numpy as np
 
-    from porotwin_cli.costa_data import dataset_of, frames_of, open_all, train_with_progress
+    from porotwin_cli.costa_data import dataset_of, frames_of, open_all, train_on_runs, with_effects
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
+    from porotwin_costa.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
     from porotwin_solver.prediction_cost import prediction_cost
 
     refuse_existing(output)
     network = named(architecture)
-    description = load_rig(rig)
+    description = with_effects(load_rig(rig), effect)
     cells = grid_of(grid, description)
     experiments = [frames_of(recording, cells) for recording in open_all(recordings, description)]
     steps = np.concatenate([np.diff(frames.times) for frames in experiments])
     time_step = float(np.median(steps))
     cost = prediction_cost(description, cells, preset=preset, duration=time_step)
     tell_cost(cost, f'{len(steps)} predictions for the training pairs', len(steps))
-    dataset = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
-    say(dataset.summary)
-    model = train_with_progress(dataset, network, epochs=epochs, seed=seed)
+    model = train_on_runs(
+        experiments,
+        description,
+        grid=cells,
+        time_step=time_step,
+        preset=preset,
+        architecture=network,
+        epochs=epochs,
+        seed=seed,
+        workers=workers or os.cpu_count() or 1,
+    )
     model.save(output)
+    pairs = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
+    newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
     if as_json:
-        print_json({'output': output, **model.provenance})
+        learnt = None if model.learnt is None else model.learnt.description()
+        print_json({'output': output, 'learnt_physics': learnt, **model.provenance})
     else:
-        explained = 1 - model.provenance['unexplained_share']
-        print(f'{output}: explains {explained:.0%} of the residual on the validation pairs')
+        print(f'{output}: {model.provenance["gate"]["says"]}')

@@ -2,15 +2,24 @@
 
 import os
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, print_json
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 from porotwin_hub.graph import GraphSettings, description_of
+
+
+class Mend(StrEnum):
+    """Whether effects that a diagnosis finds are offered."""
+
+    ASK = 'ask'
+    OFF = 'off'
 
 
 def _print_template(wanted: bool) -> None:
@@ -63,6 +72,15 @@ def command(
         bool, typer.Option(help='Offer diagnoses of the run so far: ./porotwin diagnose --live.')
     ] = True,
     siblings: Annotated[bool, typer.Option(help=description_of('siblings'))] = True,
+    mend: Annotated[
+        Mend | None,
+        typer.Option(
+            help=f'{description_of("mend")} Default: ask; off with --no-diagnosis or --replay.'
+        ),
+    ] = None,
+    namespace: Namespace = '',
+    nodes: Annotated[str, typer.Option(help=description_of('nodes'))] = GraphSettings.nodes,
+    domain: Domain = None,
     output: Annotated[
         Path | None, typer.Option(help='Folder for bag, logs and training. Default: in runs/.')
     ] = None,
@@ -79,17 +97,31 @@ def command(
     from porotwin_cli.live_twin import check_early, run_until_stopped
     from porotwin_cli.pace import tell_pace
     from porotwin_core.rig import load_rig
-    from porotwin_core.ros_environment import DomainClaim, domain_of, prepare_environment
-    from porotwin_hub.graph import live_graph
+    from porotwin_core.ros_environment import (
+        DomainClaim,
+        domain_of,
+        enter_domain,
+        namespace_of,
+        prepare_environment,
+    )
+    from porotwin_hub.graph import live_graph, named_nodes
+    from porotwin_hub.network import network_of
     from porotwin_imaging.sources.source_registry import check_source
     from porotwin_page.address import settled
     from porotwin_pumps.pump_file import load_pumps
 
+    network = network_of(params)
+    os.environ.update(network.environment())
+    enter_domain(domain)
     prepare_environment()
     rig_file = rig / 'rig.yaml' if rig.is_dir() else rig
     description = load_rig(rig_file)
-    if [photos is not None, bool(camera), replay].count(True) != 1:
+    here = named_nodes(nodes)
+    sources = [photos is not None, bool(camera), replay].count(True)
+    if (not here or 'camera' in here) and sources != 1:
         raise InputError('name either --photos FOLDER or --camera SOURCE, or --replay for a bag')
+    if mend is Mend.ASK and not diagnosis:
+        raise InputError('--mend ask needs the diagnosis; leave out --no-diagnosis')
     if photos is not None and not photos.is_dir():
         raise InputError(f'{photos}: no such folder of photographs; create it or name another')
     if description.camera is None:
@@ -98,6 +130,8 @@ def command(
             'such as camera: {corners_px: [[100, 80], [100, 1020], [1500, 1020], [1500, 80]]} '
             '(docs/rig.md, Camera)'
         )
+    if here and 'page' not in here:
+        page = ''
     cells = grid_of(grid, description)
     check_early(description, cells, preset, calibration, model, architecture, page)
     tell_pace(description, cells, preset, photo_interval_s)
@@ -118,10 +152,13 @@ def command(
         horizon_s=horizon_s,
         control=not predict_only,
         siblings=siblings,
+        mend=mend or (Mend.ASK if diagnosis and not replay else Mend.OFF),
         retrain_every=retrain_every,
         architecture=architecture,
         page=settled(page) if page else '',
         speak=speak,
+        namespace=namespace_of(namespace or network.namespace or GraphSettings.namespace),
+        nodes=nodes,
         use_sim_time=replay,
         params=params,
     )
@@ -131,7 +168,7 @@ def command(
         settings = replace(
             settings,
             training=folder / 'training' if retrain_every else None,
-            record=folder / 'bag',
+            record=None if here and 'recorder' not in here else folder / 'bag',
             diagnoses=folder / 'diagnoses' if diagnosis else None,
             page_token=folder / 'page_token' if page else None,
         )
@@ -139,4 +176,4 @@ def command(
     if as_json:
         print_json({'output': folder, 'bag': settings.record, 'logs': folder / 'log'})
     else:
-        print(f'recorded in {settings.record}')
+        print(f'recorded in {settings.record}' if settings.record else f'logs in {folder}')

@@ -5,19 +5,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, print_table, progress, say
+from porotwin_core.coarse_grid import COARSE_CELLS
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
     from porotwin_cli.what_if_study import WhatIfStudy
     from porotwin_core.wells import WellRates
-    from porotwin_siblings.siblings import Outlook
+    from porotwin_siblings.outlook import Outlook
 
 TABLE_ROWS = 6
 """Times in the table."""
 
-MORE_CELLS_M = 0.015
-"""Default cell size of the siblings [m]; as in the node siblings."""
+SIBLING_BYTES = 1e8
+"""Memory of one sibling while it runs [B]."""
 
 
 def command(
@@ -39,12 +41,11 @@ def command(
     ] = '',
     rig: Annotated[Path | None, typer.Option(help='rig.yaml. Default: from the recording.')] = None,
     siblings: Annotated[int, typer.Option(help='Number of siblings.', min=24)] = 32,
-    cell_m: Annotated[
-        float, typer.Option(help='Width of the cells of the siblings [m].', min=0.001)
-    ] = MORE_CELLS_M,
-    workers: Annotated[
-        int | None, typer.Option(help='Siblings at a time. Default: all cores.', min=1)
-    ] = None,
+    cells: Annotated[
+        int, typer.Option(help='Cells of the grid of the siblings.', min=100, max=1_000_000)
+    ] = COARSE_CELLS,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     output: Annotated[Path, typer.Option(help='Folder for the picture.')] = Path('what-if'),
     as_json: Json = False,
 ) -> None:
@@ -58,12 +59,10 @@ def command(
 
     Example: ./porotwin what-if sample --at 3min --rates control1=300 --rates 10min:control1=0
     """
-    import os
-    from concurrent.futures import ThreadPoolExecutor
-
     from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
     from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
+    from porotwin_core.parallel import crew
     from porotwin_recording.recording import open_recording
 
     if recording.suffix == '.nc':
@@ -80,15 +79,17 @@ def command(
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
     ahead = seconds_of(horizon) if horizon else None
-    grid = opened.rig.default_grid(cell_m)
-    with ThreadPoolExecutor(workers or os.cpu_count()) as executor, progress() as bar:
+    pool = crew(
+        workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
+    )
+    with pool, progress() as bar:
         task = bar.add_task('learning from the maps', total=None)
         found = study_what_if(
             opened,
             start,
             steps,
-            grid=grid,
-            executor=executor,
+            cells=cells,
+            executor=pool,
             horizon=ahead,
             siblings=siblings,
             learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
@@ -106,8 +107,8 @@ def _show(found: 'WhatIfStudy') -> None:
     """Print the rates of both plans, and their outlooks at some times."""
     import numpy as np
 
-    from porotwin_cli.run_account import ML
     from porotwin_cli.what_if_study import NO_ZONE
+    from porotwin_core.units import ML
 
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
         for step in outlook.plan:
@@ -140,7 +141,7 @@ def _in_words(rates: 'WellRates') -> str:
 
 def _json(found: 'WhatIfStudy') -> dict[str, Any]:
     """Return both forecasts in laboratory units."""
-    from porotwin_cli.run_account import ML
+    from porotwin_core.units import ML
 
     return {
         'at_s': found.start,
@@ -160,8 +161,7 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
 
 
 def _outlook_json(outlook: 'Outlook') -> dict[str, Any]:
-    from porotwin_cli.run_account import ML
-    from porotwin_core.units import to_ml_h
+    from porotwin_core.units import ML, to_ml_h
 
     names = ('low', 'median', 'high')
     return {

@@ -14,4 +14,4 @@ def test_diagnose_needs_recordings_or_the_running_twin(tmp_path: Path) -> None:
 def test_a_live_diagnosis_takes_no_options_of_the_model(tmp_path: Path) -> None:
     result = porotwin('diagnose', '--live', '--output', tmp_path / 'out', '--preset', 'fast')
     assert result.returncode == 2
-    assert 'leave out --rig, --preset and --apply' in result.stderr
+    assert 'leave out --rig, --preset, --apply, --each' in result.stderr

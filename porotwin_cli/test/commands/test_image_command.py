@@ -6,7 +6,11 @@ from pathlib import Path
 
 import netCDF4
 import numpy as np
+import pytest
 from cli_examples import porotwin
+
+from porotwin_core.rig import load_rig
+from porotwin_recording.concentration import ConcentrationWriter, open_maps
 
 
 def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> None:
@@ -21,6 +25,32 @@ def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> 
     with netCDF4.Dataset(output) as dataset:
         seen = np.ma.filled(dataset['concentration'][-1].astype(float), np.nan)
     assert np.nanmax(seen) > 0.5
+
+
+def test_image_goes_on_where_an_interrupted_call_stopped(experiment: Path, tmp_path: Path) -> None:
+    words = ('image', experiment, '--grid', '94x56', '--json', '--output')
+    whole = json.loads(porotwin(*words, tmp_path / 'whole.nc').stdout)['maps']
+    maps = open_maps(tmp_path / 'whole.nc', load_rig(experiment))
+    source = f'{experiment.resolve()}, 1 baselines'
+    with (
+        pytest.raises(KeyboardInterrupt),
+        ConcentrationWriter(
+            tmp_path / 'maps.nc', maps.grid, origin=maps.origin, resume=source
+        ) as writer,
+    ):
+        for time, (values, own, shared) in zip(
+            maps.times[:4], maps.with_deviations(), strict=False
+        ):
+            writer.append(float(time), values, deviation=own, systematic=shared)
+        raise KeyboardInterrupt
+    result = porotwin(*words, tmp_path / 'maps.nc')
+    assert result.returncode == 0, result.stderr
+    assert 'going on behind 4 maps' in result.stderr
+    again = json.loads(result.stdout)['maps']
+    assert [entry['photo'] for entry in again] == [entry['photo'] for entry in whole]
+    assert [entry['plume'] for entry in again] == [entry['plume'] for entry in whole]
+    np.testing.assert_array_equal(open_maps(tmp_path / 'maps.nc', load_rig(experiment))[:], maps[:])
+    assert not list(tmp_path.glob('*.partial'))
 
 
 def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_path: Path) -> None:

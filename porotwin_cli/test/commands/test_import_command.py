@@ -39,3 +39,25 @@ def test_nothing_is_overwritten(experiment: Path, tmp_path: Path) -> None:
     result = porotwin('import', experiment, tmp_path / 'bag')
     assert result.returncode == 2
     assert 'exists already; name another output or remove it' in result.stderr
+
+
+def test_maps_of_other_programs_become_a_folder_and_a_dataset(
+    experiment: Path, tmp_path: Path
+) -> None:
+    before = open_recording(experiment)
+    np.savez(tmp_path / 'maps.npz', maps=before.concentration, t_min=before.times / 60.0)
+    words = ('import', tmp_path / 'maps.npz', tmp_path / 'made', '--first-row', 'bottom')
+    assert porotwin(*words).returncode == 2  # whose rig?
+    result = porotwin(*words, '--rig', experiment / 'rig.yaml')
+    assert result.returncode == 0, result.stderr
+    assert 'times in min' in result.stderr
+    dataset = porotwin('export', tmp_path / 'made', tmp_path / 'made.zarr', '--format', 'zarr')
+    assert dataset.returncode == 0, dataset.stderr
+    assert 'xarray.open_zarr' in dataset.stdout
+    again = porotwin(
+        *('import', tmp_path / 'made.zarr', tmp_path / 'again'),
+        *('--rig', experiment / 'rig.yaml', '--json'),
+    )
+    assert json.loads(again.stdout)['maps'] == len(before.times)
+    after = open_recording(tmp_path / 'again')
+    np.testing.assert_array_equal(after.concentration, before.concentration)

@@ -13,12 +13,16 @@ def test_costa_is_trained_and_evaluated(experiment: Path, tmp_path: Path) -> Non
     common = ['--grid', '94x56', '--preset', 'upwind', '--architecture', 'local', '--epochs', '2']
     trained = porotwin('train', experiment, '--rig', rig, '--output', tmp_path / 'm', *common)
     assert trained.returncode == 0, trained.stderr
-    assert 'of the residual' in trained.stdout
+    assert 'gate' in trained.stdout
     arguments = ['--preset', 'upwind', '--output', tmp_path / 'evaluation', '--json']
     result = porotwin('evaluate', tmp_path / 'm', experiment, *arguments)
     assert result.returncode == 0, result.stderr
     errors = json.loads(result.stdout)
     assert 0 < errors['corrected'] <= 1.5 * errors['predicted']
+    (recording,) = errors['recordings'].values()
+    late = recording['free_running_last_30_percent']
+    assert late['costa'] <= 1.02 * late['model']
+    assert (tmp_path / 'm.pairs').is_file()
     assert (tmp_path / 'evaluation' / 'errors.csv').is_file()
     assert 'the model learned from it' in result.stderr
     for command in (['evaluate', tmp_path / 'm', experiment], ['up', *_up(experiment, tmp_path)]):

@@ -97,6 +97,7 @@ def test_up_gives_the_trainer_a_folder_of_the_run_and_the_chosen_network(
     photos.mkdir()
     arguments = ['--rig', experiment / 'rig.yaml', '--photos', photos, '--output', output]
     arguments += ['--retrain-every', '5', '--architecture', 'local', '--page', '']
+    arguments += ['--no-siblings', '--no-diagnosis']  # two processes less
     process = subprocess.Popen(
         [sys.executable, '-m', 'porotwin_cli', 'up', *map(str, arguments)],
         stdout=subprocess.PIPE,

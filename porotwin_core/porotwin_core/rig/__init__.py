@@ -1,9 +1,9 @@
 """The description of a rig: `rig.yaml` as immutable records, read, checked and written.
 
 `sections`, `sand_sections` and `control_section` hold the parts of the description, `description`
-the whole rig. `rig_file` reads and writes files, with the help of `yaml_reader`, `sand_drawing` and
-`depth_points`. `complaints` turns validation errors into one line, `oddities` looks for odd values.
-docs/rig.md lists every key.
+the whole rig. `rig_file` reads and writes files, with the help of `yaml_reader`, `map_file`,
+`zone_file`, `sand_drawing` and `depth_points`. `complaints` turns validation errors into one line,
+`oddities` looks for odd values. docs/rig.md lists every key.
 """
 
 from porotwin_core.rig.control_section import (
@@ -22,6 +22,7 @@ from porotwin_core.rig.sections import (
     MapReference,
     Polygon,
     Well,
+    ZoneFile,
 )
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     'Polygon',
     'Rig',
     'Well',
+    'ZoneFile',
     'load_rig',
     'parse_rig',
     'read_rig',

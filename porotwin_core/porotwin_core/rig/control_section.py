@@ -8,7 +8,7 @@ from pydantic import Field, GetJsonSchemaHandler, JsonValue
 from pydantic.json_schema import JsonSchemaValue
 
 from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
-from porotwin_core.rig.sections import Point, Section, check_corners
+from porotwin_core.rig.sections import Point, Section, ZoneFile, check_corners, refuse_files
 
 DEFAULT_OBJECTIVE = 'keep_out'
 """The objective of a rig that names none: keep the tracer out of a zone (paper, section 4)."""
@@ -105,6 +105,9 @@ class Control(Section):
     disallowed_zone_m: tuple[Point, ...] = Field(
         (), description='corners (x, z) of the zone without tracer [m], for keep_out'
     )
+    zone: ZoneFile | None = Field(
+        None, description='the zone of the objective as a picture or a map, instead of corners'
+    )
     fuzziness_m: NotNegative = Field(
         0.1, description='distance [m] over which the cost falls to 0 beside a zone'
     )
@@ -152,6 +155,12 @@ class Control(Section):
             )
         return self
 
+    @pydantic.model_validator(mode='after')
+    def _has_one_zone(self) -> Self:
+        if self.zone is not None and self.disallowed_zone_m:
+            raise ValueError('zone and disallowed_zone_m both give the zone; keep one')
+        return self
+
     @pydantic.field_validator('end_min')
     @classmethod
     def _is_an_experiment(cls, end_min: float | None) -> float | None:
@@ -161,6 +170,11 @@ class Control(Section):
                 'minutes after its start, or leave it out for an open end'
             )
         return end_min
+
+    @pydantic.field_validator('disallowed_zone_m', mode='before')
+    @classmethod
+    def _is_no_file(cls, value: Any) -> Any:
+        return refuse_files(value)
 
     @pydantic.field_validator('disallowed_zone_m')
     @classmethod

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -30,6 +30,7 @@ from porotwin_core.rig.sections import (
     Well,
 )
 from porotwin_core.units import permeability_of
+from porotwin_core.zone_shapes import PictureZone
 
 DEFAULT_CELL_M = 0.005
 """Cell size of the default grid [m]: finer than a plume's front, coarse enough for live control."""
@@ -123,6 +124,7 @@ class Rig(Section):
     )
     _nominal_maps: dict[str, FloatArray] = PrivateAttr(default_factory=dict)
     _files: dict[str, bytes] = PrivateAttr(default_factory=dict)
+    _zone: PictureZone | None = PrivateAttr(default=None)
 
     @pydantic.model_validator(mode='after')
     def _is_consistent(self) -> Self:
@@ -219,6 +221,7 @@ class Rig(Section):
                 np.array_equal(values, other._nominal_maps[key])
                 for key, values in self._nominal_maps.items()
             )
+            and np.array_equal(self._zone_shares, other._zone_shares)
         )
 
     __hash__ = None  # type: ignore[assignment]  # it holds arrays and dictionaries
@@ -235,6 +238,21 @@ class Rig(Section):
         copy._nominal_maps = {**self._nominal_maps, **maps}
         copy._files = {**self._files, **(files or {})}
         return copy
+
+    def with_zone(self, zone: PictureZone) -> Self:
+        """Return this rig with the `zone` that the file in `control.zone` shows."""
+        copy = self.model_copy()
+        copy._zone = zone
+        return copy
+
+    @property
+    def zone(self) -> PictureZone | None:
+        """The zone that the file in `control.zone` shows; None: there is no such file."""
+        return self._zone if self.control is not None and self.control.zone is not None else None
+
+    @property
+    def _zone_shares(self) -> FloatArray:
+        return np.empty(0) if self._zone is None else self._zone.shares
 
     @property
     def physics_fingerprint(self) -> str:
@@ -254,6 +272,10 @@ class Rig(Section):
             data[name] = [values.shape, hashlib.sha256(numbers.tobytes()).hexdigest()]
         digest = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
         return digest[:FINGERPRINT_LENGTH]
+
+    def with_effects(self, effects: Iterable[EffectDescription]) -> Self:
+        """Return this rig with `effects` beyond those that it has."""
+        return self.model_copy(update={'effects': (*self.effects, *effects)})
 
     def grid(self, nx: int, nz: int) -> Grid:
         """Return the grid of nx x nz cells over this rig.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.plausibility import Remark
@@ -79,11 +80,10 @@ def _resolution(grid: Grid, rig: Rig) -> Iterator[Remark]:
     if cells < LEAST_CELLS_BETWEEN:
         why = f"only {cells:.1f} cells lie between the wells '{one}' and '{other}'"
         yield Remark('grid', str(grid), why, better)
-    if rig.control is not None and rig.control.disallowed_zone_m:
-        corners = np.array(rig.control.disallowed_zone_m)
-        extent = np.ptp(corners, axis=0) / np.array([grid.dx, grid.dz])
+    for kind, zone in control_zones(rig):
+        extent = np.ptp(np.vstack(zone.outlines), axis=0) / np.array([grid.dx, grid.dz])
         if extent.min() < LEAST_CELLS_BETWEEN:
-            why = f'only {extent.min():.1f} cells lie across the disallowed zone'
+            why = f'only {extent.min():.1f} cells lie across the zone to {kind}'
             yield Remark('grid', str(grid), why, better)
 
 

@@ -4,7 +4,6 @@ import logging
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import netCDF4
 import numpy as np
 import pydantic
 import yaml
@@ -16,6 +15,7 @@ from porotwin_core.rig.complaints import one_line
 from porotwin_core.rig.depth_points import depth_map, read_depth_points
 from porotwin_core.rig.description import PROPERTIES, SAND_KEYS, Rig
 from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.rig.property_file import read_property, write_map
 from porotwin_core.rig.sand_drawing import (
     draw_image,
     draw_layers,
@@ -25,10 +25,14 @@ from porotwin_core.rig.sand_drawing import (
 from porotwin_core.rig.sand_sections import DepthPoints, DepthPointsFile
 from porotwin_core.rig.sections import MapReference
 from porotwin_core.rig.yaml_reader import read_yaml
+from porotwin_core.rig.zone_file import read_zone
 
 FILE_NAME = 'rig.yaml'
 """Name of the description in a folder."""
 
+
+ZONE_NAMES = ('zone.nc', 'control_zone.nc')
+"""Names of the file that receives a zone; the second one if a map has the first."""
 
 LOG = logging.getLogger('porotwin')
 """Receives a warning for every odd value; commands and nodes show it."""
@@ -110,8 +114,12 @@ def _described(data: Any, path: Path) -> Rig:
         rig = Rig.model_validate(data)
     except pydantic.ValidationError as error:
         raise InputError(one_line(path, error)) from None
+    if rig.control is not None and rig.control.zone is not None:
+        file = path.parent / rig.control.zone.file
+        zone = read_zone(file, rig.control.zone.variable, rig.width_m, rig.height_m)
+        rig = rig.with_zone(zone)
     maps: dict[str, FloatArray] = {
-        name: _read_map(path, name, value)
+        name: read_property(path, name, value)
         for name in PROPERTIES
         if isinstance(value := getattr(rig, name), MapReference)
     }
@@ -186,7 +194,8 @@ def write_rig(rig: Rig, path: Path | str) -> None:
     """Write `rig` to the file `path`, and its maps and pictures beside it.
 
     Every map has a NetCDF file of its own, with the name that `rig` refers to, without folders. If
-    two maps were in one file, the second is named after its property.
+    two maps were in one file, the second is named after its property. A zone from a picture becomes
+    a map as well.
     """
     path = Path(path)
     data = rig.model_dump(mode='json', exclude_defaults=True)
@@ -203,55 +212,12 @@ def write_rig(rig: Rig, path: Path | str) -> None:
         name = f'{quantity}.nc' if name in used else name
         used.add(name)
         data[quantity]['file'] = name
-        _write_map(path.parent / name, reference.variable, values, rig)
+        grid = rig.grid(values.shape[1], values.shape[0])
+        write_map(path.parent / name, reference.variable, values, grid)
+    if rig.zone is not None:
+        name = next(name for name in ZONE_NAMES if name not in used)
+        data['control']['zone'] = {'file': name}
+        write_map(path.parent / name, 'zone', rig.zone.shares, rig.zone.raster)
     path.write_text(
         yaml.safe_dump(data, sort_keys=False, default_flow_style=None), encoding='utf-8'
     )
-
-
-def _read_map(path: Path, quantity: str, reference: MapReference) -> FloatArray:
-    file = path.parent / reference.file
-    if not file.is_file():
-        raise InputError(f"{path}: {quantity} names '{reference.file}', which is not beside it")
-    try:
-        with netCDF4.Dataset(file) as dataset:
-            _check_axes(file, dataset, reference.variable)
-            values: FloatArray = np.ma.filled(
-                np.ma.asarray(dataset.variables[reference.variable][:], dtype=float), np.nan
-            )
-    except KeyError:
-        raise InputError(f"{file}: has no variable '{reference.variable}' for {quantity}") from None
-    except OSError as error:
-        raise InputError(f'{file}: not a readable NetCDF file ({error})') from None
-    if values.ndim != 2:
-        raise InputError(f'{file}: {reference.variable} has {values.ndim} dimensions, needs (z, x)')
-    if not (np.isfinite(values).all() and (values > 0).all()):
-        raise InputError(f'{file}: {reference.variable} must be finite and positive everywhere')
-    return values
-
-
-def _check_axes(file: Path, dataset: netCDF4.Dataset, variable: str) -> None:
-    """Check the axes of a map as far as the file names them.
-
-    Raises:
-        InputError: the axes are exchanged, or z runs downward or x to the left.
-    """
-    names = dataset.variables[variable].dimensions
-    if names == ('x', 'z'):
-        raise InputError(f'{file}: {variable} has the dimensions (x, z); transpose it to (z, x)')
-    for name in names:
-        axis = dataset.variables.get(name)
-        if axis is not None and axis.ndim == 1 and len(axis) > 1 and axis[-1] < axis[0]:
-            raise InputError(
-                f'{file}: {name} decreases; row 0 is the lowest, column 0 the leftmost'
-            )
-
-
-def _write_map(file: Path, variable: str, values: FloatArray, rig: Rig) -> None:
-    grid = rig.grid(values.shape[1], values.shape[0])
-    with netCDF4.Dataset(file, 'w') as dataset:
-        for name, coordinate in (('z', grid.z), ('x', grid.x)):
-            dataset.createDimension(name, len(coordinate))
-            dataset.createVariable(name, 'f8', (name,))[:] = coordinate
-            dataset[name].units = 'm'
-        dataset.createVariable(variable, 'f8', ('z', 'x'))[:] = values

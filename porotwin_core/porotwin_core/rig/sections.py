@@ -1,8 +1,8 @@
 """The sections of `rig.yaml`: boundaries, wells, camera and effects. Units are in the key names."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from porotwin_core.rig.numbers import Number, Positive
 
@@ -33,7 +33,20 @@ def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
     return points
 
 
-Polygon = Annotated[tuple[Point, ...], AfterValidator(check_corners)]
+def refuse_files(value: Any) -> Any:
+    """Return `value` unless it is a mapping, as of a file.
+
+    Raises:
+        ValueError: it is one.
+    """
+    if isinstance(value, dict):
+        raise ValueError(  # noqa: TRY004  pydantic turns it into a line about the key
+            'needs corners (x, z); a picture is named by control.zone: {file: ...}'
+        )
+    return value
+
+
+Polygon = Annotated[tuple[Point, ...], BeforeValidator(refuse_files), AfterValidator(check_corners)]
 """The corners (x, z) [m] of a zone, in either direction."""
 
 
@@ -48,6 +61,17 @@ class MapReference(Section):
 
     file: str = Field(description='NetCDF file, relative to the folder of rig.yaml')
     variable: str = Field(description='name of the variable (z, x) in the file, row 0 lowest')
+
+
+class ZoneFile(Section):
+    """A zone as a picture of the whole rig, or as a map of the share of each cell in it."""
+
+    file: str = Field(
+        description='picture of the whole rig, the zone white on black; or a NetCDF file (.nc)'
+    )
+    variable: str = Field(
+        'zone', description='of a NetCDF file: share of each cell in the zone, (z, x), row 0 lowest'
+    )
 
 
 class Boundaries(Section):

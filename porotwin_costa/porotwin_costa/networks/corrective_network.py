@@ -89,6 +89,9 @@ class Architecture:
     influences sigma; None if each value of sigma depends on the whole map. Only a network with a
     reach can be trained on windows. For a network without one, the mean concentration and the rate
     of each well must lie within the training range (`gate.TrainingRange`).
+
+    With `learns_physics`, coefficients of the physics are learnt before the network, which then
+    corrects the remainder (`physics_learning`).
     """
 
     name: str
@@ -98,6 +101,7 @@ class Architecture:
     training: TrainingSettings
     standardise: bool = True
     reach: int | None = None
+    learns_physics: bool = False
 
     def network(self, rig: RigFields) -> CorrectiveNetwork:
         """Return the network for a rig, with fresh weights."""

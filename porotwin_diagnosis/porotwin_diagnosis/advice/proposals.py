@@ -125,7 +125,12 @@ def _distance(samples: list[Sample], one: Fit, other: Fit) -> float:
 def _simulated(sample: Sample, one: Fit) -> Sample:
     """Return `sample` with the expected maps of `one` as its observed maps, all of them fitted."""
     maps = np.clip(Forward(sample).maps(one.effects), 0.0, 1.0)
-    return replace(sample, observed=sample.noise.expected(maps), fitted_frames=len(sample.times))
+    return replace(
+        sample,
+        observed=sample.noise.expected(maps),
+        fitted_frames=len(sample.times),
+        own_deviation=None,
+    )
 
 
 def _laboratory_checks(names: tuple[str, str], one: Fit, other: Fit) -> Iterator[Proposal]:

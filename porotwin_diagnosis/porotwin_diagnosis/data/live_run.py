@@ -1,5 +1,6 @@
 """The run of a live twin so far, in bounded space, so that it can be diagnosed as a recording."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
-from porotwin_core.rig import Rig
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.map_file import MapFile
 from porotwin_diagnosis.data.observed_maps import FILLED_SHARE, tracer_share
@@ -38,7 +39,7 @@ class LiveRun:
 
     def __init__(self, rig: Rig, grid: Grid, folder: Path | None = None) -> None:
         """Keep maps of `rig` on `grid`, in a file in `folder` or among the temporary files."""
-        self._rig = rig
+        self._described = self._rig = rig
         self._grid = grid
         # concentration, deviation and systematic deviation, one above the other
         self._maps = MapFile((3 * grid.nz, grid.nx), MOST_MAPS, folder)
@@ -109,6 +110,10 @@ class LiveRun:
         self._rates.drop_commanded(start, end)
         self._rates.add(start, rates, commanded=False)
         self._measured_from = start
+
+    def note_effects(self, effects: Sequence[EffectDescription]) -> None:
+        """Note the `effects` of the running model beyond its rig: a diagnosis finds the rest."""
+        self._rig = self._described.with_effects(effects)
 
     def note_evaluation_start(self) -> None:
         """Note that the evaluation of photographs starts; a new experiment may follow."""

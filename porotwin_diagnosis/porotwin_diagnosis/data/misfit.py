@@ -35,13 +35,17 @@ def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> 
     """Return the misfit [-] that the noise alone would cause, fitted and held out.
 
     It is the misfit with r^2 replaced by its expected value from noise, in the cells that count for
-    `residuals` (whitened, (nt, nz', nx') for every one of `samples`).
+    `residuals` (whitened, (nt, nz', nx') for every one of `samples`). It is at least the cost of
+    the errors that all maps share. Both are not added: at a front the delivered random deviation
+    holds the scatter across the front, which is an error of its place, too.
     """
     squares = [
         sample.expected_noise_squares * _counted_cells(sample, residual)
         for sample, residual in zip(samples, residuals, strict=True)
     ]
-    return _root_mean_squares(samples, squares)
+    fitted, held_out = _root_mean_squares(samples, squares)
+    shared = float(np.sqrt(np.mean([sample.expected_shared_square for sample in samples])))
+    return max(fitted, shared), max(held_out, shared)
 
 
 def _counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:

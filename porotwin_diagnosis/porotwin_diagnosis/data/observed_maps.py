@@ -64,11 +64,9 @@ def observed_maps(
     Raises:
         InputError: the recording holds no maps, or fewer than two with enough seen cells.
     """
-    seen = [
-        index
-        for index, frame in enumerate(recording.concentration)
-        if np.isfinite(frame).mean() > LEAST_SEEN
-    ]
+    stored = recording.maps if len(recording.times) else None
+    assert stored is not None  # `times` says so otherwise
+    seen = [index for index, frame in enumerate(stored) if np.isfinite(frame).mean() > LEAST_SEEN]
     if len(seen) < 2:
         raise InputError(
             f'{recording.source}: fewer than two maps show at least {LEAST_SEEN:.0%} of the rig; '
@@ -76,7 +74,7 @@ def observed_maps(
         )
     seen = _without_bursts(seen, recording.times)
     frames = np.unique(np.array(seen)[np.linspace(0, len(seen) - 1, count).round().astype(int)])
-    observed = [recording.concentration[frame] for frame in frames]
+    observed = [stored[int(frame)] for frame in frames]
     maps = [filled_map(frame, grid) for frame in observed]
     shares = [conservative_resample(np.isfinite(f).astype(float), grid.shape) for f in observed]
     return recording.times[frames], maps, shares

@@ -3,7 +3,7 @@
 The residual between an observed map o and a predicted concentration c is smoothed and divided by
 its standard deviation:
 
-    r = S(o - E[o | c]) / sigma,
+    r = C^(-1/2) S(o - E[o | c]) / sigma,
     sigma^2 = (damping s)^2 + (FRONT_TOLERANCE |grad S(o)|)^2 + BACKGROUND_TOLERANCE^2.
 
 S is a Gaussian of `SMOOTHING_WIDTH` cells. It keeps a displaced front and suppresses grain, point
@@ -11,6 +11,10 @@ spread and numerical smearing, which change sign across a front. E[o | c] is the
 of c (`Noise.expected`). s is the standard deviation of the noise; smoothing damps it by
 w / hypot(w, SMOOTHING_WIDTH) for noise of the width w. The gradient term is the uncertainty of the
 position of a front.
+
+Maps from photographs say how wrong they may be. Their random deviation, cell by cell, bounds s from
+below. Their systematic deviation is that of a few errors that all maps share; C is the covariance
+that these make (`shared_errors`). Without delivered deviations C is the identity.
 """
 
 from dataclasses import dataclass, replace
@@ -32,6 +36,15 @@ from porotwin_diagnosis.data.observed_maps import (
     filled_map,
     tracer_share,
 )
+from porotwin_diagnosis.data.shared_errors import (
+    LOCAL_SHARE,
+    ErrorSizes,
+    SharedErrors,
+    error_modes,
+    measured_errors,
+    sands_of,
+)
+from porotwin_diagnosis.thresholds import SYSTEMATIC_MISFIT
 from porotwin_recording.recording import Recording
 
 SMOOTHING_WIDTH = 1.5
@@ -89,6 +102,9 @@ class Sample:
         held_out_start: beginning of the held-out part [s].
         end: time of the last map of the recording [s].
         initial: first map (nz, nx) [-] if it holds tracer that no pump has injected; else None.
+        own_deviation: delivered standard deviation [-] of each value by itself, (nt, nz, nx); None
+            where the recording has none.
+        shared_errors: delivered standard deviations of the errors that all maps share, or None.
     """
 
     rig: Rig
@@ -102,6 +118,8 @@ class Sample:
     held_out_start: float
     end: float
     initial: FloatArray | None = None
+    own_deviation: FloatArray | None = None
+    shared_errors: ErrorSizes | None = None
 
     @property
     def model_start(self) -> float:
@@ -156,6 +174,12 @@ class Sample:
         deviation = self._noise_deviation(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
         return (deviation * self.weight(SMOOTHING_WIDTH)) ** 2
 
+    @cached_property
+    def expected_shared_square(self) -> float:
+        """Expected part of a squared misfit [-] that the errors of all maps cost; 0 without any."""
+        shared = self._shared(SMOOTHING_WIDTH, len(self.times))
+        return 0.0 if shared is None else SYSTEMATIC_MISFIT**2 * shared.effective_number
+
     def weight(self, width: float) -> FloatArray:
         """Return 1 / sigma of residuals smoothed over `width` [cells], (nt, nz', nx').
 
@@ -187,8 +211,11 @@ class Sample:
         damping = grain / np.hypot(grain, width)
         smoothed = self._smoothed(width)
         measured = self.noise.clipped_deviation(smoothed) * damping
-        # what denoising left, and what is the same everywhere, is not damped by more smoothing
-        return self.noise.with_delivered(measured, smoothed)
+        if self.own_deviation is None:
+            return self.noise.with_delivered(measured, smoothed)
+        # the error that denoising left is smooth already, and more smoothing does not damp it
+        own = gaussian_filter(self.own_deviation**2, (0.0, width, width))
+        return np.maximum(measured, np.sqrt(own))
 
     def whitened(
         self,
@@ -208,7 +235,37 @@ class Sample:
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
-        return smooth * self.weight(width)[:count]
+        return self.weighted(smooth, width)
+
+    def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
+        """Return a `smooth` change [-] at the compared cells as a whitened residual.
+
+        Both are (nt, nz', nx'), for all frames or for the first ones. `width` [cells] is that of
+        the smoothing.
+        """
+        count = len(smooth)
+        white = smooth * self.weight(width)[:count]
+        shared = self._shared(width, count)
+        return white if shared is None else shared.decorrelated(white)
+
+    def _shared(self, width: float, count: int) -> SharedErrors | None:
+        """Return the shared errors of the first `count` frames, for residuals of `width`."""
+        if self.shared_errors is None:
+            return None
+        if (width, count) not in self._decorrelations:
+            sands = sands_of(self.rig, self.grid)
+            maps = self.observed_or_zero[:count]
+            modes = error_modes(self.shared_errors, maps, sands, self.grid) * self.seen_mask[:count]
+            smooth = gaussian_filter(modes, (0.0, 0.0, width, width))[..., ::STRIDE, ::STRIDE]
+            cost = SYSTEMATIC_MISFIT**2 * max(1, int(np.count_nonzero(self.front_mask[:count])))
+            white = (smooth * self.weight(width)[:count]).astype(np.float32)
+            self._decorrelations[width, count] = SharedErrors(white, cost)
+        return self._decorrelations[width, count]
+
+    @cached_property
+    def _decorrelations(self) -> dict[tuple[float, int], SharedErrors]:
+        """Shared errors that were prepared already, by smoothing width and number of frames."""
+        return {}
 
     def relative_error(self, predicted: FloatArray, *, held_out: bool = True) -> float:
         """Return the relative L2 error [-] of `predicted` (nt, nz, nx) over the seen cells.
@@ -228,7 +285,8 @@ def read_sample(recording: Recording) -> Sample:
     Raises:
         InputError: too few frames, or no tracer in the fitted or in the held-out part.
     """
-    times, maps = recording.times, recording.concentration
+    times, maps = recording.times, recording.maps
+    assert maps is not None  # `times` says so otherwise
     held_out = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
     before = np.flatnonzero((times < held_out) & (times > times[0]))
     after = np.flatnonzero(times >= held_out)
@@ -247,26 +305,54 @@ def read_sample(recording: Recording) -> Sample:
     chosen = np.concatenate(
         [evenly_spread(fitted, FITTED_FRAMES), evenly_spread(after, HELD_OUT_FRAMES)]
     )
+    own, shared = _delivered(recording, chosen)
     return Sample(
         rig=recording.rig,
         schedule=recording.delivered,
         grid=recording.grid,
         times=times[chosen],
-        observed=maps[chosen].astype(float),
+        observed=np.stack([maps[int(index)] for index in chosen]).astype(float),
         fitted_frames=min(len(fitted), FITTED_FRAMES),
         noise=_noise(recording, max(1, len(times) // NOISE_FRAMES)),
         start=float(times[0]),
         held_out_start=float(held_out),
         end=float(times[-1]),
         initial=_initial_tracer(recording),
+        own_deviation=own,
+        shared_errors=shared,
     )
+
+
+def _delivered(
+    recording: Recording, chosen: NDArray[np.intp]
+) -> tuple[FloatArray | None, ErrorSizes | None]:
+    """Return what `recording` says about the errors of the `chosen` maps.
+
+    Returns:
+        The deviation of each value by itself, (nt, nz, nx) [-], and the sizes of the errors that
+        all maps share; None each where the recording says nothing.
+    """
+    stored = recording.maps
+    if stored is None or stored.deviation is None or stored.systematic is None:
+        return None, None
+    maps, deviation, systematic = (
+        np.stack([series[int(index)] for index in chosen]).astype(float)
+        for series in (stored, stored.deviation, stored.systematic)
+    )
+    sands = sands_of(recording.rig, recording.grid)
+    sizes = measured_errors(maps, systematic, sands, recording.grid)
+    random = np.maximum(deviation**2 - systematic**2, 0.0)
+    own = np.sqrt(random + (LOCAL_SHARE * systematic) ** 2)
+    return np.where(np.isfinite(own), own, 0.0), sizes
 
 
 def _noise(recording: Recording, step: int) -> Noise:
     """Return the noise of every `step`-th map, and what the recording says about its errors."""
-    maps = recording.concentration[::step]
-    noise, stored = measure_noise(maps), recording.maps
-    if stored is None or stored.deviation is None or stored.systematic is None:
+    stored = recording.maps
+    assert stored is not None
+    maps = stored[::step]
+    noise = measure_noise(maps)
+    if stored.deviation is None or stored.systematic is None:
         return noise
     return add_delivered(noise, maps, stored.deviation[::step], stored.systematic[::step])
 
@@ -277,7 +363,8 @@ def _initial_tracer(recording: Recording) -> FloatArray | None:
     It is None as well where tracer is injected from that moment on: a late clock looks the same
     and must be able to compete.
     """
-    start, first = recording.times[0], recording.concentration[0]
+    assert recording.maps is not None
+    start, first = recording.times[0], recording.maps[0]
     rows = recording.delivered.rows
     pumped = any(row.rate.rate and row.time < start for row in rows)
     injects = any(row.rate.rate * row.rate.concentration > 0 and row.time <= start for row in rows)
@@ -301,4 +388,13 @@ def coarsened(sample: Sample, factor: int) -> Sample:
     observed = np.stack([conservative_resample(frame, grid.shape) for frame in sample.observed])
     correlation = max(LEAST_COARSE_CORRELATION, sample.noise.correlation / factor)
     noise = replace(sample.noise, correlation=correlation)
-    return replace(sample, grid=grid, observed=observed, noise=noise)
+    own = sample.own_deviation
+    return replace(
+        sample,
+        grid=grid,
+        observed=observed,
+        noise=noise,
+        own_deviation=None
+        if own is None
+        else np.stack([conservative_resample(frame, grid.shape) for frame in own]),
+    )

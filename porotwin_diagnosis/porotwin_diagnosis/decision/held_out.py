@@ -12,6 +12,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
 from porotwin_diagnosis.data.noise_estimation import measure_point_spread_width
+from porotwin_diagnosis.data.observed_maps import evenly_spread
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.decision.numerics import Numerics, before_and_after
 from porotwin_diagnosis.model.fit import Fit
@@ -20,6 +21,10 @@ from porotwin_recording.recording import Recording
 LEAST_GAP = 1e-4
 """Error above the noise floor below which there is no gap to close: 0.01 %, far less than any
 recording shows."""
+
+MOST_MAPS = 240
+"""Most maps in memory, evenly spread: the last 30 % of 27 hours are 1000 maps, and each counts
+three times, as observed and predicted."""
 
 TIME_BLOCKS, TILES = 6, (4, 6)
 """Blocks of frames, and tiles of the map (rows, columns), for the bootstrap: errors last for
@@ -34,7 +39,7 @@ INTERVAL_PERCENTILES = (5.0, 95.0)
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The held-out part of one recording: all of its frames, observed and predicted.
+    """The held-out part of one recording: its frames, observed and predicted.
 
     Attributes:
         times: times of the frames [s], (nt,).
@@ -111,8 +116,10 @@ def measure_held_out(
     Raises:
         InputError: the model cannot run with the effects of `model`.
     """
-    chosen = np.flatnonzero(recording.times >= sample.held_out_start)
-    observed = recording.concentration[chosen].astype(float)
+    late = np.flatnonzero(recording.times >= sample.held_out_start)
+    chosen = evenly_spread(late, MOST_MAPS)
+    assert recording.maps is not None
+    observed = np.stack([recording.maps[int(index)] for index in chosen]).astype(float)
     part = replace(sample, times=recording.times[chosen], observed=observed, fitted_frames=0)
     before, after = before_and_after(part, model, numerics)
     width = measure_point_spread_width(observed, after, sample.noise)

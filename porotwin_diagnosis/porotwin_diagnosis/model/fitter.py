@@ -6,13 +6,14 @@ residuals: fronts that lie cells apart have no gradient at the resolution of the
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import misfit, noise_misfit
 from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, Sample
@@ -20,7 +21,6 @@ from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_diagnosis.model.fit import Fit, effects_at, infeasible_fit, member_slices
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
-from porotwin_diagnosis.model.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_diagnosis.model.rough_sand import RoughSands
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
 
@@ -51,13 +51,13 @@ class Fitter:
         forwards: one forward model per recording.
         point_spread_width: width [cells] of the point spread that simulated maps lack.
         rough_sands: models on rough sands, for effects that destabilise fronts.
-        pool: runs the simulations of a finite difference at the same time; None for one at a time.
+        pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
     point_spread_width: float = field(default=0.0, kw_only=True)
     rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
-    pool: ThreadPoolExecutor | None = field(default=None, kw_only=True)
+    pool: Executor | None = field(default=None, kw_only=True)
 
     @property
     def samples(self) -> list[Sample]:

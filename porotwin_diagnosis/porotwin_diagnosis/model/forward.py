@@ -1,9 +1,12 @@
 """The forward model: simulated maps of a recording with any effects, as the camera shows them."""
 
-from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections import OrderedDict, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -24,34 +27,42 @@ Effects = Sequence[EffectDescription]
 
 
 class SimulationMemory:
-    """The latest simulations of one forward model, and the number of all that were made.
+    """The latest simulations of one forward model, and the number of different ones.
 
-    It is shared by all corrected versions of the forward model, and safe to use from threads.
+    It is shared by all corrected versions of the forward model. Threads that ask for the same
+    simulation make it once.
     """
 
     def __init__(self) -> None:
-        self.count = 0
         self._maps: OrderedDict[str, FloatArray] = OrderedDict()
+        self._turns: defaultdict[str, Lock] = defaultdict(Lock)
         self._lock = Lock()
 
-    def request(self, key: str, frames: int) -> FloatArray | None:
+    @property
+    def count(self) -> int:
+        """Number of different simulations so far."""
+        return len(self._turns)
+
+    def maps(self, key: str, frames: int, make: Callable[[], FloatArray]) -> FloatArray:
         """Return the first `frames` maps (frames, nz, nx) [-] of the simulation `key`.
 
-        If they are not in memory, return None and count the simulation that the caller then makes.
+        `make` returns them where they are not in memory. It may be called again later on, for more
+        frames or because other simulations took the place.
         """
         with self._lock:
-            if key in self._maps and len(self._maps[key]) >= frames:
-                self._maps.move_to_end(key)
-                return self._maps[key][:frames]
-            self.count += 1
-            return None
-
-    def keep(self, key: str, maps: FloatArray) -> None:
-        """Keep the `maps` (nt, nz, nx) [-] of the simulation `key`; drop the oldest if need be."""
-        with self._lock:
-            self._maps[key] = maps
-            while len(self._maps) > REMEMBERED_SIMULATIONS:
-                self._maps.popitem(last=False)
+            turn = self._turns[key]
+        with turn:
+            with self._lock:
+                known = self._maps.get(key)
+                if known is not None and len(known) >= frames:
+                    self._maps.move_to_end(key)
+                    return known[:frames]
+            made = make()
+            with self._lock:
+                self._maps[key] = made
+                while len(self._maps) > REMEMBERED_SIMULATIONS:
+                    self._maps.popitem(last=False)
+            return made
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +75,7 @@ class Forward:
         refinement: solver cells per cell of the sample, each way; None for the preset's own.
         correction: multifidelity correction (nt, nz, nx) [-] that is added to simulated maps.
         memory: simulations made before. It belongs to the sample, the preset and the refinement.
+        crew: runs the simulations; None: the thread that wants one does.
     """
 
     sample: Sample
@@ -71,10 +83,11 @@ class Forward:
     refinement: int | None = field(default=None, kw_only=True)
     correction: FloatArray | None = field(default=None, kw_only=True)
     memory: SimulationMemory = field(default_factory=SimulationMemory, kw_only=True, repr=False)
+    crew: Executor | None = field(default=None, kw_only=True, repr=False)
 
     @property
     def simulations(self) -> int:
-        """Number of simulations made so far, also by corrected versions of this model."""
+        """Number of different simulations so far, also of corrected versions of this model."""
         return self.memory.count
 
     def maps(self, effects: Effects, *, fitted_only: bool = False) -> FloatArray:
@@ -132,12 +145,10 @@ class Forward:
     def _simulated(
         self, physics: tuple[EffectDescription, ...], *, fitted_only: bool
     ) -> FloatArray:
-        key, sample = repr(physics), self.sample
+        sample = self.sample
         wanted = sample.fitted_frames if fitted_only else len(sample.times)
-        known = self.memory.request(key, wanted)
-        if known is not None:
-            return known
-        frames = simulated_maps(
+        simulation = partial(
+            _simulation,
             sample.rig,
             sample.schedule,
             sample.times[:wanted],
@@ -148,9 +159,16 @@ class Forward:
             start=sample.model_start,
             refinement=self.refinement,
         )
-        maps = np.stack([frame.astype(np.float32) for frame in frames])
-        self.memory.keep(key, maps)
-        return maps
+
+        def make() -> FloatArray:
+            return simulation() if self.crew is None else self.crew.submit(simulation).result()
+
+        return self.memory.maps(repr(physics), wanted, make)
+
+
+def _simulation(*args: Any, **options: Any) -> FloatArray:
+    """Return the maps (nt, nz, nx) [-] of `simulated_maps` with these arguments."""
+    return np.stack([frame.astype(np.float32) for frame in simulated_maps(*args, **options)])
 
 
 def _simulated_part(effects: Effects) -> tuple[EffectDescription, ...]:

@@ -131,12 +131,30 @@ def _cause(result: Diagnosis) -> str:
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
-        return 'Not in the library of effects.'
+        return f'Not in the library of effects. {_form(result)}'
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.inseparable]
     lines += [f'or {_together(names)} together' for names in verdict.alternatives]
     return '<br>'.join(lines)
+
+
+def _form(result: Diagnosis) -> str:
+    """Say what the remainder looks like."""
+    form = result.remainder
+    if form is None or not form.terms:
+        return 'No simple form describes what is missing either.'
+    said = ', and '.join(term.words for term in form.terms)
+    kind = {
+        'source': 'a source or sink of water',
+        'transport': 'the transport in the sand',
+        'storage': 'the storage of tracer in the sand',
+        'camera': 'the camera',
+    }[form.terms[0].kind]
+    return (
+        f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
+        f'{100 * form.closed:.0f} % of the gap in the held-out part.'
+    )
 
 
 def _with_origin(name: str) -> str:
@@ -239,6 +257,12 @@ def _how_sure(result: Diagnosis) -> str:
         lines.append(
             f'The fronts speak for {best}, but with it the held-out maps are predicted worse.'
         )
+    if verdict.name == NONE and _is_calibrated(result):
+        lines.append(
+            'The maps were calibrated by an injection. An effect that changed this injection too, '
+            'such as a bent response of the dye, may be hidden by the calibration; known dilutions '
+            'and the weighed outflow would show it.'
+        )
     if verdict.inseparable:
         names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.inseparable)
         lines.append(
@@ -252,6 +276,12 @@ def _how_sure(result: Diagnosis) -> str:
             f'{evidence.fitted_frames} frames with tracer in the first 70 %.'
         )
     return '<br>'.join(lines)
+
+
+def _is_calibrated(result: Diagnosis) -> bool:
+    """Return whether a recording has maps from photographs, with a calibration."""
+    stored = [recording.maps for recording in result.recordings]
+    return any(maps is not None and bool(maps.origin.calibrated) for maps in stored)
 
 
 def these(result: Diagnosis) -> str:

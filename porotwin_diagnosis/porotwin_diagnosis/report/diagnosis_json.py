@@ -73,11 +73,13 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'background': round(noise.background, 4),
             'correlation_cells': round(noise.correlation, 2),
             'blur_cells': round(held_out[0].point_spread_width, 2),
+            'shared_errors': _shared_errors(result),
         },
         'smallest_visible': {
             name: strength._asdict() for name, strength in result.strengths.items()
         },
         'next_experiment': [_proposal(proposal) for proposal in result.proposals],
+        'remainder': _remainder(result),
         'recordings': [str(recording.source) for recording in result.recordings],
         'by_recording': _by_recording(result),
         'made_with': {
@@ -86,6 +88,43 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             'simulations': findings.runs,
             'seconds': round(result.seconds, 1),
         },
+    }
+
+
+def _remainder(result: Diagnosis) -> dict[str, Any] | None:
+    """Return the form of an unexplained gap; None for other verdicts."""
+    form = result.remainder
+    if form is None:
+        return None
+    return {
+        'kind': form.kind,
+        'closed': round(form.closed, 3),
+        'terms': [
+            {
+                'name': term.name,
+                'kind': term.kind,
+                'amount': term.amount,
+                'unit': term.unit,
+                'words': term.words,
+                'place': None
+                if term.place is None
+                else {'x_m': round(term.place[0], 4), 'z_m': round(term.place[1], 4)},
+            }
+            for term in form.terms
+        ],
+    }
+
+
+def _shared_errors(result: Diagnosis) -> dict[str, Any] | None:
+    """Return the standard deviations of the errors that all maps share; None if nobody told."""
+    sizes = result.samples[0].shared_errors
+    if sizes is None:
+        return None
+    return {
+        'scale_by_sand': [round(scale, 4) for scale in sizes.scales],
+        'bend': round(sizes.bend, 4),
+        'place_m': round(sizes.place_m, 6),
+        'blur_m2': round(sizes.blur_m2, 9),
     }
 
 

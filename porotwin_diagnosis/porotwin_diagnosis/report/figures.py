@@ -1,13 +1,11 @@
 """The figures of the report: plumes, where the gap arises, the error over time, the remainder."""
 
-import io
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
@@ -46,21 +44,6 @@ BEFORE, AFTER, OBSERVED = '#c8402f', '#1f6fb4', '0.15'
 
 FRONT = 0.5
 """Concentration of the line that is drawn as a front, relative to the stock."""
-
-
-def photograph(content: bytes) -> Figure:
-    """Return the photograph in the file `content`, as the camera took it.
-
-    Raises:
-        OSError, ValueError, SyntaxError: the file is no picture, or it is broken.
-    """
-    picture = imread(io.BytesIO(content), format='jpg')  # the reader finds the real format itself
-    height, width = picture.shape[:2]
-    figure = Figure(figsize=(10, 10 * height / width))
-    axis = figure.add_axes((0, 0, 1, 1))
-    axis.imshow(picture, cmap='gray')
-    axis.set_axis_off()
-    return figure
 
 
 def plumes(result: Diagnosis, number: int = 0) -> Figure:

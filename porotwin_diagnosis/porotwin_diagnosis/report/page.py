@@ -9,6 +9,7 @@ from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.report import figures
 from porotwin_diagnosis.report.answer import Summary, answer, closed, sentence_box, these
 from porotwin_diagnosis.report.markup import figure_with_caption, percent, table
+from porotwin_diagnosis.report.photograph_figure import caption, photograph
 from porotwin_diagnosis.report.report_sections import (
     laboratory_checks,
     method,
@@ -162,11 +163,10 @@ def _photograph(result: Diagnosis) -> Iterator[str]:
     if not photos:
         return
     try:
-        picture = figures.photograph(photos[-1].read())
+        picture = photograph(photos[-1].read(), result)
     except (OSError, ValueError, SyntaxError):  # all errors that a broken file raises
         return
-    caption = f'The last photograph, {photos[-1].time / 60:.0f} min.'
-    yield figure_with_caption(picture, caption, 'jpeg')
+    yield figure_with_caption(picture, caption(photos[-1].time / 60, result), 'jpeg')
 
 
 def _plumes_caption(result: Diagnosis, which: str) -> str:

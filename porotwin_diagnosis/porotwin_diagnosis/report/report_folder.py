@@ -79,4 +79,4 @@ def rig_with_effects(rig: Rig, verdict: Verdict) -> Rig:
     """Return `rig` with the effects that `verdict` names; unchanged if it names none."""
     if not verdict.members:
         return rig
-    return rig.model_copy(update={'effects': (*rig.effects, *verdict.model.effects)})
+    return rig.with_effects(verdict.model.effects)

@@ -160,6 +160,20 @@ def visible_strengths(result: Diagnosis) -> str:
     return note + table(['effect', 'parameter', 'least visible deviation'], rows, {2})
 
 
+def _shared_errors(result: Diagnosis) -> str:
+    """Say how wrong all maps together may be, if the imaging told it; empty otherwise."""
+    sizes = result.samples[0].shared_errors
+    if sizes is None:
+        return ''
+    return (
+        ' Errors that all maps share, as the imaging tells them: scale '
+        f'{percent(min(sizes.scales))} in the best known sand and {percent(max(sizes.scales))} in '
+        f'the worst, half of the stock off by {percent(sizes.bend)}, places off by '
+        f'{number(1e3 * sizes.place_m, 2)} mm. Every model, also the one without effects, was '
+        'compared with the best values of these errors.'
+    )
+
+
 def method(result: Diagnosis) -> str:
     """Return how the diagnosis was made: simulations, noise, misfits."""
     findings, numerics = result.evidence.findings, result.evidence.numerics
@@ -176,7 +190,8 @@ def method(result: Diagnosis) -> str:
         f'on the last 30 %.</p><p>Measured noise: grain {percent(noise.grain)}, frame noise '
         f'{percent(noise.frame)}, empty sand {percent(noise.background)} of the stock; correlated '
         f'over {noise.correlation:.1f} cells; fronts blurred over '
-        f'{result.held_out[0].point_spread_width:.1f} cells.</p><p>Misfit at fronts, in standard '
+        f'{result.held_out[0].point_spread_width:.1f} cells.{_shared_errors(result)}</p>'
+        '<p>Misfit at fronts, in standard '
         'deviations of the noise and of a front 0.12 cells off: '
         f'{score(findings.null):.2f} before, {score(model):.2f} after; noise alone gives '
         f'{overall_misfit(*model.noise_misfit):.2f}. Beyond the noise this is as if fronts were '

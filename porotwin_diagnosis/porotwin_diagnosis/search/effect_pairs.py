@@ -203,22 +203,22 @@ def _fitted_pairs(
 
     Pairs that are `known` already, and fits with a leak at a pumping well, are left out.
     """
-    pairs: Pairs = {}
+    chosen: dict[frozenset[str], Candidate] = {}
     for partner in partners:
-        members = (*base.members, partner)
-        key = member_labels(members)
-        if key not in known and key not in pairs:
-            pairs[key] = levels.screening.fit(
-                members,
-                start=np.concatenate([base.scaled_parameters, partner.first]),
-                coarse_steps=PAIR_COARSE_ITERATIONS,
-                fine_steps=PAIR_FINE_ITERATIONS,
-            )
-    return {
-        key: fit
-        for key, fit in pairs.items()
-        if fit.is_feasible and not levels.has_leak_at_well(fit)
-    }
+        key = member_labels((*base.members, partner))
+        if key not in known:
+            chosen.setdefault(key, partner)
+
+    def fitted(partner: Candidate) -> Fit:
+        return levels.screening.fit(
+            (*base.members, partner),
+            start=np.concatenate([base.scaled_parameters, partner.first]),
+            coarse_steps=PAIR_COARSE_ITERATIONS,
+            fine_steps=PAIR_FINE_ITERATIONS,
+        )
+
+    pairs = zip(chosen, levels.side_by_side(fitted, list(chosen.values())), strict=True)
+    return {key: fit for key, fit in pairs if fit.is_feasible and not levels.has_leak_at_well(fit)}
 
 
 def _partners(
@@ -251,16 +251,23 @@ def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[
     fitter = levels.screening
     residuals = fitter.residuals(base.effects, SMOOTHING_WIDTH)
     own = fitter.responses(base.members, base.scaled_parameters)
-    gains: list[tuple[float, Candidate]] = []
-    for candidate in (fit.members[0] for fit in screened):
-        if candidate.effect == base.members[0].effect or has_place(candidate.effect):
-            continue
+    candidates = [fit.members[0] for fit in screened]
+    others = [
+        candidate
+        for candidate in candidates
+        if candidate.effect != base.members[0].effect and not has_place(candidate.effect)
+    ]
+
+    def gain(candidate: Candidate) -> float:
         members = (*base.members, candidate)
         scaled = np.concatenate([base.scaled_parameters, candidate.first])
         added = fitter.responses(members, scaled, first=len(base.scaled_parameters))
         penalty = PARTNER_GAIN_PER_PARAMETER ** len(candidate.parameters)
-        gains.append((linear_gain(residuals, own, added) * penalty, candidate))
-    return [candidate for _, candidate in sorted(gains, key=lambda item: -item[0])]
+        return linear_gain(residuals, own, added) * penalty
+
+    gains = levels.side_by_side(gain, others)
+    order = sorted(range(len(others)), key=lambda number: -gains[number])
+    return [others[number] for number in order]
 
 
 def linear_gain(

@@ -6,6 +6,9 @@ cells.
 3. Judgement: the best of those are fitted on fine cells, then again with the multifidelity
    correction and the point spread that suit them (`levels`).
 4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`).
+
+If the model without effects surely leaves no gap, the search ends early: effects without a place
+are screened, and the best one is judged.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.progress import Progress
@@ -32,11 +36,17 @@ from porotwin_diagnosis.search.ranking import (
 )
 from porotwin_diagnosis.search.single_effects import (
     SearchSpace,
+    coarsely_fitted_singles,
     refitted_singles,
     screened_singles,
     search_space,
 )
-from porotwin_diagnosis.thresholds import CORRECTABLE_MISFIT, EXPLAINED_MISFIT, REFINED_FITS
+from porotwin_diagnosis.thresholds import (
+    CORRECTABLE_MISFIT,
+    EXPLAINED_MISFIT,
+    REFINED_FITS,
+    SURELY_NO_GAP_MISFIT,
+)
 
 
 class SearchResult(NamedTuple):
@@ -51,7 +61,7 @@ def search_effects(
     *,
     excluded: Collection[str] = (),
     progress: Progress = lambda _stage, _share: None,
-    workers: int = 2,
+    crew: Crew | None = None,
 ) -> SearchResult:
     """Search for effects that explain recordings of one rig.
 
@@ -59,17 +69,20 @@ def search_effects(
         samples: the recordings; an effect has the same parameters in all of them.
         excluded: names of effects that are not considered.
         progress: called with the stage and the share that is done, up to about 0.9.
-        workers: simulations at a time.
+        crew: runs the simulations; None: one at a time.
 
     Raises:
         InputError: no effect without a place remains, or the model cannot run without effects.
     """
     space = search_space(samples, excluded)
-    levels = make_levels(samples, progress=progress, workers=workers)
+    levels = make_levels(samples, progress=progress, crew=crew)
     progress('running the model without effects', 0.0)
     null = levels.null()
     if score(null) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
+    corrected = levels.corrected_at(null)
+    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < SURELY_NO_GAP_MISFIT:
+        return _found_no_gap(corrected, space)
     screened = screened_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     levels, singles = _judged_singles(levels, screened, null)
@@ -83,6 +96,16 @@ def search_effects(
     findings = replace(findings, parts=_parts(levels, findings.pairs))
     levels, singles = fitted_again_alone(levels, findings)
     findings = replace(findings, singles=singles)
+    return SearchResult(_with_distances(levels, findings), levels)
+
+
+def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
+    """Return the findings on a recording that the model without effects surely explains."""
+    screened = coarsely_fitted_singles(levels, space)
+    screened_null = levels.screening.evaluate((), np.zeros(0))
+    first, *_ = screened
+    singles = [levels.judging.polish(first, levels.refining)]
+    findings = Findings(levels.null(), screened_null, screened, singles)
     return SearchResult(_with_distances(levels, findings), levels)
 
 

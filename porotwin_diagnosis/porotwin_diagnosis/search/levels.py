@@ -11,15 +11,16 @@
 simulations made so far.
 """
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from porotwin_core.grid import relative_error
+from porotwin_core.parallel import Crew, ThreadCrew
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.sample import Sample, coarsened
 from porotwin_diagnosis.model.effect_traits import is_slow_on_fine_grids
@@ -77,6 +78,13 @@ REFINING_PROGRESS, JUDGING_PROGRESS, POLISHING_PROGRESS = 0.06, 0.08, 0.05
 """Share of the progress that a stage takes."""
 
 
+THREADS_PER_WORKER = 2
+"""Threads that prepare and compare simulations per worker that simulates, so that none waits."""
+
+Item = TypeVar('Item')
+Made = TypeVar('Made')
+
+
 @dataclass(frozen=True, eq=False)
 class Levels:
     """Fitters of the same recordings on cells of different size.
@@ -88,7 +96,8 @@ class Levels:
         judging: fitter on fine cells.
         finest: forward models on the finest cells, one per recording.
         progress: called with the stage and the share that is done.
-        pool: runs simulations at the same time; None for one at a time.
+        crew: runs the simulations; None for one at a time.
+        pool: threads that compare these simulations; None for one at a time.
     """
 
     samples: tuple[Sample, ...]
@@ -97,11 +106,23 @@ class Levels:
     judging: Fitter
     finest: tuple[Forward, ...]
     progress: Progress
-    pool: ThreadPoolExecutor | None = None
+    crew: Crew | None = None
+    pool: Executor | None = None
+
+    def side_by_side(self, function: Callable[[Item], Made], items: Sequence[Item]) -> list[Made]:
+        """Return the results of `function` for all `items`, in their order.
+
+        With a crew, several calls run at the same time. They do not run in `pool`, because they
+        wait for the slopes in it.
+        """
+        if self.crew is None or len(items) < 2:
+            return [function(item) for item in items]
+        with self.crew.threads(len(items)) as threads:
+            return list(threads.map(function, items))
 
     @property
     def simulations(self) -> int:
-        """Number of simulations made so far, without those on rough sand."""
+        """Number of different simulations so far, without those on rough sand."""
         fitters = (self.screening, self.refining, self.judging)
         forwards = [forward for fitter in fitters for forward in fitter.forwards]
         return sum(forward.simulations for forward in (*forwards, *self.finest))
@@ -176,17 +197,18 @@ class Levels:
 
         Fits that are not feasible are left out. `begin` is the progress at the beginning.
         """
-        refined = []
-        for index, fit in enumerate(fits):
-            self.progress(f'refining {fit.label}', begin + REFINING_PROGRESS * index / len(fits))
-            refined.append(
-                self.refining.fit(
-                    fit.members,
-                    start=fit.scaled_parameters,
-                    coarse_steps=0,
-                    fine_steps=REFINING_ITERATIONS,
-                )
+
+        def refine(number: int) -> Fit:
+            fit = fits[number]
+            self.progress(f'refining {fit.label}', begin + REFINING_PROGRESS * number / len(fits))
+            return self.refining.fit(
+                fit.members,
+                start=fit.scaled_parameters,
+                coarse_steps=0,
+                fine_steps=REFINING_ITERATIONS,
             )
+
+        refined = self.side_by_side(refine, range(len(fits)))
         return sorted(feasible(refined), key=score)
 
     def judged(self, refined: Sequence[Fit], begin: float) -> list[Fit]:
@@ -194,11 +216,14 @@ class Levels:
 
         The result is ranked. `begin` is the progress at the beginning.
         """
-        judged = []
-        for index, fit in enumerate(close_to_best(refined)[:JUDGED_FITS]):
-            self.progress(f'judging {fit.label}', begin + JUDGING_PROGRESS * index / JUDGED_FITS)
-            judged.append(self.judging.polish(fit, self.refining))
-        return self.ranked(feasible(judged))
+        best = close_to_best(refined)[:JUDGED_FITS]
+
+        def judge(number: int) -> Fit:
+            stage, done = f'judging {best[number].label}', JUDGING_PROGRESS * number / JUDGED_FITS
+            self.progress(stage, begin + done)
+            return self.judging.polish(best[number], self.refining)
+
+        return self.ranked(feasible(self.side_by_side(judge, range(len(best)))))
 
     def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> 'Judgement':
         """Return the ranked `fits` judged again on corrected levels.
@@ -278,39 +303,44 @@ class Judgement(NamedTuple):
     fits: list[Fit]
 
 
-def make_levels(samples: Sequence[Sample], *, progress: Progress, workers: int) -> Levels:
+def make_levels(
+    samples: Sequence[Sample], *, progress: Progress, crew: Crew | None = None
+) -> Levels:
     """Return the levels of `samples` of one rig, without corrections.
 
     Args:
         samples: the recordings.
         progress: called with the stage and the share that is done.
-        workers: simulations at a time.
+        crew: runs the simulations; None: one at a time.
     """
-    pool = ThreadPoolExecutor(workers) if workers > 1 else None
+    if isinstance(crew, ThreadCrew) and crew.workers == 1:
+        crew = None
+    pool = crew.threads(THREADS_PER_WORKER * crew.workers) if crew is not None else None
     sands = [
-        [Forward(on_rough_sand(sample, seed), refinement=JUDGING) for sample in samples]
+        [Forward(on_rough_sand(sample, seed), refinement=JUDGING, crew=crew) for sample in samples]
         for seed in range(ROUGH_SANDS)
     ]
     return Levels(
         samples=tuple(samples),
         screening=Fitter(
-            [Forward(coarsened(s, _screening_factor(s)), refinement=1) for s in samples],
+            [Forward(coarsened(s, _screening_factor(s)), refinement=1, crew=crew) for s in samples],
             point_spread_width=0.5 * TYPICAL_POINT_SPREAD,
             pool=pool,
         ),
         refining=Fitter(
-            [Forward(sample, refinement=1) for sample in samples],
+            [Forward(sample, refinement=1, crew=crew) for sample in samples],
             point_spread_width=TYPICAL_POINT_SPREAD,
             pool=pool,
         ),
         judging=Fitter(
-            [Forward(sample, refinement=JUDGING) for sample in samples],
+            [Forward(sample, refinement=JUDGING, crew=crew) for sample in samples],
             point_spread_width=TYPICAL_POINT_SPREAD,
             rough_sands=RoughSands(sands),
             pool=pool,
         ),
-        finest=tuple(Forward(sample, refinement=FINEST) for sample in samples),
+        finest=tuple(Forward(sample, refinement=FINEST, crew=crew) for sample in samples),
         progress=progress,
+        crew=crew,
         pool=pool,
     )
 

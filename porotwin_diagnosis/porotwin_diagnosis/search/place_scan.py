@@ -8,8 +8,9 @@ of r.r, with the strength multiplied by (b.r) / (b.b).
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg import orth
@@ -53,15 +54,18 @@ class _CoarseRecording:
         sample: the recording.
         grid: the coarse grid.
         times: times of the compared frames [s], (nt,).
+        crew: runs the simulations; None: the thread that wants one does.
     """
 
     sample: Sample
     grid: Grid
     times: FloatArray
+    crew: Executor | None
 
     def simulated(self, effects: Sequence[EffectDescription]) -> FloatArray:
         """Return the smoothed simulated maps with `effects`, (nt, nz, nx) [-]."""
-        maps = simulate(
+        simulation = partial(
+            simulate,
             self.sample.rig,
             self.sample.schedule,
             self.times,
@@ -71,6 +75,7 @@ class _CoarseRecording:
             initial=self.sample.initial_on(self.grid),
             start=self.sample.model_start,
         )
+        maps = simulation() if self.crew is None else self.crew.submit(simulation).result()
         return _smoothed(maps)
 
 
@@ -98,7 +103,7 @@ def promising_starts(
     effect: str,
     *,
     beside: Fit | None = None,
-    pool: ThreadPoolExecutor | None = None,
+    pool: Executor | None = None,
 ) -> list[Candidate]:
     """Return the most promising starts of a fit of an effect with a place, the best first.
 
@@ -107,7 +112,7 @@ def promising_starts(
         effect: the name of an effect with a place.
         beside: a fit whose effects are present. Its parameters may adapt: the part of a response
             that they can imitate, to first order, is removed.
-        pool: runs the simulations; None for one at a time.
+        pool: compares the simulations; None for one at a time.
 
     Raises:
         InputError: no pump ever runs, the rig is closed, or the model cannot run with `beside`.
@@ -146,7 +151,7 @@ def _comparison(forward: Forward, given: tuple[EffectDescription, ...]) -> _Comp
     expected = sample.noise.expected(forward.maps(given)[frames])
     residual = (sample.observed_or_zero[frames] - expected) * sample.seen_mask[frames]
     coarse = np.stack([conservative_resample(frame, grid.shape) for frame in residual])
-    recording = _CoarseRecording(sample, grid, sample.times[frames])
+    recording = _CoarseRecording(sample, grid, sample.times[frames], forward.crew)
     return _Comparison(recording, _smoothed(coarse), recording.simulated(given))
 
 

@@ -54,19 +54,32 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
     Every effect without a place is fitted to coarse residuals; the promising ones go on to fine
     residuals. An effect with a place is fitted from the most promising places.
     """
-    fits: list[Fit] = []
-    for index, candidate in enumerate(space.candidates):
-        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * index / len(space.candidates))
-        fits.append(_fit_from_best_start(levels, candidate))
-    fits = feasible(fits)
+    fits = coarsely_fitted_singles(levels, space)
     limit = UNPROMISING * min(map(score, fits))
-    for index, fit in enumerate(fits):
-        if score(fit) < limit:
-            levels.progress(f'fitting {fit.label}', 0.17 + 0.12 * index / len(fits))
-            fits[index] = _continued(levels, fit)
+
+    def fitted(number: int) -> Fit:
+        fit = fits[number]
+        if score(fit) >= limit:
+            return fit
+        levels.progress(f'fitting {fit.label}', 0.17 + 0.12 * number / len(fits))
+        return _continued(levels, fit)
+
+    fits = levels.side_by_side(fitted, range(len(fits)))
     for effect in space.local_effects:
         levels.progress(f'looking for a place of {effect}', 0.29)
         fits.extend(_best_placed(levels, effect))
+    return sorted(feasible(fits), key=score)
+
+
+def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
+    """Return fits of the effects without a place to coarse residuals, the best score first."""
+
+    def tried(number: int) -> Fit:
+        candidate, share = space.candidates[number], number / len(space.candidates)
+        levels.progress(f'trying {candidate.label}', 0.02 + 0.15 * share)
+        return _fit_from_best_start(levels, candidate)
+
+    fits = levels.side_by_side(tried, range(len(space.candidates)))
     return sorted(feasible(fits), key=score)
 
 
@@ -80,7 +93,8 @@ def refitted_singles(levels: Levels, best: Fit, screened: Sequence[Fit]) -> list
         first_of_each_effect(screened),
         key=lambda fit: effect_and_well(fit) != effect_and_well(best),
     )
-    again = feasible([_continued(levels, fit) for fit in order[:REFITTED_SINGLES]])
+    first = order[:REFITTED_SINGLES]
+    again = feasible(levels.side_by_side(lambda fit: _continued(levels, fit), first))
     labels = {fit.label for fit in again}
     return sorted([*again, *(fit for fit in screened if fit.label not in labels)], key=score)
 
@@ -112,9 +126,9 @@ def _continued(levels: Levels, fit: Fit) -> Fit:
 
 def _best_placed(levels: Levels, effect: str) -> list[Fit]:
     """Return the best fit from the most promising places of `effect`; empty if there is none."""
-    fits = [
-        levels.screening.fit((start,), coarse_steps=PLACED_COARSE_ITERATIONS)
-        for start in place_starts(levels, effect)
-    ]
+    fits = levels.side_by_side(
+        lambda start: levels.screening.fit((start,), coarse_steps=PLACED_COARSE_ITERATIONS),
+        place_starts(levels, effect),
+    )
     away_from_wells = [fit for fit in feasible(fits) if not levels.has_leak_at_well(fit)]
     return sorted(away_from_wells, key=score)[:1]

@@ -7,7 +7,7 @@ from pydantic import Field, FiniteFloat
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Polygon, Rig
 from porotwin_hub.objective import ObjectiveKind, ObjectiveParameters, TargetTracer, pore_volume
-from porotwin_hub.zones import distance_to_edge, fuzzy_mask
+from porotwin_hub.zones import distance_to_edge, fuzzy_mask, zones_of
 
 
 class HoldFrontParameters(ObjectiveParameters):
@@ -16,7 +16,7 @@ class HoldFrontParameters(ObjectiveParameters):
     Far from the edge tracer and water may be anywhere, so that a plume still has time to grow.
     """
 
-    tracer_m: Polygon
+    tracer_m: Polygon | None = None
     band_m: Annotated[FiniteFloat, Field(gt=0)] = 0.1
 
 
@@ -27,9 +27,10 @@ def hold_front(rig: Rig, grid: Grid, parameters: HoldFrontParameters) -> TargetT
     at the distance `band_m` on both sides. The sides of the rig are no edge.
 
     Raises:
-        InputError: the region covers no cell of the rig.
+        InputError: there is no region, or it covers no cell of the rig.
     """
-    distance, within = distance_to_edge(parameters.tracer_m, grid, 'tracer_m')
+    (zone,) = zones_of(rig, (parameters.tracer_m,), grid, 'tracer_m')
+    distance, within = distance_to_edge(zone, grid)
     return TargetTracer(
         goal='front held',
         weights=fuzzy_mask(distance, parameters.band_m) * pore_volume(rig, grid),

@@ -12,13 +12,13 @@ from porotwin_hub.objective import (
     WeightedTracer,
     pore_volume,
 )
-from porotwin_hub.zones import cell_centres, checked_zone, distance_to_outside, fuzzy_mask
+from porotwin_hub.zones import distance_to_outside, fuzzy_mask, zones_of
 
 
 class KeepInParameters(ObjectiveParameters):
     """The zone, and the distance [m] over which the mask falls from 1 to 0 inside it."""
 
-    zone_m: Polygon
+    zone_m: Polygon | None = None
     fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
 
 
@@ -28,10 +28,10 @@ def keep_in(rig: Rig, grid: Grid, parameters: KeepInParameters) -> WeightedTrace
     varphi is 1 outside the zone and falls to 0 at the distance `fuzziness_m` inside it.
 
     Raises:
-        InputError: the zone covers no cell of the rig.
+        InputError: there is no zone, or it covers no cell of the rig.
     """
-    polygon = checked_zone(parameters.zone_m, grid, 'zone_m')
-    distance = distance_to_outside(cell_centres(grid), polygon).reshape(grid.shape)
+    (zone,) = zones_of(rig, (parameters.zone_m,), grid, 'zone_m')
+    distance = distance_to_outside(zone, grid)
     pores = pore_volume(rig, grid)
     return WeightedTracer(
         goal='least tracer outside the zone',

@@ -4,7 +4,6 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
-from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Polygon, Rig
 from porotwin_hub.objective import (
@@ -13,7 +12,7 @@ from porotwin_hub.objective import (
     WeightedTracer,
     pore_volume,
 )
-from porotwin_hub.zones import distance_to_zones, fuzzy_mask
+from porotwin_hub.zones import distance_to_zones, fuzzy_mask, zones_of
 
 
 class KeepOutParameters(ObjectiveParameters):
@@ -32,15 +31,9 @@ def keep_out(rig: Rig, grid: Grid, parameters: KeepOutParameters) -> WeightedTra
     Raises:
         InputError: there is no zone, or one covers no cell of the rig.
     """
-    first = parameters.disallowed_zone_m
-    zones = ((first,) if first else ()) + parameters.zones_m
-    if not zones:
-        raise InputError(
-            "objective 'keep_out': 'disallowed_zone_m' is missing: corners (x, z) of the zone [m], "
-            'or zones_m for several zones'
-        )
+    given = (parameters.disallowed_zone_m, *parameters.zones_m)
     key = 'zones_m' if parameters.zones_m else 'disallowed_zone_m'
-    distance = distance_to_zones(zones, grid, key)
+    distance = distance_to_zones(zones_of(rig, given, grid, key), grid)
     pores = pore_volume(rig, grid)
     return WeightedTracer(
         goal='least tracer in the disallowed zone',

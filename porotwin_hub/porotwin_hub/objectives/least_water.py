@@ -6,10 +6,8 @@ from pydantic import Field, FiniteFloat
 
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
+from porotwin_core.units import MINUTE_S
 from porotwin_hub.objective import LeastWater, ObjectiveKind, ObjectiveParameters
-
-S_PER_MIN = 60.0
-"""Seconds in a minute."""
 
 
 class LeastWaterParameters(ObjectiveParameters):
@@ -20,7 +18,7 @@ class LeastWaterParameters(ObjectiveParameters):
 
 def least_water(_rig: Rig, _grid: Grid, parameters: LeastWaterParameters) -> LeastWater:
     """Return the cost of water alone; rig and grid do not matter."""
-    return LeastWater(goal='little water', water_cost=S_PER_MIN * parameters.ml_min_per_ml)
+    return LeastWater(goal='little water', water_cost=MINUTE_S * parameters.ml_min_per_ml)
 
 
 OBJECTIVE = ObjectiveKind(

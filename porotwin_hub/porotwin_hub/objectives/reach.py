@@ -7,7 +7,7 @@ from pydantic import Field, FiniteFloat
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Polygon, Rig
 from porotwin_hub.objective import ObjectiveKind, ObjectiveParameters, TargetTracer, pore_volume
-from porotwin_hub.zones import distance_to_zones, fuzzy_mask
+from porotwin_hub.zones import distance_to_zones, fuzzy_mask, zones_of
 
 
 class ReachParameters(ObjectiveParameters):
@@ -16,7 +16,7 @@ class ReachParameters(ObjectiveParameters):
     `fuzziness_m` is the distance [m] over which the wish fades out beside the place.
     """
 
-    zone_m: Polygon
+    zone_m: Polygon | None = None
     at_min: Annotated[FiniteFloat, Field(gt=0)]
     concentration: Annotated[FiniteFloat, Field(ge=0, le=1)] = 1.0
     fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
@@ -28,9 +28,10 @@ def reach(rig: Rig, grid: Grid, parameters: ReachParameters) -> TargetTracer:
     varphi is 1 at the place and falls to 0 at the distance `fuzziness_m` beside it.
 
     Raises:
-        InputError: the place covers no cell of the rig.
+        InputError: there is no place, or it covers no cell of the rig.
     """
-    distance = distance_to_zones((parameters.zone_m,), grid, 'zone_m')
+    zones = zones_of(rig, (parameters.zone_m,), grid, 'zone_m')
+    distance = distance_to_zones(zones, grid)
     weights = fuzzy_mask(distance, parameters.fuzziness_m) * pore_volume(rig, grid)
     return TargetTracer(
         goal=f'tracer at its place after {parameters.at_min:g} min',

@@ -7,7 +7,7 @@ from pydantic import Field, FiniteFloat
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Polygon, Rig
 from porotwin_hub.objective import ObjectiveKind, ObjectiveParameters, TargetTracer, pore_volume
-from porotwin_hub.zones import distance_to_zones, fuzzy_mask
+from porotwin_hub.zones import distance_to_zones, fuzzy_mask, zones_of
 
 
 class SweepParameters(ObjectiveParameters):
@@ -17,7 +17,7 @@ class SweepParameters(ObjectiveParameters):
     plume towards a region that it does not touch yet.
     """
 
-    zones_m: Annotated[tuple[Polygon, ...], Field(min_length=1)]
+    zones_m: tuple[Polygon, ...] = ()
     concentration: Annotated[FiniteFloat, Field(ge=0, le=1)] = 1.0
     fuzziness_m: Annotated[FiniteFloat, Field(ge=0)] = 0.1
 
@@ -28,9 +28,10 @@ def sweep(rig: Rig, grid: Grid, parameters: SweepParameters) -> TargetTracer:
     varphi is 1 in the regions and falls to 0 at the distance `fuzziness_m` outside them.
 
     Raises:
-        InputError: a region covers no cell of the rig.
+        InputError: there is no region, or one covers no cell of the rig.
     """
-    distance = distance_to_zones(parameters.zones_m, grid, 'zones_m')
+    zones = zones_of(rig, parameters.zones_m, grid, 'zones_m')
+    distance = distance_to_zones(zones, grid)
     weights = fuzzy_mask(distance, parameters.fuzziness_m) * pore_volume(rig, grid)
     return TargetTracer(
         goal='region swept', weights=weights, target=0.0 * weights + parameters.concentration

@@ -1,4 +1,4 @@
-"""The error of every forecast, with and without correction."""
+"""The error of every forecast, with and without correction, beside the expected one."""
 
 import math
 
@@ -7,9 +7,17 @@ from porotwin_page.panel import ChartPanel, Region
 
 
 def errors(cycle: CyclePoint) -> dict[str, float]:
-    """Return the relative errors in percent; the corrected one is NaN without a correction."""
+    """Return the relative errors in percent; the corrected one is NaN without a correction.
+
+    `expected` is the error by the deviations of maps and forecasts. An error far above it is no
+    noise: something new happens in the rig.
+    """
     corrected = cycle.corrected_error if cycle.corrected else math.nan
-    return {'corrected': 100 * corrected, 'model alone': 100 * cycle.prediction_error}
+    return {
+        'corrected': 100 * corrected,
+        'model alone': 100 * cycle.prediction_error,
+        'expected': 100 * cycle.expected_error,
+    }
 
 
 PANEL = ChartPanel(
@@ -18,5 +26,5 @@ PANEL = ChartPanel(
     order=10,
     values=errors,
     unit='%',
-    dashed=('model alone',),
+    dashed=('model alone', 'expected'),
 )

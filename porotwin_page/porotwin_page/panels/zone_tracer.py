@@ -1,6 +1,6 @@
 """The observed tracer in the disallowed zone."""
 
-from porotwin_page.json_values import ML
+from porotwin_core.units import ML
 from porotwin_page.panel import ChartPanel, Region
 
 PANEL = ChartPanel(

@@ -1,4 +1,4 @@
-/* The drawing over a map: disallowed zone, wells, labels and a scale bar; no document needed. */
+/* The drawing over a map: zones, wells, labels and a scale bar; no document needed. */
 
 import { number } from './formatting.js';
 
@@ -10,30 +10,36 @@ const LABEL_GAP_PX = 14;
 const CHARACTER_PX = 8.5;  // width of a bold character of the labels, at most
 const LABEL_SIDE = 0.72;  // wells right of this part of the width have their labels on the left
 
+const ZONE_WORDS = {
+  'keep out': 'disallowed zone', 'keep in': 'allowed zone', target: 'target zone',
+};
+
 /* A shape is [name of the SVG element, attributes, text]. */
 export function overlayShapes(rig, rates, { width, height, id, labelled }) {
   const x = (metres) => metres / rig.width_m * width;
   const y = (metres) => height - metres / rig.height_m * height;
   return [
-    ...zoneShapes(rig, { x, y, width, height, id, labelled }),
+    ...rig.zones.flatMap((zone) => zoneShapes(zone, { x, y, width, height, id, labelled })),
     ...rig.wells.flatMap((well) => wellShapes(well, rates[well.name], x, y, width, labelled)),
     ...(labelled ? barShapes(rig, x, width, height) : []),
   ];
 }
 
-function zoneShapes(rig, { x, y, width, height, id, labelled }) {
-  if (!rig.zone_m.length) return [];
+function zoneShapes(zone, { x, y, width, height, id, labelled }) {
   const inside = (value, most) => Math.min(Math.max(value, EDGE_PX), most - EDGE_PX);
-  const points = rig.zone_m
-    .map(([px, pz]) => `${inside(x(px), width)},${inside(y(pz), height)}`).join(' ');
+  const place = ([px, pz]) => `${inside(x(px), width)},${inside(y(pz), height)}`;
+  const d = zone.outlines_m.map((line) => `M${line.map(place).join('L')}Z`).join('');
+  const fill = zone.kind === 'keep out' ? `url(#${id})` : 'none';
   const shapes = [
-    ['polygon', { points, class: 'zone-halo' }],
-    ['polygon', { points, class: 'zone', style: `fill: url(#${id})` }],
+    ['path', { d, class: 'zone-halo' }],
+    ['path', { d, class: 'zone', 'fill-rule': 'evenodd', style: `fill: ${fill}` }],
   ];
   if (labelled) {
-    const top = Math.max(...rig.zone_m.map((point) => point[1]));
-    const place = { x: 12, y: y(top) + 22, class: 'overlay-text zone-text' };
-    shapes.push(['text', place, 'disallowed zone']);
+    const points = zone.outlines_m.flat();
+    const top = Math.max(...points.map((point) => point[1]));
+    const left = Math.min(...points.map((point) => point[0]));
+    const corner = { x: Math.max(12, x(left) + 6), y: y(top) + 22, class: 'overlay-text zone-text' };
+    shapes.push(['text', corner, ZONE_WORDS[zone.kind]]);
   }
   return shapes;
 }

@@ -6,6 +6,7 @@ import { renderHeader } from './header.js';
 import { assemble } from './panels.js';
 import { Past } from './past.js';
 import { browserVoice, Speech } from './speech.js';
+import { offerRigs, PERIOD_MS } from './rigs.js';
 import { PageState } from './state.js';
 import { Theme } from './theme.js';
 import { createTimeSlider } from './time_slider.js';
@@ -83,6 +84,8 @@ async function start() {
   document.addEventListener('visibilitychange', () => page.connection.visibilityChanged());
   new ResizeObserver(render).observe(document.body);
   page.connection.connect();
+  offerRigs(find('#rigs'));
+  setInterval(() => document.hidden || offerRigs(find('#rigs')), PERIOD_MS);
 }
 
 start();

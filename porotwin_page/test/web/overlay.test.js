@@ -7,7 +7,9 @@ const RIG = {
   width_m: 1,
   height_m: 0.5,
   wells: [{ name: 'injector', x_m: 0.25, z_m: 0.1 }, { name: 'producer', x_m: 0.9, z_m: 0.1 }],
-  zone_m: [[0, 0.4], [1, 0.4], [1, 0.5], [0, 0.5]],
+  zones: [{
+    kind: 'keep out', outlines_m: [[[0, 0.4], [1, 0.4], [1, 0.5], [0, 0.5], [0, 0.4]]],
+  }],
 };
 const SIZE = { width: 400, height: 200, id: 'hatch' };
 const shapes = (labelled, rig = RIG) => overlayShapes(rig, { injector: 500 }, { ...SIZE, labelled });
@@ -37,13 +39,20 @@ test('a label that would leave a narrow map lies on the other side', () => {
 });
 
 test('the outline of the zone stays inside the picture', () => {
-  const [, { points }] = shapes(false).find(([name]) => name === 'polygon');
-  assert.equal(points, '2,40 398,40 398,2 2,2');
+  const [, { d }] = shapes(false).find(([name]) => name === 'path');
+  assert.equal(d, 'M2,40L398,40L398,2L2,2L2,40Z');
+});
+
+test('only a zone to keep out of is hatched', () => {
+  const kept = [{ ...RIG.zones[0], kind: 'keep in' }];
+  const fills = (rig) => shapes(true, rig).filter(([name]) => name === 'path').at(-1)[1].style;
+  assert.deepEqual([fills(RIG), fills({ ...RIG, zones: kept })],
+    ['fill: url(#hatch)', 'fill: none']);
 });
 
 test('a rig without a zone has none', () => {
-  const drawn = shapes(true, { ...RIG, zone_m: [] });
-  assert.equal(drawn.some(([name]) => name === 'polygon'), false);
+  const drawn = shapes(true, { ...RIG, zones: [] });
+  assert.equal(drawn.some(([name]) => name === 'path'), false);
 });
 
 test('a large rig has a longer bar', () => {

@@ -16,7 +16,7 @@ def exchange_adjoint(c, bar, storage, exchanges, tape, weight_bar, storage_bar):
     `c` is the concentration after it and becomes the one before it, read from `tape`. dJ/dweight
     and dJ/dstorage are added to `weight_bar` (pairs,) and `storage_bar`. All cell arrays are flat.
     """
-    levels, start, other, weight = exchanges
+    levels, start, other, weight, _ = exchanges
     duration, level_2d, order, count_at_least = levels
     level = level_2d.ravel()
     gain_bar = np.zeros(len(c))
@@ -49,7 +49,7 @@ def weights_adjoint(tensor, water, exchanges, weight_bar, tensor_bar, water_bar)
     offset = np.empty((3, 2), np.int64)
     amounts = np.empty(3)
     nz, nx = water.shape
-    levels, start, other, _ = exchanges
+    levels, start, other, _, _ = exchanges
     level = levels.level.ravel()
     xx, xz, zz = tensor
     xx_bar, xz_bar, zz_bar = tensor_bar

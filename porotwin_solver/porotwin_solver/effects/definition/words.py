@@ -1,6 +1,8 @@
 """Numbers and directions in words, for the phrases of effects."""
 
+import html
 import math
+import re
 
 from porotwin_core.effect_parameter import Parameter, Reading, Values
 
@@ -37,6 +39,12 @@ def number(value: float, digits: int = 3) -> str:
         return text.replace('-', '−')
     mantissa, exponent = text.split('e')
     return f'{mantissa}·10<sup>{int(exponent)}</sup>'.replace('-', '−')
+
+
+def plain(text: str) -> str:
+    """Return a phrase in HTML as plain text, as for a voice or a terminal."""
+    raised = re.sub(r'<sup>(.*?)</sup>', r'^\1', text)
+    return html.unescape(re.sub(r'<.*?>', '', raised))
 
 
 def factor(value: float, more: str, less: str) -> str:

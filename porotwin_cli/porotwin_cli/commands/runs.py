@@ -1,0 +1,124 @@
+"""./porotwin runs: a catalogue of recordings."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porotwin_cli.terminal import Json, print_json, print_table, progress, say
+
+if TYPE_CHECKING:
+    from porotwin_recording.catalogue import CatalogueEntry
+
+AT_ONCE = 8
+"""Number of recordings side by side: the disk or the network takes the time."""
+
+HASH_DIGITS = 8
+"""Digits of a calibration's hash in the table; --json has all."""
+
+NOTHING = '-'
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(help='Folder with recordings.')] = Path('runs'),
+    as_json: Json = False,
+) -> None:
+    """List the bags and experiment folders below a folder, the oldest first.
+
+    Everything is read from the recordings themselves, from their indexes: no photograph and no map
+    is opened. A recording that cannot be read costs one line.
+
+    Example: ./porotwin runs /data/rig1
+    """
+    from porotwin_recording.catalogue import (
+        catalogue_entry,
+        find_recordings,
+        is_experiment,
+    )
+
+    with progress() as bar:
+        paths = list(find_recordings(folder))
+        task = bar.add_task('recordings', total=len(paths))
+        entries = []
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            bags = [path for path in paths if not is_experiment(path)]
+            for entry in pool.map(catalogue_entry, bags):
+                entries.append(entry)
+                bar.advance(task)
+        for path in filter(is_experiment, paths):  # the NetCDF library has no threads
+            entries.append(catalogue_entry(path))
+            bar.advance(task)
+    entries.sort(key=_order)
+    if as_json:
+        print_json({'folder': folder, 'recordings': [_as_json(entry) for entry in entries]})
+        return
+    if not entries:
+        print(f'{folder}: no bag or experiment folder')
+        return
+    readable = [entry for entry in entries if entry.state != 'unreadable']
+    columns = [
+        (title, [words(entry) or NOTHING for entry in readable])
+        for title, words in _columns(folder).items()
+    ]
+    told = [(title, cells) for title, cells in columns if set(cells) != {NOTHING}]
+    if told:
+        titles, cells = zip(*told, strict=True)
+        print_table(f'{len(readable)} recordings in {folder}', titles, zip(*cells, strict=True))
+    for entry in entries:
+        for remark in entry.remarks:
+            say(remark)
+
+
+def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
+    """Return the titles of the columns and their words; a column without words is left out."""
+    return {
+        'recording': lambda entry: _name(entry.path, folder),
+        'begin (UTC)': lambda entry: f'{entry.start:%Y-%m-%d %H:%M}' if entry.start else '',
+        'duration': lambda entry: clock_words(entry.duration_s),
+        'rig': lambda entry: entry.rig,
+        'photos': lambda entry: str(entry.photographs or ''),
+        'maps': lambda entry: str(entry.maps or ''),
+        'setpoints': lambda entry: str(entry.setpoints or ''),
+        'effects': lambda entry: ', '.join(entry.effects),
+        'diagnosed': lambda entry: entry.diagnosed,
+        'COSTA': lambda entry: entry.costa.partition(',')[0],
+        'calibration': lambda entry: entry.calibration[:HASH_DIGITS],
+        'state': _state,
+        'size': lambda entry: size_words(entry.size_bytes),
+    }
+
+
+def _name(path: Path, folder: Path) -> str:
+    return str(path.relative_to(folder)) if path != folder else path.name
+
+
+def _state(entry: 'CatalogueEntry') -> str:
+    return f'{entry.state}, {entry.files} files' if entry.files > 1 else entry.state
+
+
+def _order(entry: 'CatalogueEntry') -> tuple[bool, float, str]:
+    """Return the key of the order by time; recordings without a time come last."""
+    return entry.start is None, entry.start.timestamp() if entry.start else 0.0, str(entry.path)
+
+
+def _as_json(entry: 'CatalogueEntry') -> dict[str, Any]:
+    start = entry.start.isoformat(timespec='seconds') if entry.start else None
+    return {**vars(entry), 'start': start}
+
+
+def clock_words(seconds: float) -> str:
+    """Return a duration as hours and minutes, or as minutes and seconds below an hour."""
+    whole = round(seconds)
+    if whole >= 3600:
+        return f'{whole // 3600} h {whole % 3600 // 60:02d} min'
+    return f'{whole // 60} min {whole % 60:02d} s'
+
+
+def size_words(size_bytes: int) -> str:
+    """Return a size with three digits."""
+    for unit, factor in (('TB', 1e12), ('GB', 1e9), ('MB', 1e6), ('kB', 1e3)):
+        if size_bytes >= factor:
+            return f'{size_bytes / factor:.3g} {unit}'
+    return f'{size_bytes} B'

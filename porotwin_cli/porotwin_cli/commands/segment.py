@@ -1,0 +1,199 @@
+"""./porotwin segment: photographs of CO2 with a pH indicator to maps of phases."""
+
+import csv
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
+from porotwin_core import PROGRAM
+from porotwin_core.errors import InputError
+
+if TYPE_CHECKING:
+    from porotwin_core.grid import Grid
+    from porotwin_core.rig import Rig
+    from porotwin_imaging.colour_change import Box
+    from porotwin_imaging.phase_segmentation import PhaseMap
+    from porotwin_imaging.phase_study import PhaseStudy
+    from porotwin_recording.photos import Photo
+
+SHOWN = ('time_s', 'phase', 'area_m2', 'doubt_m2', 'pores_ml', 'contour_m', 'x_m', 'z_m', 'parts')
+"""Columns of the table."""
+
+_BOX_HELP = 'Box that shows {}: left,bottom,right,top [m], and @time [s] of a photograph.'
+
+
+def command(
+    experiment: Annotated[Path, typer.Argument(help='Experiment folder or bag with photographs.')],
+    output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
+    grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
+    dissolved: Annotated[
+        list[str] | None, typer.Option(help=_BOX_HELP.format('dissolved CO2'))
+    ] = None,
+    gas: Annotated[list[str] | None, typer.Option(help=_BOX_HELP.format('gas'))] = None,
+    water: Annotated[
+        list[str] | None, typer.Option(help='Box that always shows water without CO2.')
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Segment photographs of CO2 with a pH indicator into water, dissolved CO2 and gas.
+
+    The baseline must show the rig before the injection, with the indicator in its water. Without
+    boxes the colours of the phases are found in the photographs. With boxes, only their phases are
+    looked for. A table of areas (.csv) and a picture (.png) lie beside the output.
+
+    Example: ./porotwin segment experiment --output phases.nc --gas 0.9,0.6,1.1,0.7@3600
+    --dissolved 0.9,0.4,1.1,0.5@3600
+    """
+    from porotwin_cli.grids import grid_of
+    from porotwin_cli.output_files import check_output
+    from porotwin_cli.phase_picture import phase_sheet
+    from porotwin_cli.rig_drawing import picture_beside
+    from porotwin_imaging.baseline import make_baseline
+    from porotwin_imaging.phase_colours import DISSOLVED, GAS, WATER
+    from porotwin_imaging.phase_study import PhaseStudy
+    from porotwin_imaging.photo_file import MOST_PIXELS
+    from porotwin_recording.recording import open_recording
+
+    picture, table = picture_beside(output), output.with_suffix('.csv')
+    for path in (output, picture, table):
+        check_output(path, experiment)
+    boxes = {
+        WATER: _boxes(water, '--water'),
+        DISSOLVED: _boxes(dissolved, '--dissolved'),
+        GAS: _boxes(gas, '--gas'),
+    }
+    recording = open_recording(experiment)
+    rig = recording.rig
+    map_grid = grid_of(grid, rig, MOST_PIXELS)
+    states = [photo for photo in recording.photos if photo.role == 'state']
+    first = [photo.read() for photo in recording.photos if photo.role == 'baseline']
+    if not first or not states:
+        raise InputError(
+            f'{experiment}: needs a baseline, with the indicator but without CO2, and at least one '
+            'state photograph; give their roles in imaging.csv'
+        )
+    baseline = make_baseline(rig, map_grid, first)
+    for remark in baseline.remarks:
+        say(remark)
+    study = PhaseStudy.of({photo.time: photo.read for photo in states}, baseline, boxes)
+    _tell_colours(study, given=bool(dissolved or gas))
+    work = _segment(states, study, output, rig)
+    rows, refused = work.rows, work.refused
+    phase_sheet(picture, rig, work.shown, output.name)
+    _write(table, rows)
+    if as_json:
+        print_json(
+            {
+                'output': output,
+                'picture': picture,
+                'table': table,
+                'grid': str(map_grid),
+                'colours': study.colours.words(),
+                'phases': rows,
+                'remarks': work.remarks,
+                'refused': refused,
+            }
+        )
+        return
+    print(f'{len(work.remarks)} maps on {map_grid} in {output}, {len(refused)} photographs refused')
+    last = [row for row in rows if row['time_s'] == rows[-1]['time_s']]
+    print_table(
+        'the last photograph', SHOWN, [[_short(row[name]) for name in SHOWN] for row in last]
+    )
+    print(f'all photographs: {table}; picture: {picture}')
+
+
+def _boxes(texts: Sequence[str] | None, name: str) -> 'list[Box]':
+    """Return the boxes of an option."""
+    from porotwin_imaging.colour_change import box_of
+
+    return [box_of(text, name) for text in texts or ()]
+
+
+def _tell_colours(study: 'PhaseStudy', *, given: bool) -> None:
+    """Say which colours the phases have, and which phase has none."""
+    for line in study.colours.words():
+        say(line)
+    for name in () if given else study.missing():
+        say(f'{name}: no such colour in these photographs; if there is some, show it with --{name}')
+
+
+@dataclasses.dataclass
+class _Work:
+    """The results of a run: rows of measures, some maps and the remarks by time, the refused."""
+
+    rows: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    shown: 'dict[float, PhaseMap]' = dataclasses.field(default_factory=dict)
+    remarks: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    refused: list[str] = dataclasses.field(default_factory=list)
+
+
+def _segment(states: 'Sequence[Photo]', study: 'PhaseStudy', output: Path, rig: 'Rig') -> _Work:
+    """Write the maps of all photographs; return their measures."""
+    from porotwin_cli.rig_drawing import chosen_maps
+    from porotwin_imaging.phase_colours import PHASES
+    from porotwin_recording.phase_maps import PhaseMapWriter
+
+    grid, work, words = study.baseline.grid, _Work(), study.colours.words()
+    drawn = chosen_maps(len(states))
+    with PhaseMapWriter(output, grid, PHASES, program=PROGRAM, colours=words) as writer:
+        with progress() as bar:
+            task = bar.add_task('photographs', total=len(states))
+            for number, photo in enumerate(states):
+                try:
+                    found = study.phases(photo.read())
+                except (InputError, OSError) as error:
+                    work.refused.append(f'{photo.name}: {error}')
+                    say(work.refused[-1])
+                else:
+                    writer.append(photo.time, found.phase, found.confidence)
+                    work.rows += _rows(found, photo.time, rig, grid)
+                    work.remarks[f'{photo.time:g}'] = found.remarks
+                    if number in drawn:
+                        work.shown[photo.time] = found
+                bar.advance(task)
+        if not work.rows:
+            raise WorkFailed('no photograph could be used')
+    return work
+
+
+def _rows(found: 'PhaseMap', time: float, rig: 'Rig', grid: 'Grid') -> list[dict[str, Any]]:
+    """Return a row of measures for each phase in a photograph taken at `time` [s]."""
+    from porotwin_imaging.phase_colours import PHASES
+    from porotwin_imaging.phase_measures import phase_measures
+
+    pores = rig.cell_pore_volume(grid)
+    return [
+        {
+            'time_s': time,
+            'phase': name,
+            **dataclasses.asdict(phase_measures(found, number, grid, pores)),
+        }
+        for number, name in enumerate(PHASES)
+    ]
+
+
+def _write(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Write the rows as CSV.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        with path.open('w', newline='', encoding='utf-8') as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+
+
+def _short(value: Any) -> str:
+    """Return a value for the table on the screen."""
+    if isinstance(value, str):
+        return value
+    return '-' if value != value else f'{value:.4g}'

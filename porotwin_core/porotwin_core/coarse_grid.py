@@ -1,0 +1,17 @@
+"""The coarse grid on which many long simulations run: plans, and the siblings."""
+
+import math
+
+from porotwin_core.grid import Grid
+from porotwin_core.rig import Rig
+
+COARSE_CELLS = 2300
+"""Cells of the grid: 15 mm on the small rig. Coarser cells blur the zone. Finer ones cost more and
+leave kinks in the cost of a plan: with cells of 10 mm some searches end at 100 ml min, all of these
+at 58 (docs/control.md)."""
+
+
+def coarse_grid(rig: Rig, finest: Grid, cells: int = COARSE_CELLS) -> Grid:
+    """Return the grid of about `cells` square cells over `rig`, nowhere finer than `finest`."""
+    wanted = rig.default_grid(math.sqrt(rig.width_m * rig.height_m / cells))
+    return rig.grid(min(wanted.nx, finest.nx), min(wanted.nz, finest.nz))

@@ -1,0 +1,91 @@
+"""Physics that a data-driven model has learnt: what the sand and the tracer do beyond rig.yaml.
+
+It is plain numbers, so that the data-driven model can keep it in a file and the solver can run it.
+Neither of them imports the other.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid
+
+EDGE = 0.15
+"""Width of the edge of a patch relative to its radius [-]: sand is packed in lenses, and an edge
+of a cell or two has a slope that a fit can follow."""
+
+
+@dataclass(frozen=True)
+class LearntLeak:
+    """Water that enters at (`x`, `z`) [m] with `rate` [m^3/s]; negative where it is lost."""
+
+    x: float
+    z: float
+    rate: float
+
+
+@dataclass(frozen=True)
+class SandPatch:
+    """A round patch of other sand about (`x`, `z`) [m] with a smooth edge at `radius` [m].
+
+    `log_factor` is the logarithm of its permeability relative to the sand around it [-].
+    """
+
+    x: float
+    z: float
+    radius: float
+    log_factor: float
+
+
+@dataclass(frozen=True)
+class LearntPhysics:
+    """Changes of the coefficients of flow and transport; all zero is the model as described.
+
+    density_difference: added to the density of the tracer minus that of water [kg/m^3].
+    longitudinal_dispersivity, transverse_dispersivity: added to Scheidegger's a_L and a_T [m].
+    background_flux: added to the Darcy flux (x, z) through all sides [m/s].
+    log_retardation: logarithm of the factor on the retardation [-].
+    leaks: unknown sources and sinks of water.
+    patches: patches of other sand; where they overlap, their factors multiply.
+    """
+
+    density_difference: float = 0.0
+    longitudinal_dispersivity: float = 0.0
+    transverse_dispersivity: float = 0.0
+    background_flux: tuple[float, float] = (0.0, 0.0)
+    log_retardation: float = 0.0
+    leaks: tuple[LearntLeak, ...] = ()
+    patches: tuple[SandPatch, ...] = ()
+
+    def permeability_factor(self, grid: Grid) -> FloatArray:
+        """Return the factor on the permeability of every cell, (nz, nx)."""
+        logarithm = np.zeros(grid.shape)
+        for patch in self.patches:
+            distance = np.hypot(grid.x[None, :] - patch.x, grid.z[:, None] - patch.z)
+            inside = 0.5 * (1.0 - np.tanh((distance / patch.radius - 1.0) / EDGE))
+            logarithm += patch.log_factor * inside
+        factor: FloatArray = np.exp(logarithm)
+        return factor
+
+    def description(self) -> dict[str, Any]:
+        """Return everything as JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_description(cls, values: Mapping[str, Any]) -> Self:
+        """Return the physics in a description as JSON keeps it.
+
+        Raises:
+            KeyError, TypeError: an entry is missing or unknown.
+        """
+        x, z = values['background_flux']
+        return cls(
+            **{
+                **values,
+                'background_flux': (float(x), float(z)),
+                'leaks': tuple(LearntLeak(**leak) for leak in values['leaks']),
+                'patches': tuple(SandPatch(**patch) for patch in values['patches']),
+            }
+        )

@@ -1,0 +1,28 @@
+"""Learnt physics as plain numbers."""
+
+import json
+
+import numpy as np
+
+from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
+
+GRID = Grid(40, 20, 0.8, 0.4)
+
+
+def test_a_description_survives_json() -> None:
+    learnt = LearntPhysics(
+        density_difference=0.5,
+        background_flux=(1e-7, 0.0),
+        leaks=(LearntLeak(0.1, 0.2, 1e-9),),
+        patches=(SandPatch(0.3, 0.2, 0.05, -1.5),),
+    )
+    described = json.loads(json.dumps(learnt.description()))
+    assert LearntPhysics.from_description(described) == learnt
+
+
+def test_a_patch_changes_the_sand_inside_its_radius_only() -> None:
+    factor = LearntPhysics(patches=(SandPatch(0.4, 0.2, 0.1, -1.0),)).permeability_factor(GRID)
+    assert np.isclose(factor[10, 20], np.exp(-1.0), rtol=1e-3)
+    assert np.isclose(factor[0, 0], 1.0)
+    assert (LearntPhysics().permeability_factor(GRID) == 1.0).all()

@@ -1,0 +1,113 @@
+"""The physics that lets free runs follow the recordings: least squares through whole roll-outs.
+
+A free run starts at the first map of a sequence and never sees another one. So the noise of single
+maps does not bias the result, and an error that grows slowly counts as much as a fast one. Slopes
+are finite differences of free runs.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid, fill_unseen
+from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.learnt_solver import LearntSolver
+from porotwin_core.levenberg_marquardt import Bounds, minimise
+from porotwin_core.map_blocks import Blocks
+from porotwin_costa.frames import Frames
+from porotwin_costa.physics_parts import PhysicsPart, physics_of
+
+COMPARED_CELL_M = 0.010
+"""Maps are compared on cells at least so wide [m]: finer cells tell no more about the physics."""
+
+COMPARED_FRAMES = 12
+"""Frames of every sequence that are compared; neighbouring frames tell nearly the same."""
+
+TYPICAL_ERROR = 0.1
+"""Error of a compared cell [-] that weighs as much as one standard deviation of a prior. It is
+larger than the noise, because the errors of neighbouring cells are alike."""
+
+
+class Comparison:
+    """One sequence of frames, and how far free runs lie from it."""
+
+    def __init__(
+        self, frames: Frames, grid: Grid, solver: LearntSolver, *, after: float = -np.inf
+    ) -> None:
+        """Compare COMPARED_FRAMES frames after `after` [s] and the first one, spread evenly."""
+        last = len(frames.times) - 1
+        first = min(max(0, int(np.searchsorted(frames.times, after)) - 1), last - 1)
+        count = min(COMPARED_FRAMES, last - first)
+        chosen = np.linspace(first, last, count + 1).round().astype(int)[1:]
+        rows, columns = (max(1, round(COMPARED_CELL_M / size)) for size in (grid.dz, grid.dx))
+        self._schedule, self._solver = frames.schedule, solver
+        self._start = float(frames.times[0])
+        self._initial = fill_unseen(frames.concentration[0].astype(float), None)
+        self._blocks = Blocks(grid.shape, rows, columns)
+        self._times = frames.times[chosen]
+        observed = frames.concentration[chosen].astype(float)
+        self._seen = np.isfinite(observed)
+        self._observed = [self._means(values, n) for n, values in enumerate(observed)]
+
+    def errors(self, physics: LearntPhysics) -> FloatArray:
+        """Return model minus observed over TYPICAL_ERROR, flat.
+
+        Raises:
+            InputError: the model cannot run with `physics`.
+        """
+        maps = self._solver.run(
+            physics, self._schedule, self._times, initial=self._initial, start=self._start
+        )
+        parts = [self._means(values, n) - self._observed[n] for n, values in enumerate(maps)]
+        return (np.concatenate(parts) / TYPICAL_ERROR).astype(np.float32)
+
+    def cost(self, physics: LearntPhysics) -> float:
+        """Return the sum of squares of `errors`."""
+        return float(np.sum(np.square(self.errors(physics), dtype=float)))
+
+    def _means(self, values: FloatArray, number: int) -> FloatArray:
+        return self._blocks.means(values, self._seen[number])
+
+
+def fit(
+    parts: Sequence[PhysicsPart],
+    comparisons: Sequence[Comparison],
+    start: FloatArray,
+    *,
+    iterations: int,
+    workers: int,
+) -> FloatArray:
+    """Return the scaled values of all unknowns of `parts` with the least sum of squares.
+
+    The iteration begins at `start`; `workers` threads make the free runs.
+    """
+    unknowns = [unknown for part in parts for unknown in part.unknowns]
+    priors = np.array([unknown.prior for unknown in unknowns])
+
+    def residuals(values: FloatArray) -> list[FloatArray]:
+        physics = physics_of(parts, values)
+        with ThreadPoolExecutor(workers) as pool:
+            found = list(pool.map(lambda one: one.errors(physics), comparisons))
+        return [*found, values / priors]
+
+    def slopes(values: FloatArray, here: Sequence[FloatArray]) -> list[FloatArray]:
+        def column(task: tuple[int, int]) -> FloatArray:
+            index, number = task
+            moved = values.copy()
+            moved[index] += 1.0 if values[index] < unknowns[index].high - 1.0 else -1.0
+            errors = comparisons[number].errors(physics_of(parts, moved))
+            return (here[number] - errors) / (moved[index] - values[index])
+
+        tasks = [(i, n) for n in range(len(comparisons)) for i in range(len(values))]
+        with ThreadPoolExecutor(workers) as pool:
+            columns = list(pool.map(column, tasks))
+        size = len(values)
+        stacks = [np.stack(columns[n * size : (n + 1) * size]) for n in range(len(comparisons))]
+        return [*stacks, -np.diag(1.0 / priors)]
+
+    bounds = Bounds(
+        np.array([unknown.low for unknown in unknowns]),
+        np.array([unknown.high for unknown in unknowns]),
+    )
+    return minimise(residuals, slopes, start, bounds, iterations=iterations)

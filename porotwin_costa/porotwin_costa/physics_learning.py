@@ -1,0 +1,246 @@
+"""Which physics a model lacks: parts are added while free runs on kept experiments gain by them.
+
+Every round tries each kind of part on top of those chosen before, refits all of them together on
+the experiments to learn from, and takes the best one. It stays if the error of the kept experiments
+falls as well. So a part that only imitates noise or numerics is left out.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.learnt_solver import LearntSolver
+from porotwin_core.rig import Rig
+from porotwin_costa.frames import Frames, cut, resampled, sequences
+from porotwin_costa.physics_fit import Comparison, fit
+from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
+
+LEARNING_COLUMNS = 96
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A run on
+half the columns and rows takes an eighth of the time. Cells of 20 mm on the small rig smear as much
+as dispersion does, and a patch would be taken for it."""
+
+LEAST_GAIN = 0.1
+"""Share of the squared error that a part must take away where it is fitted; less is not worth a
+part, and may be the numerics."""
+
+LEAST_KEPT_GAIN = 0.08
+"""The same share on the kept frames; fronts on a coarse grid alone move by a few per cent."""
+
+CLEAR_GAIN = 0.7
+"""Share of the squared error that makes a part so clear that no leak or patch is tried."""
+
+UNKNOWN_COST = 0.1
+"""Share of the squared error that another unknown must take, to be preferred: a patch can imitate
+a denser tracer for a while."""
+
+MOST_PARTS = 3
+"""Most parts that are added."""
+
+ITERATIONS = 6
+"""Iterations of a fit; three are enough unless a place has to move."""
+
+TRIED_PLACES = 2
+"""Places of a leak or a patch that are fitted, the most promising ones of all."""
+
+SCANNED_RUNS = 2
+"""Runs for trying places: the ones with the largest errors."""
+
+MOST_FITTED = 4
+"""Most runs for fitting parts: the ones with most frames."""
+
+KEPT_SHARE = 0.25
+"""Share of a single experiment, its end, that is kept to judge parts."""
+
+LAST_ITERATIONS = 3
+"""Iterations of the last fit, to all frames."""
+
+PlaceFn = Callable[[float, float, float], PhysicsPart]
+"""(x, z, sign) -> a part at a place [m]."""
+
+SolverOn = Callable[[Grid], LearntSolver]
+"""Returns a solver on a grid of the rig."""
+
+SayFn = Callable[[str], None]
+"""Tells a person a line about the progress."""
+
+
+class Learnt(NamedTuple):
+    """The parts that were chosen, and the scaled values of all their unknowns."""
+
+    parts: tuple[PhysicsPart, ...]
+    values: FloatArray
+
+    @property
+    def physics(self) -> LearntPhysics:
+        """The physics of all parts."""
+        return physics_of(self.parts, self.values)
+
+
+class PhysicsTrial(NamedTuple):
+    """Parts that were fitted, with the squared errors where they were fitted and kept."""
+
+    learnt: Learnt
+    fitted: float
+    kept: float
+
+
+@dataclass(frozen=True)
+class Share:
+    """Frames to compare with: those to learn from, and those kept to judge."""
+
+    fitted: Sequence[Comparison]
+    kept: Sequence[Comparison]
+
+    @classmethod
+    def of(cls, experiments: Sequence[Frames], grid: Grid, solver_on: SolverOn) -> 'Share':
+        """Keep the last experiment, or the end of a single one.
+
+        Raises:
+            InputError: there are too few frames.
+        """
+        solver = solver_on(grid)
+        maps = [resampled(frames, grid) for frames in experiments]
+        runs = [run for frames in maps for run in sequences(frames) if len(run.times) > 2]
+        if not runs:
+            raise InputError('no free run can be compared: give three consecutive maps at least')
+        if len(runs) > 1:
+            kept, fitted = [Comparison(runs[-1], grid, solver)], runs[:-1]
+        else:
+            whole = runs[0]
+            end = float(whole.times[0] + (1 - KEPT_SHARE) * (whole.times[-1] - whole.times[0]))
+            kept = [Comparison(whole, grid, solver, after=end)]
+            fitted = [cut(whole, end)]
+        longest = sorted(fitted, key=lambda run: len(run.times))[-MOST_FITTED:]
+        return cls([Comparison(run, grid, solver) for run in longest], kept)
+
+    def cost(self, physics: LearntPhysics) -> tuple[float, float]:
+        """Return the sums of squares of the fitted and of the kept comparisons."""
+        return (
+            sum(one.cost(physics) for one in self.fitted),
+            sum(one.cost(physics) for one in self.kept),
+        )
+
+
+def learn_physics(
+    rig: Rig,
+    grid: Grid,
+    experiments: Sequence[Frames],
+    solver_on: SolverOn,
+    *,
+    workers: int = 1,
+    say: SayFn = lambda _: None,
+) -> LearntPhysics:
+    """Return the physics that free runs from the start of each experiment need to follow it.
+
+    Args:
+        rig: the rig of the physics-based model.
+        grid: the grid of all maps.
+        experiments: the maps to learn from; a fourth at least is kept to judge.
+        solver_on: returns a solver on a grid, which runs the model with any physics.
+        workers: threads that make free runs.
+        say: told every decision.
+
+    Raises:
+        InputError: there are too few frames, or the model cannot run.
+    """
+    coarse = coarse_grid(grid)
+    share = Share.of(experiments, coarse, solver_on)
+    maker = PartMaker(
+        rig,
+        coarse,
+        max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
+        max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
+    )
+    best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
+    for _ in range(MOST_PARTS):
+        found = _best_trial(maker, share, best, workers)
+        name = found.learnt.parts[-1].name
+        gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
+        if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
+            say(f'no more physics to learn: {name} takes {max(kept_gain, 0.0):.0%} of the gap')
+            break
+        say(f'learnt {name}: takes {kept_gain:.0%} of the squared gap of the kept free runs')
+        best = found
+    if not best.learnt.parts:
+        return LearntPhysics()
+    parts, start = best.learnt
+    whole = Share.of(experiments, grid, solver_on)
+    everything = [*whole.fitted, *whole.kept]
+    values = fit(parts, everything, start, iterations=LAST_ITERATIONS, workers=workers)
+    return physics_of(parts, values)
+
+
+def _judged(trial: PhysicsTrial) -> float:
+    """Return the squared error, more for parts with more unknowns."""
+    return (trial.fitted + trial.kept) * (1.0 + UNKNOWN_COST * len(trial.learnt.values))
+
+
+def _gain(before: float, after: float) -> float:
+    """Return the share of the squared error that is gone [-]."""
+    return 1.0 - after / before if before > 0.0 else 0.0
+
+
+def coarse_grid(grid: Grid) -> Grid:
+    """Return the grid for choosing parts."""
+    shrink = max(1.0, max(grid.nx, grid.nz) / LEARNING_COLUMNS)
+    cells = round(grid.nx / shrink), round(grid.nz / shrink)
+    return Grid(*cells, grid.width, grid.height)
+
+
+def _fitted(part: PhysicsPart, best: PhysicsTrial, share: Share, workers: int) -> PhysicsTrial:
+    """Return `best` with one more part, all of them fitted together."""
+    parts = (*best.learnt.parts, part)
+    start = np.concatenate([best.learnt.values, part.first])
+    values = fit(parts, share.fitted, start, iterations=ITERATIONS, workers=workers)
+    learnt = Learnt(parts, values)
+    try:
+        return PhysicsTrial(learnt, *share.cost(learnt.physics))
+    except InputError:  # a model that cannot have this part
+        return PhysicsTrial(learnt, np.inf, np.inf)
+
+
+def _best_trial(maker: PartMaker, share: Share, best: PhysicsTrial, workers: int) -> PhysicsTrial:
+    """Return the best of all trials with one more part.
+
+    Leaks and patches are tried only if no part without a place explains nearly everything.
+    """
+    taken = {part.name for part in best.learnt.parts}
+    parts = [part for part in maker.everywhere() if part.name not in taken]
+    trials = [_fitted(part, best, share, workers) for part in parts]
+    if all(_gain(best.fitted, trial.fitted) < CLEAR_GAIN for trial in trials):
+        placed = [] if maker.rig.closed else _promising(maker.leak_at, maker, share, best, workers)
+        placed += _promising(maker.patch_at, maker, share, best, workers)
+        trials += [_fitted(part, best, share, workers) for part in placed]
+    return min(trials, key=_judged)
+
+
+def _promising(
+    make: PlaceFn, maker: PartMaker, share: Share, best: PhysicsTrial, workers: int
+) -> list[PhysicsPart]:
+    """Return the parts that best explain the errors, at every place and of either sign.
+
+    A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares. J is
+    taken without a density difference, which would make every run ten times as slow.
+    """
+    physics = best.learnt.physics
+    light = replace(physics, density_difference=0.0)
+    runs = sorted(share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
+    errors = np.concatenate([one.errors(physics) for one in runs])
+    base = np.concatenate([one.errors(light) for one in runs])
+    parts = [make(x, z, sign) for x, z in maker.places() for sign in (1.0, -1.0)]
+
+    def explained(part: PhysicsPart) -> float:
+        moved = part.apply(light, *part.values(part.first))
+        change = np.concatenate([one.errors(moved) for one in runs]) - base
+        return max(-float(change @ errors), 0.0) ** 2 / (float(change @ change) + 1.0)
+
+    with ThreadPoolExecutor(workers) as pool:
+        found = list(pool.map(explained, parts))
+    return [parts[n] for n in np.argsort(found)[::-1][:TRIED_PLACES]]

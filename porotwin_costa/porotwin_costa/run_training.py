@@ -1,0 +1,112 @@
+"""Training from observed maps: physics, network, free runs, gate."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.rig import Rig
+from porotwin_costa.corrective_model import CorrectiveModel
+from porotwin_costa.dataset import Dataset
+from porotwin_costa.dataset_builder import build_dataset
+from porotwin_costa.frames import Frames
+from porotwin_costa.free_run_gate import Judge, gated, kept_runs
+from porotwin_costa.networks import Architecture
+from porotwin_costa.physics_learning import SolverOn, learn_physics
+from porotwin_costa.rollout_training import CURRICULUM, Stage, train_through_runs
+from porotwin_costa.training import ProgressFn, train
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """Maps to learn from, and the model that COSTA corrects.
+
+    `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme.
+    """
+
+    rig: Rig
+    grid: Grid
+    frames: Sequence[Frames]
+    time_step: float
+    preset: str
+    solver_on: SolverOn
+
+    def pairs(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
+        """Return the training pairs of `frames` for the model with `learnt` physics.
+
+        Raises:
+            InputError: no pair can be used.
+        """
+        model = self.solver_on(self.grid).model(learnt)
+        return build_dataset(
+            frames,
+            self.rig,
+            grid=self.grid,
+            time_step=self.time_step,
+            predict=model.predict,
+            residual=model.residual,
+            preset=self.preset,
+        )
+
+
+def train_from_runs(
+    experiments: Experiments,
+    architecture: Architecture,
+    *,
+    seed: int,
+    epochs: int = 0,
+    workers: int = 1,
+    curriculum: Sequence[Stage] = CURRICULUM,
+    progress: ProgressFn = lambda _: None,
+    say: Callable[[str], None] = lambda _: None,
+) -> CorrectiveModel:
+    """Return a model trained on single steps and then through free runs, and judged by free runs.
+
+    Args:
+        experiments: the maps and the model to correct.
+        architecture: the network; it says whether physics is learnt first.
+        seed: of weights, samples and roll-outs.
+        epochs: passes over the single steps; 0: as suits the network. Fewer passes than usual
+            shorten the roll-outs in proportion.
+        workers: threads that make free runs.
+        curriculum: stages of the roll-outs; empty: single steps only.
+        progress: called after every epoch.
+        say: told every decision.
+
+    Raises:
+        InputError: too few maps, or the model cannot run.
+    """
+    usual = architecture.training.epochs
+    settings = architecture.training.with_epochs(epochs)
+    learning, kept = kept_runs(experiments.frames, settings.validation_share)
+    if not kept:
+        raise InputError('no free run can be judged: give three consecutive maps at least')
+    solver = experiments.solver_on(experiments.grid)
+    learnt = LearntPhysics()
+    if architecture.learns_physics:
+        learnt = learn_physics(
+            experiments.rig,
+            experiments.grid,
+            experiments.frames,
+            experiments.solver_on,
+            workers=workers,
+            say=say,
+        )
+    dataset = experiments.pairs(experiments.frames, learnt)
+    model = train(dataset, architecture, settings, seed=seed, progress=progress)
+    if architecture.learns_physics:
+        model = replace(model, learnt=learnt)
+    judge = Judge(solver, kept, experiments.time_step)
+    model = train_through_runs(
+        model,
+        solver.model(learnt),
+        learning,
+        lambda one: judge.errors(one).mean_corrected,
+        seed=seed,
+        curriculum=[stage.shortened(settings.epochs / usual) for stage in curriculum],
+        say=say,
+    )
+    model = gated(model, judge)
+    say(model.provenance['gate']['says'])
+    return model

@@ -1,0 +1,67 @@
+"""The gate judges free runs, not single steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
+
+from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_costa.corrective_model import CorrectiveModel
+from porotwin_costa.free_run_gate import Judge, KeptRun, RunErrors, faster, gated, kept_runs
+from porotwin_costa.networks import architecture
+from porotwin_costa.training import train
+from porotwin_costa.training_settings import TrainingSettings
+
+SLOWER = LearntPhysics(log_retardation=-np.log(0.8))
+FASTER = LearntPhysics(log_retardation=np.log(0.8))
+
+
+@pytest.fixture
+def judge(grid) -> Judge:
+    frames = moving_frames(grid, 25, speed=0.8 * SPEED)
+    return Judge(MovingTracers(), [KeptRun(frames, 0.0)], STEP_S)
+
+
+@pytest.fixture
+def silent(dataset) -> CorrectiveModel:
+    model = train(dataset, architecture('hybrid'), TrainingSettings(epochs=1), seed=3)
+    return replace(model, trust=0.0)
+
+
+def test_right_physics_opens_the_gate(judge, silent):
+    found = gated(replace(silent, learnt=SLOWER), judge)
+    assert found.learnt == SLOWER
+    assert 'gate open for learnt physics' in found.summary
+    assert found.provenance['gate']['corrected'] < 0.01
+
+
+def test_wrong_physics_shuts_it(judge, silent):
+    found = gated(replace(silent, learnt=FASTER), judge)
+    assert found.learnt is None
+    assert found.trust == 0.0
+    assert 'gate shut' in found.summary
+
+
+def test_one_frame_that_is_worse_is_harmful():
+    alone = np.array([0.2, 0.2, 0.2])
+    assert RunErrors(alone, np.array([0.05, 0.05, 0.2])).harmless
+    assert not RunErrors(alone, np.array([0.01, 0.01, 0.21])).harmless
+
+
+def test_twice_the_rates_give_the_maps_twice_as_fast(grid):
+    run = KeptRun(moving_frames(grid, 21), 300.0)
+    quick = faster(run, 2.0, STEP_S)
+    assert np.array_equal(quick.frames.concentration, run.frames.concentration[::2])
+    assert quick.judged_from == 150.0
+    assert len(faster(run, 0.5, STEP_S).frames.times) == 41
+
+
+def test_the_end_of_a_single_experiment_is_kept(grid):
+    one = moving_frames(grid, 20)
+    learning, kept = kept_runs([one], 0.2)
+    assert len(learning[0].times) == 16
+    assert kept[0].frames is not None
+    assert kept[0].judged_from == learning[0].times[-1]
+    learning, kept = kept_runs([one, one, one], 0.2)
+    assert (len(learning), len(kept)) == (2, 1)

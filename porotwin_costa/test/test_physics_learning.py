@@ -1,0 +1,40 @@
+"""Physics is learnt from free runs, and only as much as kept runs gain by."""
+
+import numpy as np
+import pytest
+from toy_solver import SPEED, MovingTracers, moving_frames
+
+from porotwin_core.errors import InputError
+from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_costa.physics_learning import coarse_grid, learn_physics
+
+
+def _learn(rig, grid, speed, starts=(0.2, 0.3)):
+    frames = [moving_frames(grid, 30, speed=speed, at=at) for at in starts]
+    said = []
+    learnt = learn_physics(rig, grid, frames, lambda _: MovingTracers(), say=said.append)
+    return learnt, said
+
+
+@pytest.mark.parametrize('starts', [(0.2, 0.3), (0.2,)])
+def test_a_slower_tracer_is_learnt_as_sorption(rig, grid, starts):
+    learnt, said = _learn(rig, grid, 0.8 * SPEED, starts)
+    assert np.exp(-learnt.log_retardation) == pytest.approx(0.8, rel=0.02)
+    assert 'learnt sorption' in said[0]
+    assert not learnt.patches
+
+
+def test_nothing_is_learnt_where_nothing_is_missing(rig, grid):
+    learnt, said = _learn(rig, grid, SPEED)
+    assert learnt == LearntPhysics()
+    assert 'no more physics' in said[-1]
+
+
+def test_two_maps_are_too_few(rig, grid):
+    with pytest.raises(InputError, match='three consecutive maps'):
+        learn_physics(rig, grid, [moving_frames(grid, 2)], lambda _: MovingTracers())
+
+
+def test_parts_are_chosen_on_a_coarse_grid(rig):
+    assert max(coarse_grid(rig.grid(180, 120)).shape) == 96
+    assert coarse_grid(rig.grid(30, 20)) == rig.grid(30, 20)

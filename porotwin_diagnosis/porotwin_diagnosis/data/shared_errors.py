@@ -1,0 +1,202 @@
+"""Errors that all maps of a recording share: one wrong calibration, one wrong place of the rig.
+
+Maps from photographs come with a systematic deviation in every cell. It is the size of an error,
+but not its shape: a response that is bent too little makes all pale cells wrong in the same
+direction. Such errors are no noise. They are few unknown numbers, each with a pattern, its mode:
+
+| error | mode, c the concentration | unknown numbers |
+| --- | --- | --- |
+| scale of a sand | c in that sand | one per sand |
+| bend of the response | 4 c (1 - c), and the same times 1 - 2 c | 2 |
+| place of the corners of the rig | bilinear displacement times the slope of c | 8 |
+| blur | Laplacian of c | 1 |
+
+`measured_errors` reads the standard deviation of each number from the delivered deviations, cell by
+cell. `SharedErrors` takes the modes out of a residual as far as their deviations allow.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
+
+LEAST_TRACER = 0.02
+"""Concentration [-] above which deviations are read: below, they are those of clean sand."""
+
+MOST_VALUES = 20_000
+"""Values from which the sizes of the errors are read; there are only a dozen of them."""
+
+MOST_SANDS = 8
+"""Permeabilities that count as sands of their own; a rig with more has one scale for all."""
+
+SAME_SAND = 0.02
+"""Relative difference of the permeabilities of one sand: the resolution of a map file."""
+
+CORNER_OVER_PLACE = 1.5
+"""Deviation of a corner over the mean deviation of the place. The four corners average: of a
+bilinear displacement the root mean square over the rig is 2/3 of that at a corner."""
+
+SECOND_BEND = 0.7
+"""Size of the second form of the bend relative to the first. A response with one bend has mostly
+the first form; power laws and saturation have a part of the second."""
+
+LOCAL_SHARE = 0.3
+"""Share of the systematic deviation that no mode describes and that counts as noise: responses
+that differ from sand to sand, lenses that no curvature describes. With known truths, on rendered
+and on composed photographs, the modes alone leave no more than the random deviation explains."""
+
+
+@dataclass(frozen=True)
+class ErrorSizes:
+    """Standard deviations of the errors that all maps share.
+
+    Attributes:
+        scales: relative error of the scale in each sand [-].
+        bend: error of the concentration 0.5 [-].
+        place_m: error of a place [m].
+        blur_m2: error of the square of the width of the blur [m^2].
+    """
+
+    scales: tuple[float, ...]
+    bend: float
+    place_m: float
+    blur_m2: float
+
+
+def measured_errors(
+    maps: FloatArray, systematic: FloatArray, sands: NDArray[np.intp], grid: Grid
+) -> ErrorSizes:
+    """Return the sizes of the shared errors that explain the `systematic` deviations.
+
+    The squares of the modes are fitted to the squares of the deviations, without negative sizes.
+
+    Args:
+        maps: observed concentration [-], (nt, nz, nx), NaN where nothing is seen.
+        systematic: its systematic standard deviation [-], same shape.
+        sands: number of the sand of every cell, (nz, nx).
+        grid: grid of the maps.
+    """
+    count = int(sands.max()) + 1
+    known = np.isfinite(maps) & np.isfinite(systematic) & (np.nan_to_num(maps) > LEAST_TRACER)
+    cells = np.flatnonzero(known)
+    if not cells.size:
+        return ErrorSizes((0.0,) * count, 0.0, 0.0, 0.0)
+    cells = cells[:: max(1, cells.size // MOST_VALUES)]
+    filled = np.nan_to_num(maps)
+    slope_z, slope_x, bend = derivatives(filled, grid)
+    c = filled.ravel()[cells]
+    sand = np.broadcast_to(sands, maps.shape).ravel()[cells]
+    shapes = [
+        *(np.where(sand == number, c, 0.0) for number in range(count)),
+        4.0 * c * (1.0 - c),
+        np.hypot(slope_z, slope_x).ravel()[cells],
+        0.5 * bend.ravel()[cells],
+    ]
+    squares = np.stack(shapes, axis=1) ** 2
+    unit = np.maximum(np.sqrt(np.mean(squares**2, axis=0)), 1e-30)
+    found, _ = nnls(squares / unit, systematic.ravel()[cells].astype(float) ** 2)
+    sizes = np.sqrt(found / unit)
+    return ErrorSizes(
+        tuple(float(size) for size in sizes[:count]), *(float(size) for size in sizes[count:])
+    )
+
+
+def error_modes(
+    sizes: ErrorSizes, maps: FloatArray, sands: NDArray[np.intp], grid: Grid
+) -> FloatArray:
+    """Return the modes (k, nt, nz, nx) [-]: what an error of one standard deviation changes.
+
+    Args:
+        sizes: standard deviations of the errors.
+        maps: concentration [-], (nt, nz, nx), without NaN.
+        sands: number of the sand of every cell, (nz, nx).
+        grid: grid of the maps.
+    """
+    slope_z, slope_x, bend = derivatives(maps, grid)
+    pale = 4.0 * sizes.bend * maps * (1.0 - maps)
+    corner = CORNER_OVER_PLACE * sizes.place_m
+    right, up = grid.x / grid.width, (grid.z / grid.height)[:, None]
+    shares = [a * b for a in (right, 1.0 - right) for b in (up, 1.0 - up)]
+    modes = [
+        *(size * maps * (sands == number) for number, size in enumerate(sizes.scales)),
+        pale,
+        SECOND_BEND * pale * (1.0 - 2.0 * maps),
+        *(corner * share * slope for share in shares for slope in (slope_x, slope_z)),
+        0.5 * sizes.blur_m2 * bend,
+    ]
+    return np.stack([mode for mode in modes if mode.any()] or modes[:1])
+
+
+def derivatives(maps: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return d/dz, d/dx [1/m] and the Laplacian [1/m^2] of `maps` (nt, nz, nx)."""
+    slope_z, slope_x = np.gradient(maps, grid.dz, grid.dx, axis=(1, 2))
+    bend = np.gradient(slope_z, grid.dz, axis=1) + np.gradient(slope_x, grid.dx, axis=2)
+    return np.asarray(slope_z), np.asarray(slope_x), np.asarray(bend)
+
+
+def sands_of(rig: Rig, grid: Grid) -> NDArray[np.intp]:
+    """Return the number of the sand of every cell (nz, nx): its permeability tells it."""
+    logs = np.log(np.atleast_2d(rig.nominal_map('permeability_m2')))
+    levels = np.unique(np.round(logs / SAME_SAND)) * SAME_SAND
+    if not 1 < len(levels) <= MOST_SANDS:
+        return np.zeros(grid.shape, dtype=np.intp)
+    here = np.log(rig.field('permeability_m2', grid))
+    return np.abs(here[..., None] - levels).argmin(axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """Decorrelates whitened residuals whose errors share modes.
+
+    With the whitened modes A (n, k) and the variance v per unknown number, residuals have the
+    covariance C = I + A A^T / v. The decorrelated residual is C^(-1/2) r, of the same shape. Its
+    sum of squares is the least one over all errors b, their own cost included:
+
+        |C^(-1/2) r|^2 = min over b of |r - A b|^2 + v |b|^2.
+
+    Attributes:
+        modes: whitened modes, one array (k, ...) with the shape of a residual behind the first
+            axis.
+        cost: v, the sum of squares that an error of one standard deviation costs.
+    """
+
+    modes: FloatArray
+    cost: float
+
+    def decorrelated(self, residual: FloatArray) -> FloatArray:
+        """Return C^(-1/2) `residual`, of the same shape as one mode."""
+        flat = self._flat
+        taken = flat.T @ (self._share @ (flat @ residual.ravel()))
+        return np.asarray(residual - taken.reshape(residual.shape))
+
+    @cached_property
+    def effective_number(self) -> float:
+        """Number of unknown errors that the residuals determine, sum of e / (e + v) [-].
+
+        e are the eigenvalues of A A^T. Each of these errors costs v in the mean.
+        """
+        squares = np.linalg.eigvalsh(self._flat @ self._flat.T)
+        return float(np.sum(squares / (squares + self.cost)))
+
+    @cached_property
+    def _flat(self) -> FloatArray:
+        return self.modes.reshape(len(self.modes), -1)
+
+    @cached_property
+    def _share(self) -> FloatArray:
+        """S with C^(-1/2) = I - A S A^T, (k, k), from the eigenvalues of A^T A."""
+        squares, vectors = np.linalg.eigh(self._flat @ self._flat.T)
+        least = LEAST_EIGENVALUE * max(float(squares.max()), self.cost)
+        kept = squares > least
+        squares, vectors = squares[kept], vectors[:, kept]
+        shares = (1.0 - 1.0 / np.sqrt(1.0 + squares / self.cost)) / squares
+        return np.asarray(vectors * shares @ vectors.T)
+
+
+LEAST_EIGENVALUE = 1e-10
+"""Least eigenvalue relative to the largest one: modes that are sums of others count once."""

@@ -1,0 +1,394 @@
+"""The node that lets the running twin get better: it asks, offers, watches, and takes back.
+
+A diagnosis is asked for from the thread that takes its answers. A worker runs the shadow forecasts,
+so that no message and no answer of the operator waits for them.
+"""
+
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.action import ActionClient
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from porotwin_core import conversions, qos
+from porotwin_core.errors import InputError
+from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
+from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.rig import EffectDescription
+from porotwin_core.single_instance import only_one
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.rate_table import RateTable
+from porotwin_diagnosis.mending.finding import read_finding
+from porotwin_diagnosis.mending.mender import Mender, MendSettings, model_maker
+from porotwin_diagnosis.mending.offer_book import Offer
+from porotwin_msgs.action import Diagnose
+from porotwin_msgs.msg import (
+    CleanState,
+    CycleReport,
+    MendOffer,
+    ModelEffects,
+    NewState,
+    Outcome,
+    Setpoint,
+    WellRates,
+)
+from porotwin_msgs.srv import AnswerMend, SetEffects
+from porotwin_solver.presets import PRESETS
+
+NICENESS = 5
+"""Increase of the process's nice value: a shadow forecast may be late, a setpoint may not."""
+
+THREADS = 4
+"""One thread listens, one takes answers of the operator, one those of other nodes, one is spare."""
+
+LOOK_S = 0.2
+"""Time between two looks whether a diagnosis is wanted, done or overdue [s]."""
+
+SOLVER_S = 30.0
+"""Longest wait for the solver to change its model [s]; the factorisation of a large grid takes
+ten."""
+
+MINUTE_S = 60.0
+
+
+class MendNode(Node):
+    """Offers sure diagnoses as `mend/offer`, takes `mend/answer`, and lets effects act."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Read the parameters, and begin to listen.
+
+        Raises:
+            InputError: a parameter or the rig description is wrong.
+        """
+        super().__init__('mend', **kwargs)
+        rig = declare_rig(self)
+        self._grid = declare_grid(self, rig)
+        preset = declare(
+            self, 'preset', 'fast', 'preset of the solver, for shadow forecasts', choices=PRESETS
+        )
+        self._longest_s = declare(
+            self,
+            'longest_s',
+            900.0,
+            'longest time of a diagnosis; it is then cancelled [s]',
+            at_least=1.0,
+            at_most=86400.0,
+        )
+        self._lockstep = declare(
+            self,
+            'lockstep',
+            False,
+            'hold mend/seen back while a diagnosis runs or an offer waits, for a virtual rig',
+        )
+        settings = self._declare_settings()
+        self._lock = threading.RLock()
+        self._mender = Mender(
+            model_maker(rig, self._grid, preset),
+            settings,
+            set_effects=self._set_effects,
+            publish=self._publish,
+            say=self.get_logger().info,
+        )
+        self._rates = RateTable(tuple(rig.wells))
+        self._measured_from = float('-inf')
+        self._newest: float | None = None
+        self._run = 0
+        self._wanted = ''
+        self._asked: tuple[int, float, float] | None = None
+        self._goal: Any = None
+        self._overdue = False
+        self._held: list[Header] = []
+        self._known_sequence = -1
+        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._diagnostics = Diagnostics(self)
+        self._connect()
+        threading.Thread(target=self._do_work, daemon=True).start()
+
+    def _declare_settings(self) -> MendSettings:
+        return MendSettings(
+            every_s=MINUTE_S
+            * declare(
+                self,
+                'every_min',
+                20.0,
+                'time of the experiment between two diagnoses [min]; earlier when forecasts leave '
+                'their band',
+                at_least=1.0,
+                at_most=1e6,
+            ),
+            least_confidence=declare(
+                self,
+                'least_confidence',
+                0.9,
+                'confidence from which on a verdict is offered',
+                at_least=0.5,
+                at_most=1.0,
+            ),
+        )
+
+    def _connect(self) -> None:
+        self._offers = self.create_publisher(MendOffer, 'mend/offer', qos.CONFIG)
+        self._seen = self.create_publisher(Header, 'mend/seen', qos.FIELD)
+        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
+        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
+        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
+        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
+        answers = MutuallyExclusiveCallbackGroup()
+        self.create_service(AnswerMend, 'mend/answer', self._on_answer, callback_group=answers)
+        self._solver = self.create_client(
+            SetEffects, 'solver/set_effects', callback_group=MutuallyExclusiveCallbackGroup()
+        )
+        # one group: an answer cannot overtake the note that it is due
+        asking = MutuallyExclusiveCallbackGroup()
+        self._diagnosis = ActionClient(self, Diagnose, 'diagnosis/diagnose', callback_group=asking)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_S, self._look, callback_group=asking, clock=steady)
+
+    # --- messages in --------------------------------------------------------------------------
+
+    def _on_measured(self, message: WellRates) -> None:
+        start = conversions.time_from_msg(message.start)
+        end = conversions.time_from_msg(message.header.stamp)
+        with self._lock:
+            self._rates.drop_commanded(start, end)
+            if self._keep_rates(start, message, commanded=False):
+                self._measured_from = start
+
+    def _on_setpoint(self, message: Setpoint) -> None:
+        stamp = conversions.time_from_msg(message.header.stamp)
+        with self._lock:
+            if stamp > self._measured_from:
+                self._keep_rates(stamp, message, commanded=True)
+
+    def _keep_rates(self, start: float, message: Any, *, commanded: bool) -> bool:
+        try:
+            self._rates.add(start, conversions.rates_from_msg(message.wells), commanded=commanded)
+        except InputError as error:
+            self.get_logger().error(f'rates ignored: {error}')
+            return False
+        return True
+
+    def _on_clean(self, message: CleanState) -> None:
+        if message.cause in (CleanState.START, CleanState.FINISHED):
+            self._run += 1
+            self._work.put(self._mender.begin_anew)
+        else:
+            self._work.put(self._mender.interrupt)
+
+    def _on_state(self, message: NewState) -> None:
+        try:
+            concentration, grid = conversions.tracer_from_msg(message.tracer)
+            if grid != self._grid:
+                raise InputError(f'map on {grid}; the twin runs on {self._grid}')
+        except InputError as error:
+            self.get_logger().error(f'state {message.sequence} ignored: {error}')
+            return
+        stamp = conversions.time_from_msg(message.header.stamp)
+        if self._newest is not None and stamp <= self._newest:
+            self._run += 1
+            self._work.put(self._mender.begin_anew)
+        periods = self._periods(stamp)
+        self._newest = stamp
+        self._work.put(lambda: self._mender.see(concentration, periods))
+
+    def _periods(self, stamp: float) -> Sequence[RatePeriod]:
+        """Return the rates from the last state to that at `stamp` [s]; empty: none are known."""
+        last = self._newest
+        if last is None or stamp <= last:
+            return ()
+        with self._lock:
+            schedule = Schedule.from_rates(self._rates.rows())
+        if not schedule.rows:
+            return ()
+        return [RatePeriod(*period) for period in schedule.intervals(last, stamp)]
+
+    def _on_cycle(self, message: CycleReport) -> None:
+        self._work.put(lambda: self._after_cycle(message))
+
+    def _after_cycle(self, message: CycleReport) -> None:
+        stamp = conversions.time_from_msg(message.header.stamp)
+        reason = self._mender.occasion(stamp, message.prediction_error, message.expected_error)
+        if reason and self._asked is None:
+            self._wanted = reason
+        self._held.append(message.header)
+        if not self._lockstep:
+            self._release()
+
+    def _on_effects(self, message: ModelEffects) -> None:
+        try:
+            effects = conversions.effects_from_msg(message.effects)
+        except InputError as error:
+            self.get_logger().error(f'model/effects ignored: {error}')
+            return
+        is_new = message.sequence == 0 and self._known_sequence > 0
+        self._known_sequence = message.sequence
+        # behind whatever has set them, so that the mender knows its own
+        self._work.put(lambda: self._solver_tells(message.sequence, effects, is_new=is_new))
+
+    def _solver_tells(
+        self, sequence: int, effects: tuple[EffectDescription, ...], *, is_new: bool
+    ) -> None:
+        if sequence == self._known_sequence:
+            self._mender.solver_tells(effects, is_new=is_new)
+
+    # --- the worker ---------------------------------------------------------------------------
+
+    def _do_work(self) -> None:
+        while self.context.ok():
+            work = self._work.get()
+            try:
+                with self._lock:
+                    work()
+            except Exception as error:  # nothing here may stop the loop
+                self.get_logger().error(f'mend: {error!r}')
+                self._diagnostics.report(DiagnosticStatus.ERROR, f'mend failed: {error!r}')
+
+    # --- the diagnosis ------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Ask for a wanted diagnosis; end one that takes too long or whose node is gone."""
+        with self._lock:
+            if self._asked is not None:
+                self._look_after_diagnosis()
+            elif self._wanted:
+                self._ask()
+            if self._lockstep and self._asked is None and not self._mender.waits:
+                self._release()
+
+    def _ask(self) -> None:
+        reason, self._wanted = self._wanted, ''
+        if not self._diagnosis.server_is_ready():
+            self._give_up('no diagnosis: its node does not run; it is asked again later')
+            return
+        assert self._newest is not None
+        self.get_logger().info(f'diagnosing the run so far: {reason}')
+        self._diagnostics.report(DiagnosticStatus.OK, f'diagnosing: {reason}')
+        self._asked = (self._run, self._newest, time.monotonic())
+        self._overdue = False
+        sent = self._diagnosis.send_goal_async(Diagnose.Goal())
+        sent.add_done_callback(self._on_goal)
+
+    def _on_goal(self, future: Any) -> None:
+        self._goal = future.result()
+        self._goal.get_result_async().add_done_callback(self._on_result)
+
+    def _look_after_diagnosis(self) -> None:
+        assert self._asked is not None
+        if not self._diagnosis.server_is_ready():
+            self._give_up('no verdict: the diagnosis node has ended; it is asked again later')
+        elif time.monotonic() - self._asked[2] > self._longest_s and not self._overdue:
+            self._overdue = True
+            if self._goal is not None:
+                self._goal.cancel_goal_async()
+            self._give_up(f'no verdict within {self._longest_s:g} s; the diagnosis is cancelled')
+
+    def _give_up(self, line: str) -> None:
+        self._asked = self._goal = None
+        self.get_logger().warning(line)
+        self._diagnostics.report(DiagnosticStatus.WARN, line)
+
+    def _on_result(self, future: Any) -> None:
+        if self._asked is None:
+            return  # given up before
+        (run_number, seen, began), self._asked, self._goal = self._asked, None, None
+        result = future.result().result
+        if result.outcome.code != Outcome.OK:
+            self._give_up(f'no verdict: {result.outcome.message}')
+            return
+        if run_number != self._run:
+            self._give_up(f'the verdict {result.verdict} came after its run; it is not offered')
+            return
+        try:
+            finding = read_finding(Path(result.report))
+        except InputError as error:
+            self._give_up(f'no verdict: {error}')
+            return
+        words = f'{result.verdict}, confidence {result.confidence:.2f}'
+        self._diagnostics.report(DiagnosticStatus.OK, words)
+        self.get_logger().info(f'{words}, after {time.monotonic() - began:.0f} s: {result.report}')
+        with self._lock:
+            self._mender.found(finding, seen=seen, now=self._newest or seen)
+
+    # --- the operator -------------------------------------------------------------------------
+
+    def _on_answer(
+        self, request: AnswerMend.Request, response: AnswerMend.Response
+    ) -> AnswerMend.Response:
+        try:
+            with self._lock:
+                self._mender.answer(request.sequence, accept=request.accept)
+            response.outcome = conversions.ok()
+        except TimeoutError as error:
+            response.outcome = Outcome(code=Outcome.NOT_READY, message=str(error))
+        except Exception as error:
+            response.outcome = conversions.refusal(error)
+        if response.outcome.code != Outcome.OK:
+            self.get_logger().error(f'mend/answer: {response.outcome.message}')
+        return response
+
+    # --- messages out -------------------------------------------------------------------------
+
+    def _set_effects(self, effects: tuple[EffectDescription, ...]) -> None:
+        """Let `effects` act in the solver.
+
+        Raises:
+            InputError: the solver refuses them.
+            TimeoutError: it is absent or silent.
+        """
+        if not self._solver.wait_for_service(timeout_sec=2.0):
+            raise TimeoutError('the solver does not run; answer again when it does')
+        request = SetEffects.Request(effects=[conversions.effect_to_msg(one) for one in effects])
+        answered = threading.Event()
+        future = self._solver.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(SOLVER_S):
+            self._solver.remove_pending_request(future)
+            raise TimeoutError(f'the solver did not answer within {SOLVER_S:g} s; answer again')
+        outcome = future.result().outcome
+        if outcome.code == Outcome.NOT_READY:
+            raise TimeoutError(f'the solver: {outcome.message}')
+        if outcome.code != Outcome.OK:
+            raise InputError(f'the solver refuses: {outcome.message}')
+
+    def _publish(self, offer: Offer) -> None:
+        finding = offer.finding
+        self._offers.publish(
+            MendOffer(
+                header=conversions.header_at(offer.stamp),
+                sequence=offer.sequence,
+                state=offer.state.value,
+                effects=[conversions.effect_to_msg(one) for one in finding.effects],
+                confidence=finding.confidence,
+                error_before=finding.error_before,
+                error_after=finding.error_after,
+                sentence=offer.sentence,
+                report=finding.report,
+            )
+        )
+
+    def _release(self) -> None:
+        """Tell that all is done for the photographs so far."""
+        held, self._held = self._held, []
+        for header in held:
+            self._seen.publish(header)
+
+
+def main() -> None:
+    """Run the node at a lower priority."""
+    os.nice(NICENESS)  # before any thread starts, because each inherits the value
+    run(only_one(MendNode, 'mend'), threads=THREADS)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,1 @@
+"""The running twin gets better: diagnoses in time, offers, and their taking back."""

@@ -1,0 +1,72 @@
+"""Whether forecasts have left their band: a change test on their errors (CUSUM).
+
+Page, Biometrika 41 (1954) 100-115: the sum of the excesses over an allowance, never below zero. One
+bad photograph cannot reach the limit, because its score is bounded; a lasting change does.
+"""
+
+import math
+import statistics
+
+LEARNING = 8
+"""Photographs that tell the usual error where nobody states an expected one."""
+
+ALLOWANCE = 0.5
+"""Excess per photograph that counts as chance, in standard deviations."""
+
+LIMIT = 5.0
+"""Sum of the excesses at which forecasts have left their band. With the allowance of a half, chance
+reaches it once in 900 photographs (Montgomery, Statistical Quality Control, table 9.3)."""
+
+MOST_SCORE = 3.0
+"""Largest score of one photograph: a hand in front of the camera is no change of the rig."""
+
+LEAST_DEVIATION = 0.15
+"""Least standard deviation of the logarithm of an error: errors of forecasts of neighbouring
+photographs differ by 15 % when nothing has changed."""
+
+DEVIATION_OF_MEDIAN = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+
+class ForecastBand:
+    """Follows the relative errors of forecasts, one per photograph."""
+
+    def __init__(self) -> None:
+        """Know no error yet."""
+        self._learnt: list[float] = []
+        self._sum = 0.0
+
+    def begin_anew(self) -> None:
+        """Forget all errors: the model or the experiment is another one."""
+        self._learnt.clear()
+        self._sum = 0.0
+
+    def left_by(self, error: float, expected: float = math.nan) -> bool:
+        """Return whether the forecasts have left their band with this `error` [-].
+
+        Args:
+            error: relative L2 error of the forecast of a photograph; NaN: there was none.
+            expected: the error that the deviations of map and forecast lead one to expect [-];
+                NaN: not known, the first errors tell what is usual.
+        """
+        if not (math.isfinite(error) and error > 0.0):
+            return False
+        score = self._score(math.log(error), expected)
+        if score is None:
+            return False
+        self._sum = max(0.0, self._sum + min(score, MOST_SCORE) - ALLOWANCE)
+        if self._sum <= LIMIT:
+            return False
+        self._sum = 0.0
+        return True
+
+    def _score(self, log_error: float, expected: float) -> float | None:
+        """Return the excess of an error in standard deviations; None while the usual is learnt."""
+        if math.isfinite(expected) and expected > 0.0:
+            return (log_error - math.log(expected)) / LEAST_DEVIATION
+        if len(self._learnt) < LEARNING:
+            self._learnt.append(log_error)
+            return None
+        usual = statistics.median(self._learnt)
+        spread = statistics.median(abs(value - usual) for value in self._learnt)
+        return (log_error - usual) / max(DEVIATION_OF_MEDIAN * spread, LEAST_DEVIATION)

@@ -1,0 +1,259 @@
+"""The running twin closes its gap: it asks for a diagnosis, offers, lets act, takes back.
+
+It knows no messages: callers tell it every event, and give it functions that act on the graph.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rates_in_force import RatePeriod
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_diagnosis.mending.finding import Finding
+from porotwin_diagnosis.mending.forecast_band import ForecastBand
+from porotwin_diagnosis.mending.offer_book import Offer, OfferBook
+from porotwin_diagnosis.mending.shadow_forecast import ShadowForecast, ShadowJudgement
+from porotwin_solver.effects_in_force import in_words
+from porotwin_solver.model import Model
+
+Effects = tuple[EffectDescription, ...]
+
+LEAST_MAPS = 12
+"""Photographs before the first diagnosis: of 8 or fewer it says nothing."""
+
+SHORTEST_S = 300.0
+"""Shortest time between two diagnoses for forecasts out of their band [s]: until the plume has
+moved, the next one would see the same. It doubles with each such diagnosis until effects change."""
+
+MOST_AGE = 0.5
+"""Largest age of a verdict, as a share of the run that it has seen: later it is outdated."""
+
+LEAST_AGE_S = 900.0
+"""Age of a verdict that is never too old [s]: the longest diagnosis of a large rig."""
+
+
+@dataclass(frozen=True)
+class MendSettings:
+    """When a diagnosis is asked for, and how sure a verdict must be.
+
+    `every_s` is the time of the experiment between two diagnoses [s].
+    """
+
+    every_s: float = 1200.0
+    least_confidence: float = 0.9
+
+
+class Mender:
+    """Follows one running twin."""
+
+    def __init__(
+        self,
+        make_model: Callable[[Effects], Model],
+        settings: MendSettings,
+        *,
+        set_effects: Callable[[Effects], None],
+        publish: Callable[[Offer], None],
+        say: Callable[[str], None],
+    ) -> None:
+        """Make the mender.
+
+        Args:
+            make_model: returns the model of the solver with these effects.
+            settings: when and how sure.
+            set_effects: lets effects act in the solver; raises InputError if the solver refuses
+                them, TimeoutError if it is silent.
+            publish: takes every offer that changes.
+            say: takes lines for people.
+        """
+        self._make_model = make_model
+        self._settings = settings
+        self._set_effects = set_effects
+        self._publish = publish
+        self._say = say
+        self._band = ForecastBand()
+        self._book = OfferBook(settings.least_confidence)
+        self._in_force: Effects = ()
+        self._before: Effects = ()
+        self._shadow: ShadowForecast | None = None
+        self._began: float | None = None
+        self._asked: float | None = None
+        self._maps = 0
+        self._shortest = SHORTEST_S
+
+    @property
+    def in_force(self) -> Effects:
+        """The effects that should act in the solver beyond its rig."""
+        return self._in_force
+
+    @property
+    def waits(self) -> bool:
+        """Whether an offer waits for an answer."""
+        return self._book.open is not None
+
+    @property
+    def watches(self) -> bool:
+        """Whether photographs still judge an accepted effect."""
+        return self._shadow is not None
+
+    @property
+    def newest(self) -> Offer | None:
+        """The newest offer."""
+        return self._book.newest
+
+    # --- when to diagnose ---------------------------------------------------------------------
+
+    def interrupt(self) -> None:
+        """Note that the next photograph does not follow from the last one."""
+        if self._shadow is not None:
+            self._shadow.interrupt()
+
+    def begin_anew(self) -> None:
+        """Note that another experiment begins, with the same rig."""
+        self.interrupt()
+        self._band.begin_anew()
+        self._began = self._asked = None
+        self._maps = 0
+        self._shortest = SHORTEST_S
+
+    def occasion(self, stamp: float, error: float, expected: float) -> str:
+        """Return why a diagnosis is wanted after the photograph at `stamp` [s]; empty: it is not.
+
+        Args:
+            stamp: time of the photograph [s].
+            error: relative error of its forecast [-]; NaN: there was none.
+            expected: the error that one expects [-]; NaN: not known.
+        """
+        self._began = stamp if self._began is None else self._began
+        self._maps += 1
+        left = self._band.left_by(error, expected)
+        if self.watches or self._maps < LEAST_MAPS:
+            return ''
+        since = stamp - (self._began if self._asked is None else self._asked)
+        reason = ''
+        if since >= self._settings.every_s:
+            reason = f'{since / 60.0:.0f} min have passed'
+        elif left and (self._asked is None or since >= self._shortest):
+            reason = 'the forecasts have left their band'
+            self._shortest *= 2.0
+            self._band.begin_anew()
+        if reason:
+            self._asked = stamp
+        return reason
+
+    # --- findings and answers -----------------------------------------------------------------
+
+    def found(self, finding: Finding, *, seen: float, now: float) -> None:
+        """Offer a finding, or say why not.
+
+        Args:
+            finding: the verdict.
+            seen: time of the last photograph that it has seen [s].
+            now: time of the newest photograph [s].
+        """
+        length = seen - (self._began if self._began is not None else seen)
+        if self._began is None or now < seen or now - seen > max(LEAST_AGE_S, MOST_AGE * length):
+            self._say(
+                f'a verdict ({finding.verdict}) is outdated by newer photographs; it is not offered'
+            )
+            return
+        changed, why_not = self._book.consider(finding, seen)
+        for offer in changed:
+            self._tell(offer)
+        if why_not:
+            self._say(f'nothing to offer: {why_not}')
+
+    def answer(self, sequence: int, *, accept: bool) -> Offer:
+        """Return the offer `sequence` after the answer of the operator.
+
+        Raises:
+            InputError: there is no such open offer, or the solver refuses its effects.
+            TimeoutError: the solver does not answer; the offer stays open.
+        """
+        offer = self._book.check(sequence)
+        if not accept:
+            return self._tell(self._book.refuse())
+        try:
+            wanted = (*self._in_force, *offer.finding.effects)
+            mended, before = self._make_model(wanted), self._make_model(self._in_force)
+            self._set_effects(wanted)
+        except InputError:
+            self._tell(self._book.refuse('the solver'))
+            raise
+        self._before, self._in_force = self._in_force, wanted
+        self._shadow = ShadowForecast(mended, before)
+        self._shortest = SHORTEST_S
+        self._band.begin_anew()
+        return self._tell(self._book.accept())
+
+    def _tell(self, offer: Offer) -> Offer:
+        self._publish(offer)
+        self._say(offer.sentence)
+        return offer
+
+    # --- the photographs after an acceptance --------------------------------------------------
+
+    def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> None:
+        """Let a photograph judge the accepted effects; they are taken back if they are worse.
+
+        Args:
+            observed: its map (nz, nx) [-]; NaN where nothing was seen.
+            periods: the rates since the last photograph; empty: it follows from none.
+        """
+        shadow = self._shadow
+        if shadow is None:
+            return
+        try:
+            judgement = shadow.see(observed, periods)
+        except InputError as error:
+            self._say(f'no shadow forecast for this photograph: {error}')
+            shadow.interrupt()
+            return
+        if judgement is ShadowJudgement.KEPT:
+            self._shadow = None
+            self._tell(self._book.confirm(f'Since then {shadow.in_words}'))
+        elif judgement is ShadowJudgement.WORSE:
+            self._take_back(shadow)
+
+    def _take_back(self, shadow: ShadowForecast) -> None:
+        try:
+            self._set_effects(self._before)
+        except (InputError, TimeoutError) as error:
+            self._say(f'effects not taken back, tried again with the next photograph: {error}')
+            return
+        self._in_force = self._before
+        self._shadow = None
+        self._band.begin_anew()
+        self._tell(self._book.take_back(shadow.in_words))
+
+    # --- the solver ---------------------------------------------------------------------------
+
+    def solver_tells(self, effects: Effects, *, is_new: bool) -> None:
+        """Compare the effects in force, as the solver tells them, with the accepted ones.
+
+        A solver that was started again (`is_new`) has forgotten them, and gets them again. Effects
+        that somebody else has set count as decided; an effect under watch is then watched no more.
+        """
+        if effects == self._in_force:
+            return
+        if is_new and self._in_force:
+            try:
+                self._set_effects(self._in_force)
+            except (InputError, TimeoutError) as error:
+                self._say(f'the solver was started again and lacks its effects: {error}')
+            else:
+                self._say('the solver was started again; its effects are set again')
+            return
+        self._in_force = effects
+        self._shadow = None
+        self._band.begin_anew()
+        self._say(f'somebody else set: {in_words(effects)}')
+
+
+def model_maker(rig: Rig, grid: Grid, preset: str) -> Callable[[Effects], Model]:
+    """Return a function that makes the model of the solver with effects beyond those of `rig`."""
+
+    def make(effects: Effects) -> Model:
+        return Model(rig, grid, preset=preset, effects=effects)
+
+    return make

@@ -1,0 +1,151 @@
+"""The offers to the operator: made from sure findings, answered once, not repeated in vain."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from porotwin_core.errors import InputError
+from porotwin_diagnosis.mending.finding import Cause, Finding
+
+NEW_EVIDENCE = 1.25
+"""Factor by which the error of the model has grown when a declined cause is offered again."""
+
+
+class OfferState(Enum):
+    """The state of an offer; `MendOffer` has the same values."""
+
+    OFFERED = 0
+    ACCEPTED = 1
+    REFUSED = 2
+    TAKEN_BACK = 3
+    EXPIRED = 4
+
+
+@dataclass(frozen=True)
+class Offer:
+    """An offer to the operator.
+
+    Attributes:
+        sequence: its number, from 1.
+        state: its state.
+        stamp: of the last photograph that the diagnosis has seen [s].
+        finding: the verdict behind it.
+        sentence: the words for the operator now.
+    """
+
+    sequence: int
+    state: OfferState
+    stamp: float
+    finding: Finding
+    sentence: str
+
+    @property
+    def is_notice(self) -> bool:
+        """Whether there is nothing to accept: a defect of the camera."""
+        return not self.finding.effects
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it waits for an answer."""
+        return self.state is OfferState.OFFERED and not self.is_notice
+
+
+class OfferBook:
+    """The newest offer, and the causes that were declined before."""
+
+    def __init__(self, least_confidence: float) -> None:
+        """Offer findings of at least this confidence [-]."""
+        self._least_confidence = least_confidence
+        self._declined: dict[Cause, float] = {}
+        self.newest: Offer | None = None
+
+    @property
+    def open(self) -> Offer | None:
+        """The offer that waits for an answer."""
+        return self.newest if self.newest is not None and self.newest.is_open else None
+
+    def consider(self, finding: Finding, stamp: float) -> tuple[list[Offer], str]:
+        """Return the offers that change, in their order, and one line why nothing is offered.
+
+        Args:
+            finding: the newest verdict.
+            stamp: of the last photograph that the diagnosis has seen [s].
+        """
+        if self.open is not None and self.open.finding.cause == finding.cause:
+            return [], f'offer {self.open.sequence} already says so and waits for an answer'
+        changed = self._expired(finding)
+        doubt = finding.doubt(self._least_confidence) or self._old_news(finding)
+        if doubt:
+            return changed, doubt
+        number = self.newest.sequence + 1 if self.newest is not None else 1
+        self.newest = Offer(number, OfferState.OFFERED, stamp, finding, finding.sentence)
+        if self.newest.is_notice:
+            self._decline(finding)
+        return [*changed, self.newest], ''
+
+    def _expired(self, finding: Finding) -> list[Offer]:
+        waiting = self.open
+        if waiting is None:
+            return []
+        words = f'a newer diagnosis says {finding.verdict.replace("_", " ")}'
+        return [self._now(OfferState.EXPIRED, f'Offer {waiting.sequence} is void: {words}.')]
+
+    def _old_news(self, finding: Finding) -> str:
+        before = self._declined.get(finding.cause)
+        if before is None or finding.error_before > NEW_EVIDENCE * before:
+            return ''
+        return f'{finding.verdict} was declined before, and the gap has not grown since'
+
+    def check(self, sequence: int) -> Offer:
+        """Return the open offer `sequence`.
+
+        Raises:
+            InputError: there is no such offer, or it is not open.
+        """
+        newest = self.newest
+        if newest is None:
+            raise InputError('nothing has been offered yet; wait for an offer')
+        if sequence > newest.sequence or sequence == 0:
+            raise InputError(f'offer {sequence}: there is none; the newest is {newest.sequence}')
+        if sequence < newest.sequence:
+            raise InputError(
+                f'offer {sequence} is not open any more: offer {newest.sequence} has followed'
+            )
+        if newest.is_notice:
+            raise InputError(f'offer {sequence}: only a notice; there is nothing to accept')
+        if not newest.is_open:
+            state = newest.state.name.lower().replace('_', ' ')
+            raise InputError(f'offer {sequence} is {state} already; wait for the next one')
+        return newest
+
+    def accept(self) -> Offer:
+        """Note that the newest offer is accepted, and its effects act."""
+        newest = self._given()
+        sentence = f'Accepted: {newest.finding.sentence} The next photographs will tell.'
+        return self._now(OfferState.ACCEPTED, sentence)
+
+    def refuse(self, why: str = 'the operator') -> Offer:
+        """Note that the newest offer is refused; `why` says by whom."""
+        newest = self._given()
+        self._decline(newest.finding)
+        return self._now(OfferState.REFUSED, f'Refused by {why}: {newest.finding.sentence}')
+
+    def confirm(self, words: str) -> Offer:
+        """Note that photographs after the acceptance are forecast better; `words` say how much."""
+        return self._now(OfferState.ACCEPTED, f'Kept: {self._given().finding.sentence} {words}')
+
+    def take_back(self, words: str) -> Offer:
+        """Note that the accepted effects act no more; `words` say why."""
+        newest = self._given()
+        self._decline(newest.finding)
+        return self._now(OfferState.TAKEN_BACK, f'Taken back: {words}')
+
+    def _decline(self, finding: Finding) -> None:
+        self._declined[finding.cause] = finding.error_before
+
+    def _given(self) -> Offer:
+        assert self.newest is not None
+        return self.newest
+
+    def _now(self, state: OfferState, sentence: str) -> Offer:
+        self.newest = replace(self._given(), state=state, sentence=sentence)
+        return self.newest

@@ -1,0 +1,72 @@
+"""Tests of the offers: asked once, answered once, and not repeated without new evidence."""
+
+import pytest
+from mending_examples import finding, notice, weak_pump
+
+from porotwin_core.errors import InputError
+from porotwin_diagnosis.mending.offer_book import OfferBook, OfferState
+
+
+@pytest.fixture
+def book():
+    return OfferBook(0.9)
+
+
+def offered(book, found, stamp=600.0):
+    changed, why_not = book.consider(found, stamp)
+    assert not why_not
+    return changed
+
+
+def test_a_sure_finding_is_offered_and_not_twice(book):
+    (offer,) = offered(book, finding())
+    assert (offer.sequence, offer.state, offer.stamp) == (1, OfferState.OFFERED, 600.0)
+    changed, why_not = book.consider(finding(weak_pump(0.72)), 900.0)
+    assert not changed
+    assert 'offer 1 already says so' in why_not
+
+
+def test_a_newer_diagnosis_ends_an_offer(book):
+    offered(book, finding())
+    expired, new = offered(book, finding(weak_pump(well='producer')))
+    assert (expired.sequence, expired.state) == (1, OfferState.EXPIRED)
+    assert (new.sequence, new.state) == (2, OfferState.OFFERED)
+    (expired,), why_not = book.consider(finding(confidence=0.5), 900.0)
+    assert expired.state is OfferState.EXPIRED
+    assert 'confidence 0.50' in why_not
+    assert book.open is None
+
+
+@pytest.mark.parametrize('end', ['refuse', 'take_back'])
+def test_a_declined_cause_is_offered_again_only_with_a_larger_gap(book, end):
+    offered(book, finding(before=0.2))
+    if end == 'refuse':
+        assert book.refuse().state is OfferState.REFUSED
+    else:
+        book.accept()
+        assert book.take_back('worse').state is OfferState.TAKEN_BACK
+    assert 'declined before' in book.consider(finding(before=0.21), 900.0)[1]
+    assert offered(book, finding(before=0.3))[-1].sequence == 2
+
+
+def test_answers_that_come_twice_or_too_late_are_refused_with_a_reason(book):
+    with pytest.raises(InputError, match='nothing has been offered yet'):
+        book.check(1)
+    offered(book, finding())
+    with pytest.raises(InputError, match='offer 7: there is none; the newest is 1'):
+        book.check(7)
+    book.check(1)
+    book.accept()
+    with pytest.raises(InputError, match='offer 1 is accepted already'):
+        book.check(1)
+    offered(book, finding(weak_pump(well='producer')))
+    with pytest.raises(InputError, match='offer 1 is not open any more: offer 2 has followed'):
+        book.check(1)
+
+
+def test_a_notice_waits_for_nobody_and_is_given_once(book):
+    (offer,) = offered(book, notice())
+    assert book.open is None
+    with pytest.raises(InputError, match='only a notice'):
+        book.check(offer.sequence)
+    assert 'declined before' in book.consider(notice(), 900.0)[1]

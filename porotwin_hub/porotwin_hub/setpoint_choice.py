@@ -1,0 +1,108 @@
+"""The choice of a setpoint: by the planner, or without a model the last or the safe rates."""
+
+import math
+import time
+from collections.abc import Mapping
+
+from porotwin_core.rates_in_force import PUMP_ACCURACY, different_wells
+from porotwin_core.wells import WellRates
+from porotwin_hub.controller import Planner
+from porotwin_hub.cycle import Cycle
+from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
+from porotwin_hub.setpoint_expiry import SetpointDecision, validity
+
+
+class SetpointChoice:
+    """Chooses setpoints by a planner, and remembers the one in force."""
+
+    def __init__(self, planner: Planner | None, photo_interval: float) -> None:
+        """Choose by `planner`, None: not at all, after every `photo_interval` [s]."""
+        self.planner = planner
+        self.validity = validity(photo_interval)
+        self._command: SetpointDecision | None = None
+
+    def forget(self) -> None:
+        """Forget the setpoint in force."""
+        self._command = None
+
+    def reject(self, cycle: Cycle) -> None:
+        """Go on without the setpoint of `cycle`, because the asset did not take it."""
+        cycle.accepted = False
+        self._command = cycle.previous_command
+
+    def commanded(self, planner: Planner, now: float) -> WellRates:
+        """Return the rates that the wells should pump at `now` [s]."""
+        if self._command is None or self._command.expired(now):
+            return planner.limits.safe()
+        return self._command.rates
+
+    def choose(
+        self,
+        cycle: Cycle,
+        physics: PhysicsModel,
+        *,
+        began: float,
+        delivery: Mapping[str, float],
+    ) -> None:
+        """Set the setpoint of `cycle` from its state, and remarks about faults.
+
+        Args:
+            cycle: with a state estimate and the rates in force.
+            physics: the physics-based model, for one interval.
+            began: start of the experiment [s].
+            delivery: the share of its commanded rate that each pump delivers, where it is known.
+        """
+        if self.planner is None:
+            return
+        begin = time.perf_counter()
+        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery)
+        cycle.durations['optimise'] = time.perf_counter() - begin
+        cycle.previous_command, self._command = self._command, cycle.setpoint
+
+    def _planned(
+        self,
+        cycle: Cycle,
+        planner: Planner,
+        physics: PhysicsModel,
+        began: float,
+        delivery: Mapping[str, float],
+    ) -> SetpointDecision:
+        now = cycle.observation.time
+        try:
+            cycle.decision = planner.decide(
+                physics,
+                cycle.state,
+                self._rates_to_change(cycle, planner),
+                now=now - began,
+                delivery=delivery,
+            )
+        except ModelUnavailable as error:
+            cycle.remarks.append(f'not optimised: {error}')
+            return self._without_model(planner, now, str(error))
+        cycle.remarks += [cycle.decision.remark] if cycle.decision.remark else []
+        rates, reason = cycle.decision.rates, planner.objective.goal
+        broken = planner.limits.violations(rates, self.commanded(planner, now))
+        if broken:  # impossible while `Limits.setpoint` is right; a cheap check of the pumps
+            cycle.remarks.append(f'optimised rates refused: {"; ".join(broken)}')
+            rates, reason = planner.limits.safe(), 'optimised rates broke a limit'
+        return SetpointDecision(rates, now + self.validity, reason)
+
+    def _rates_to_change(self, cycle: Cycle, planner: Planner) -> WellRates:
+        """Return the rates that a decision starts from: those in force.
+
+        They are the commanded ones where the pumps are within their accuracy of them. A limit on
+        changes counts from setpoint to setpoint.
+        """
+        commanded = self.commanded(planner, cycle.observation.time)
+        if math.isfinite(planner.limits.max_change):
+            return commanded
+        other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
+        return cycle.pumped if other else commanded
+
+    def _without_model(self, planner: Planner, now: float, reason: str) -> SetpointDecision:
+        """Return the setpoint in force while it is valid, afterwards the safe rates."""
+        held = self._command
+        if held is not None and not held.expired(now):
+            return SetpointDecision(held.rates, held.valid_until, f'held: {reason}')
+        safe = planner.limits.safe()
+        return SetpointDecision(safe, now + self.validity, f'safe rates: {reason}')

@@ -1,0 +1,25 @@
+"""The answer of a person to an offer to mend the model, as a browser sends it."""
+
+from typing import Any, NamedTuple
+
+from porotwin_core.errors import InputError
+
+
+class MendAnswer(NamedTuple):
+    """Whether the offer `sequence` is accepted."""
+
+    sequence: int
+    accept: bool
+
+
+def parse_mend_answer(data: Any) -> MendAnswer:
+    """Return the answer in a decoded JSON text.
+
+    Raises:
+        InputError: it is of another form.
+    """
+    given = data if isinstance(data, dict) else {}
+    sequence, accept = given.get('sequence'), given.get('accept')
+    if type(sequence) is not int or sequence < 1 or not isinstance(accept, bool):
+        raise InputError('answer: send {"sequence": number of the offer, "accept": true or false}')
+    return MendAnswer(sequence, accept)

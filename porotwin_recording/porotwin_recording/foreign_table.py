@@ -1,0 +1,170 @@
+"""CSV tables of other programs: separators, decimal commas and encodings as Excel writes them."""
+
+import csv
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from porotwin_core.errors import InputError
+
+Decimal = Literal['point', 'comma']
+
+SEPARATORS = ';\t,'
+"""Separators of columns, the surest first: a comma may be a decimal comma."""
+
+_NUMBER = re.compile(r'[+-]?[\d.,\s\u00a0\u202f\']*\d[\d.,]*(?:[eE][+-]?\d+)?')
+_THOUSANDS = re.compile(r'[+-]?\d{1,3}[.,]\d{3}')
+"""A number that may be written with a separator of thousands."""
+
+
+@dataclass(frozen=True)
+class ForeignTable:
+    """The words of a table.
+
+    Attributes:
+        path: the file.
+        columns: words of every column by its title, which is in small letters.
+        decimal: how its numbers are written.
+    """
+
+    path: Path
+    columns: dict[str, list[str]]
+    decimal: Decimal
+
+    @property
+    def length(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.columns.values()), []))
+
+    def find(self, *names: str) -> str | None:
+        """Return the title of the first column that is one of `names`, without its unit."""
+        for name in names:
+            for title in self.columns:
+                if bare_title(title) == name:
+                    return title
+        return None
+
+    def needed(self, *names: str) -> str:
+        """Return the title as `find`.
+
+        Raises:
+            InputError: there is no such column.
+        """
+        found = self.find(*names)
+        if found is None:
+            raise InputError(
+                f"{self.path}: has no column '{names[0]}'; its columns are "
+                f'{", ".join(self.columns)}'
+            )
+        return found
+
+    def numbers(self, title: str) -> list[float]:
+        """Return the numbers of a column.
+
+        Raises:
+            InputError: a word is no number; the message names the line.
+        """
+        words = self.columns[title]
+        return [
+            self._number(word, f'{self.path}:{row}', title) for row, word in enumerate(words, 2)
+        ]
+
+    def _number(self, word: str, where: str, title: str) -> float:
+        value = number_in(word, self.decimal)
+        if not math.isfinite(value):
+            raise InputError(f"{where}: {title} is '{word}'; write a number")
+        return value
+
+
+def bare_title(title: str) -> str:
+    """Return a title without its unit: `rate [ml/min]` is `rate`."""
+    return re.split(r'[\[(]', title)[0].strip().replace(' ', '_')
+
+
+def number_in(word: str, decimal: Decimal) -> float:
+    """Return the number in a word; NaN if there is none."""
+    text = re.sub(r"[\s\u00a0\u202f']", '', word)
+    text = text.replace('.', '').replace(',', '.') if decimal == 'comma' else text.replace(',', '')
+    try:
+        return float(text) if text.isascii() and '_' not in text else math.nan
+    except ValueError:
+        return math.nan
+
+
+def read_foreign_table(path: Path, decimal: Decimal | None = None) -> ForeignTable:
+    """Return the table in the file `path`.
+
+    Args:
+        path: a CSV file; columns are separated by semicolons, tabs or commas.
+        decimal: how numbers are written; None: as the numbers themselves show.
+
+    Raises:
+        InputError: the file is missing or no table, or its numbers can be read in two ways.
+    """
+    text = _text(path)
+    first = text.split('\n', 1)[0]
+    separator = next((mark for mark in SEPARATORS if mark in first), ',')
+    try:
+        lines = [line for line in csv.reader(text.splitlines(), delimiter=separator) if any(line)]
+    except csv.Error as error:
+        raise InputError(f'{path}: not readable as CSV: {error}') from None
+    if len(lines) < 2:
+        raise InputError(f'{path}: has no rows below its titles')
+    titles = [' '.join(title.split()).lower() for title in lines[0]]
+    for number, line in enumerate(lines[1:], 2):
+        if len(line) != len(titles):
+            raise InputError(f'{path}:{number}: has {len(line)} values, the titles {len(titles)}')
+    words = [[line[at].strip() for line in lines[1:]] for at in range(len(titles))]
+    found = decimal or _decimal(path, (word for column in words for word in column))
+    return ForeignTable(path, dict(zip(titles, words, strict=True)), found)
+
+
+def _text(path: Path) -> str:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f'{path}: no such file') from None
+    except OSError as error:
+        raise InputError(f'{path}: cannot be read ({error.strerror})') from None
+    for encoding in ('utf-8-sig', 'cp1252'):  # Excel writes the second unless asked otherwise
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise InputError(f'{path}: not a text in UTF-8; save it as CSV UTF-8')
+
+
+def _decimal(path: Path, words: Iterable[str]) -> Decimal:
+    """Return how the numbers among `words` are written.
+
+    Raises:
+        InputError: they can be read in two ways, or contradict each other.
+    """
+    marks: set[str] = set()
+    doubtful = ''
+    for word in words:
+        if not _NUMBER.fullmatch(word) or not {',', '.'} & set(word):
+            continue
+        last = max(word.rfind(','), word.rfind('.'))
+        if word.count(word[last]) > 1 or (',' in word and '.' in word):
+            other = {',': '.', '.': ','}[word[last]]
+            marks.add(other if word.count(word[last]) > 1 else word[last])
+        elif word[last] == ',' and _THOUSANDS.fullmatch(word):
+            doubtful = doubtful or word
+        else:
+            marks.add(word[last])
+    if marks == {',', '.'}:
+        raise InputError(
+            f'{path}: some numbers have decimal points and some decimal commas; write them alike, '
+            'or give --decimal'
+        )
+    if doubtful and not marks:
+        plain = doubtful.replace(',', '')
+        raise InputError(
+            f"{path}: is '{doubtful}' {doubtful.replace(',', '.')} or {plain}? give --decimal "
+            'comma or --decimal point'
+        )
+    return 'comma' if marks == {','} else 'point'

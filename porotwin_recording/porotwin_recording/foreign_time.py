@@ -1,0 +1,134 @@
+"""Dates and times of other programs: order of day and month, am and pm, time zones."""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Literal
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from porotwin_core.errors import InputError
+
+DateOrder = Literal['day-first', 'month-first']
+
+MONTHS = 12
+YEARS = 100
+CENTURY = 2000
+"""Years of two digits belong to this century."""
+
+_TIME = r'(?:[T\s,]+(?P<time>\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?'
+_ZONE = r'\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?'
+_ISO = re.compile(
+    rf'(?P<year>\d{{4}})[-/.](?P<month>\d{{1,2}})[-/.](?P<day>\d{{1,2}}){_TIME}{_ZONE}'
+)
+_OTHER = re.compile(
+    rf'(?P<one>\d{{1,2}})(?P<mark>[-/.])(?P<two>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}}){_TIME}{_ZONE}'
+)
+
+
+def moments(
+    words: Sequence[str],
+    where: str,
+    *,
+    order: DateOrder | None = None,
+    zone: str = '',
+) -> tuple[list[datetime], list[str]]:
+    """Return the times in `words`, and the assumptions that were made, one line each.
+
+    Times without a zone are those of one clock that nobody set in between; with `zone` they follow
+    its summer time. They are returned as if they were UTC, so that differences are right.
+
+    Args:
+        words: dates with times, all written alike.
+        where: file and column, for messages.
+        order: order of day and month in dates such as 3/4/2024; None: as the dates show.
+        zone: time zone, such as Europe/Oslo; empty: none.
+
+    Raises:
+        InputError: a word is no time, or the words can be read in two ways.
+    """
+    matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
+    for number, (word, match) in enumerate(zip(words, matches, strict=True), 2):
+        if match is None:
+            raise InputError(f"{where}:{number}: '{word}' is no date; write 2024-05-31 14:30:00")
+    found = [match for match in matches if match is not None]
+    told: list[str] = []
+    doubtful = [match for match in found if 'one' in match.groupdict()]
+    day_first = _is_day_first(
+        [(m['one'], m['two'], m['mark']) for m in doubtful], where, order, told
+    )
+    zoned = [match['zone'] is not None for match in found]
+    if any(zoned) and not all(zoned):
+        raise InputError(f'{where}: some times have a zone and some have none; write them alike')
+    if found and not any(zoned):
+        told.append(
+            f'{where}: times of the zone {zone}'
+            if zone
+            else f'{where}: times without a zone, taken as one clock; --time-zone names one'
+        )
+    return [_moment(match, day_first, zone, where) for match in found], told
+
+
+def _is_day_first(
+    dates: Sequence[tuple[str, str, str]], where: str, order: DateOrder | None, told: list[str]
+) -> bool:
+    """Return whether the day comes first; add the reason to `told`."""
+    first = any(int(one) > MONTHS for one, _, _ in dates)
+    second = any(int(two) > MONTHS for _, two, _ in dates)
+    if first and second:
+        raise InputError(
+            f'{where}: some dates have the day first and some the month; write 2024-05-31'
+        )
+    if not dates or first or second:
+        return first
+    if order is not None:
+        return order == 'day-first'
+    if all(mark == '.' for _, _, mark in dates):
+        told.append(f'{where}: dates with points, taken with the day first')
+        return True
+    one, two, mark = dates[0]
+    raise InputError(
+        f"{where}: is '{one}{mark}{two}' day and month, or month and day? give --date-order "
+        'day-first or month-first'
+    )
+
+
+def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> datetime:
+    parts = match.groupdict()
+    if 'one' in parts:
+        day, month = (parts['one'], parts['two'])[:: 1 if day_first else -1]
+    else:
+        day, month = parts['day'], parts['month']
+    year = int(parts['year'])
+    hour, minute, second = _clock(parts['time'], parts['half'])
+    whole = int(second)
+    try:
+        moment = datetime(
+            year + CENTURY * (year < YEARS),
+            int(month),
+            int(day),
+            hour,
+            minute,
+            whole,
+            round(1e6 * (second - whole)),
+        )
+    except ValueError as error:
+        raise InputError(f"{where}: '{match[0]}' is no date ({error})") from None
+    if parts['zone']:
+        written = '+00:00' if parts['zone'] in ('Z', 'UTC') else parts['zone']
+        return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
+    if not zone:
+        return moment.replace(tzinfo=UTC)
+    try:
+        return moment.replace(tzinfo=ZoneInfo(zone)).astimezone(UTC)
+    except (ZoneInfoNotFoundError, ValueError):
+        raise InputError(
+            f"--time-zone '{zone}' is not known; write one such as Europe/Oslo"
+        ) from None
+
+
+def _clock(text: str | None, half: str | None) -> tuple[int, int, float]:
+    """Return hour, minute and second; midnight without a text."""
+    hour, minute, *rest = (text or '0:00').replace(',', '.').split(':')
+    afternoon = half is not None and half[0] in 'Pp'
+    whole = int(hour) % 12 + 12 * afternoon if half else int(hour)
+    return whole, int(minute), float(rest[0]) if rest else 0.0

@@ -1,0 +1,271 @@
+"""Maps of other programs as an experiment folder: npz, CSV, NetCDF and zarr.
+
+- npz: an array of three dimensions (time, row, column) and one of times; `x` and `z` if known.
+- CSV: columns time, x, z and concentration, one line for each value, in any order.
+- NetCDF, zarr (version 2): dimensions time, z or y, x, in any order, with coordinates.
+"""
+
+import contextlib
+import re
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import netCDF4
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_recording.concentration import ConcentrationMaps
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.foreign_table import Decimal, read_foreign_table
+from porotwin_recording.foreign_units import LENGTHS, time_factor, unit_in
+from porotwin_recording.recorded_data import RecordedData
+
+SUFFIXES = ('.npz', '.csv', '.nc', '.zarr')
+FirstRow = Literal['top', 'bottom']
+
+NAMES = {
+    'concentration': ('concentration', 'maps', 'c', 'tracer', 'data', 'images'),
+    'time': ('time', 'times', 't'),
+    'x': ('x',),
+    'z': ('z', 'y', 'height'),
+}
+"""Names of quantities, the surest first."""
+
+MOST_STOCK = 1.3
+"""Largest concentration of noisy maps [-]; larger values are in another unit."""
+
+PERCENT = 100.0
+
+
+@dataclass(frozen=True)
+class MapAnswers:
+    """Answers to open questions of maps; empty or None: as the file shows.
+
+    Attributes:
+        time_unit: unit of times, such as min.
+        first_row: whether the first row of a map is at the top or the bottom.
+        stock: value of the tracer stock, such as 100 for percent.
+        decimal: decimal point or comma of a CSV file.
+    """
+
+    time_unit: str = ''
+    first_row: FirstRow | None = None
+    stock: float | None = None
+    decimal: Decimal | None = None
+
+
+@dataclass(frozen=True)
+class _Arrays:
+    """Arrays of a file: values (time, row, column), times, coordinates, and units by name."""
+
+    values: NDArray[Any]
+    times: NDArray[Any]
+    x: NDArray[Any] | None
+    z: NDArray[Any] | None
+    units: dict[str, str]
+
+
+def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list[str]:
+    """Write an experiment folder with the maps in a file; return the assumptions made.
+
+    Args:
+        path: a file .npz, .csv or .nc, or a folder .zarr.
+        target: the new experiment folder.
+        rig: the rig that the maps cover completely.
+        answers: answers to the questions that the file leaves open.
+
+    Raises:
+        InputError: one line with the file, the fault and the remedy.
+    """
+    readers = {'.npz': _npz, '.nc': _netcdf, '.zarr': _netcdf}
+    told: list[str] = []
+    if path.suffix == '.csv':
+        arrays = _csv(path, answers.decimal)
+    elif path.suffix in readers:
+        arrays = readers[path.suffix](path)
+    else:
+        raise InputError(f'{path}: no file of maps; give one that ends in {", ".join(SUFFIXES)}')
+    if arrays.values.ndim != 3 or len(arrays.times) != len(arrays.values):
+        raise InputError(
+            f'{path}: its maps have the shape {arrays.values.shape}, and it has '
+            f'{len(arrays.times)} times; write maps as (time, row, column)'
+        )
+    times = _seconds(path, arrays, answers, told)
+    values = _upward(path, arrays, answers, told)
+    values = _shares(path, values, answers, told)
+    _check_extent(path, arrays, rig)
+    grid = rig.grid(values.shape[2], values.shape[1])
+    maps = ConcentrationMaps(times, grid, lambda first, last: values[first:last])
+    write_folder(target, RecordedData(rig, maps=maps))
+    told.append(f'{path}: {len(times)} maps of {grid} cells, which cover the whole rig')
+    return told
+
+
+def _seconds(
+    path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]
+) -> NDArray[np.float64]:
+    """Return the times [s] from the first one on, or from zero if they begin later."""
+    times = arrays.times
+    if np.issubdtype(times.dtype, np.datetime64):
+        told.append(
+            f'{path}: time zero is {np.datetime_as_string(times[0], unit="s")}, its first map'
+        )
+        return (times - times[0]) / np.timedelta64(1, 's')
+    unit = (answers.time_unit or arrays.units.get('time', '')).split(' since ')[0]
+    factor = time_factor(unit, f'{path}: time')
+    told.append(f'{path}: times in {unit}')
+    seconds: NDArray[np.float64] = np.asarray(times, dtype=float) * factor
+    if not np.isfinite(seconds).all() or np.any(np.diff(seconds) <= 0):
+        raise InputError(f'{path}: its times do not increase; sort the maps by time')
+    return seconds
+
+
+def _upward(path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]) -> NDArray[Any]:
+    """Return the maps with the lowest row first.
+
+    Raises:
+        InputError: nothing says which row is at the top.
+    """
+    if arrays.z is not None and len(arrays.z) > 1 and answers.first_row is None:
+        upward = bool(arrays.z[1] > arrays.z[0])
+        return arrays.values if upward else arrays.values[:, ::-1]
+    if answers.first_row is None:
+        raise InputError(
+            f'{path}: nothing says whether the first row of a map is at the top, as in a picture; '
+            'give --first-row top or --first-row bottom'
+        )
+    told.append(f'{path}: the first row of a map is at the {answers.first_row}')
+    return arrays.values if answers.first_row == 'bottom' else arrays.values[:, ::-1]
+
+
+def _shares(
+    path: Path, values: NDArray[Any], answers: MapAnswers, told: list[str]
+) -> NDArray[np.float32]:
+    """Return the maps as shares of the tracer stock.
+
+    Raises:
+        InputError: the values are in another unit, and nothing says which value is the stock.
+    """
+    floats = np.asarray(values, dtype=np.float32)
+    if not np.isfinite(floats).any():
+        raise InputError(f'{path}: all values of its maps are missing')
+    largest = float(np.nanmax(floats))
+    if answers.stock is None and largest > MOST_STOCK:
+        percent = 'for percent ' if largest <= MOST_STOCK * PERCENT else ''
+        raise InputError(
+            f'{path}: concentrations reach {largest:.3g}; give --stock, the value of the tracer '
+            f'stock, {percent}such as --stock {PERCENT if percent else largest:g}'
+        )
+    if answers.stock is None:
+        return floats
+    told.append(f'{path}: {answers.stock:g} is tracer stock')
+    return floats / np.float32(answers.stock)
+
+
+def _check_extent(path: Path, arrays: _Arrays, rig: Rig) -> None:
+    """Compare the coordinates with the size of the rig.
+
+    Raises:
+        InputError: the maps do not cover the rig.
+    """
+    for name, values, size in (('x', arrays.x, rig.width_m), ('z', arrays.z, rig.height_m)):
+        if values is None or len(values) < 2:
+            continue
+        factor = LENGTHS.get(arrays.units.get(name, '') or 'm')
+        if factor is None:
+            raise InputError(f"{path}: {name} is in '{arrays.units[name]}'; write m, cm or mm")
+        centres = np.sort(np.asarray(values, dtype=float)) * factor
+        step = size / len(centres)
+        if np.abs(centres - step * (np.arange(len(centres)) + 0.5)).max() > 0.5 * step:
+            raise InputError(
+                f'{path}: {name} runs from {centres[0]:g} to {centres[-1]:g} m in {len(centres)} '
+                f'cells, but the rig is {size:g} m; give a map of the whole rig, or mend rig.yaml'
+            )
+
+
+def _chosen(path: Path, names: list[str], quantity: str) -> str | None:
+    """Return the name of a quantity among `names`; units at its end do not count."""
+    for wanted in NAMES[quantity]:
+        for name in names:
+            if re.split(r'[_\s\[(]', name.lower())[0] == wanted:
+                return name
+    if quantity in ('concentration', 'time'):
+        raise InputError(f'{path}: has no {quantity}; it holds {", ".join(names)}')
+    return None
+
+
+def _npz(path: Path) -> _Arrays:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            found = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        raise InputError(f'{path}: not readable as npz ({error})') from None
+    names = {quantity: _chosen(path, list(found), quantity) for quantity in NAMES}
+    return _Arrays(
+        found[str(names['concentration'])],
+        np.atleast_1d(found[str(names['time'])]),
+        None if names['x'] is None else found[names['x']],
+        None if names['z'] is None else found[names['z']],
+        {quantity: unit_in(name) for quantity, name in names.items() if name},
+    )
+
+
+def _csv(path: Path, decimal: Decimal | None) -> _Arrays:
+    """Return the maps of a long table; a value that is not there is missing (NaN)."""
+    table = read_foreign_table(path, decimal)
+    titles = {quantity: table.needed(*NAMES[quantity]) for quantity in NAMES}
+    columns = {quantity: np.array(table.numbers(titles[quantity])) for quantity in NAMES}
+    axes = {name: np.unique(columns[name], return_inverse=True) for name in ('time', 'z', 'x')}
+    values = np.full([len(axes[name][0]) for name in axes], np.nan, dtype=np.float32)
+    places = tuple(axes[name][1] for name in axes)
+    if len(set(zip(*map(np.ndarray.tolist, places), strict=True))) < table.length:
+        raise InputError(f'{path}: has two values at one time and place; remove one')
+    values[places] = columns['concentration']
+    units = {name: unit_in(title) for name, title in titles.items()}
+    return _Arrays(values, axes['time'][0], axes['x'][0], axes['z'][0], units)
+
+
+def _netcdf(path: Path) -> _Arrays:
+    """Return the maps of a NetCDF file or a zarr folder, which the same library reads."""
+    if (path / 'zarr.json').is_file():
+        raise InputError(f'{path}: is zarr of version 3; write it with zarr_format=2, or as NetCDF')
+    address = f'file://{path.resolve()}#mode=zarr,file' if path.is_dir() else str(path)
+    try:
+        with contextlib.closing(netCDF4.Dataset(address)) as dataset:
+            dataset.set_auto_mask(False)
+            names = {q: _chosen(path, list(dataset.variables), q) for q in NAMES}
+            maps = dataset.variables[str(names['concentration'])]
+            dimensions = _dimensions(path, maps)
+            order = [_axis(path, dimensions, quantity) for quantity in ('time', 'z', 'x')]
+            found = {q: dataset.variables[name] for q, name in names.items() if name}
+            units = {q: str(getattr(each, 'units', '')).lower() for q, each in found.items()}
+            values = np.ma.filled(np.ma.masked_invalid(maps[:]), np.nan)
+            return _Arrays(
+                np.transpose(values, order),
+                np.asarray(found['time'][:]),
+                np.asarray(found['x'][:]) if 'x' in found else None,
+                np.asarray(found['z'][:]) if 'z' in found else None,
+                units,
+            )
+    except (OSError, RuntimeError) as error:
+        raise InputError(f'{path}: cannot be read ({error}); write NetCDF or zarr v2') from None
+
+
+def _dimensions(path: Path, variable: Any) -> list[str]:
+    """Return the names of a variable's dimensions; in zarr an attribute of xarray holds them."""
+    named = getattr(variable, '_ARRAY_DIMENSIONS', None)
+    names = list(variable.dimensions) if named is None else list(np.atleast_1d(named))
+    if len(names) != 3:
+        raise InputError(f'{path}: {variable.name} has {len(names)} dimensions; needs time, z, x')
+    return [str(name).strip() for name in names]
+
+
+def _axis(path: Path, dimensions: list[str], quantity: str) -> int:
+    for wanted in NAMES[quantity]:
+        if wanted in dimensions:
+            return dimensions.index(wanted)
+    raise InputError(f'{path}: its dimensions are {", ".join(dimensions)}; needs {quantity}')

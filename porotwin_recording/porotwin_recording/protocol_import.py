@@ -1,0 +1,323 @@
+"""Folders with `imaging_protocol.csv` and `injection_protocol.csv`, as DarSIA uses them.
+
+Columns of the imaging: `image_id` or `path`, and `datetime`. Columns of the injection: `location`
+(a well), or `location_x` and `location_y` [m]; `start`, `end`, and a rate with its unit, such as
+`rate_ml/min`. See https://github.com/pmgbergen/DarSIA.
+"""
+
+import itertools
+import os
+import re
+import shutil
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.rig import Rig
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_recording.csv_table import number_text, write_table
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.foreign_table import Decimal, ForeignTable, read_foreign_table
+from porotwin_recording.foreign_time import DateOrder, moments
+from porotwin_recording.foreign_units import rate_factor, unit_in
+from porotwin_recording.photos import HEADER, IMAGING_FILE, Photo
+from porotwin_recording.recorded_data import RecordedData
+
+IMAGING_PROTOCOL = 'imaging_protocol.csv'
+INJECTION_PROTOCOL = 'injection_protocol.csv'
+
+IMAGES = ('.jpg', '.jpeg', '.png', '.tif', '.tiff')
+
+NEAR_M = 0.02
+"""Longest distance from a location to the well that is meant [m]: a hand's measurement."""
+
+
+@dataclass(frozen=True)
+class ProtocolAnswers:
+    """Answers to open questions of protocols; empty or None: as the protocols show.
+
+    Attributes:
+        date_order: order of day and month.
+        time_zone: zone of times without one, such as Europe/Oslo.
+        decimal: decimal point or comma.
+        rate_unit: unit of rates, such as ml/min.
+        concentration: concentration of injected fluids where no column has it [-].
+        camera_ahead_s: time by which the camera's clock is ahead of the pumps' [s].
+    """
+
+    date_order: DateOrder | None = None
+    time_zone: str = ''
+    decimal: Decimal | None = None
+    rate_unit: str = ''
+    concentration: float | None = None
+    camera_ahead_s: float = 0.0
+
+
+def has_protocols(folder: Path) -> bool:
+    """Return whether a folder has one of the protocols."""
+    return any((folder / name).is_file() for name in (IMAGING_PROTOCOL, INJECTION_PROTOCOL))
+
+
+def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnswers) -> list[str]:
+    """Write an experiment folder from protocols and photographs; return the assumptions made.
+
+    Time zero is the first injection, or the first photograph where nothing is injected. Photographs
+    before time zero are baselines. Photographs are linked where the file system allows it.
+
+    Args:
+        folder: the folder with the protocols.
+        target: the new experiment folder.
+        rig: the rig, whose wells the locations mean.
+        answers: answers to the questions that the protocols leave open.
+
+    Raises:
+        InputError: one line with the file, the fault and the remedy.
+    """
+    told: list[str] = []
+    photographs, rows = [], []
+    if (folder / IMAGING_PROTOCOL).is_file():
+        photographs = _photographs(folder, answers, told)
+    if (folder / INJECTION_PROTOCOL).is_file():
+        rows = _injections(folder / INJECTION_PROTOCOL, rig, answers, told)
+    if not photographs and not rows:
+        raise InputError(f'{folder}: has neither {IMAGING_PROTOCOL} nor {INJECTION_PROTOCOL}')
+    begin = min([row.start for row in rows] or [moment for moment, _ in photographs])
+    photos = _with_roles(photographs, begin, told)
+    schedule = _schedule(rows, begin) if rows else None
+    write_folder(target, RecordedData(rig, commanded=schedule))
+    _place(target, photos)
+    told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + (' UTC' * bool(answers.time_zone)))
+    return told
+
+
+# --- photographs --------------------------------------------------------------------------------
+
+
+def _photographs(
+    folder: Path, answers: ProtocolAnswers, told: list[str]
+) -> list[tuple[datetime, Path]]:
+    """Return times and files of the photographs, the oldest first."""
+    table = read_foreign_table(folder / IMAGING_PROTOCOL, answers.decimal)
+    times = _moments(table, table.needed('datetime', 'time', 'date'), answers, told)
+    files = sorted(path for path in folder.rglob('*') if path.suffix.lower() in IMAGES)
+    title = table.find('path', 'file', 'filename') or table.needed('image_id', 'id')
+    by_name = title == table.find('path', 'file', 'filename')
+    found, missing = [], []
+    for moment, word in zip(times, table.columns[title], strict=True):
+        file = _named(files, word) if by_name else _numbered(files, word, table)
+        if file is None:
+            missing.append(word)
+        else:
+            found.append((moment, file))
+    if not found:
+        raise InputError(f"{table.path}: none of its photographs is there, such as '{missing[0]}'")
+    if missing:
+        told.append(
+            f'{table.path}: {len(missing)} of {table.length} photographs are not there and left '
+            f"out, the first is '{missing[0]}'"
+        )
+    if answers.camera_ahead_s:
+        told.append(f"{table.path}: the camera's clock is {answers.camera_ahead_s:g} s ahead")
+    ahead = timedelta(seconds=answers.camera_ahead_s)
+    return sorted((moment - ahead, file) for moment, file in found)
+
+
+def _moments(
+    table: ForeignTable, title: str, answers: ProtocolAnswers, told: list[str]
+) -> list[datetime]:
+    where = f'{table.path}: {title}'
+    found, remarks = moments(
+        table.columns[title], where, order=answers.date_order, zone=answers.time_zone
+    )
+    told += [line for line in remarks if line not in told]
+    return found
+
+
+def _named(files: list[Path], word: str) -> Path | None:
+    """Return the file that a path means, whatever folder it was in."""
+    parts = Path(word.replace('\\', '/')).parts
+    for count in range(len(parts), 0, -1):
+        for file in files:
+            if file.parts[-count:] == parts[-count:]:
+                return file
+    return None
+
+
+def _numbered(files: list[Path], word: str, table: ForeignTable) -> Path | None:
+    """Return the file whose name ends with a number.
+
+    Raises:
+        InputError: several files end with it.
+    """
+    if not word.isdecimal():
+        raise InputError(f"{table.path}: image_id is '{word}'; write a number, or a column path")
+    ends = ((file, re.search(r'(\d+)$', file.stem)) for file in files)
+    found = [file for file, end in ends if end and int(end[1]) == int(word)]
+    if len(found) > 1:
+        raise InputError(
+            f'{table.path}: {found[0].name} and {found[1].name} both end in {word}; add a column '
+            'path'
+        )
+    return found[0] if found else None
+
+
+def _with_roles(
+    photographs: list[tuple[datetime, Path]], begin: datetime, told: list[str]
+) -> list[Photo]:
+    """Return the photographs with times and roles; those before `begin` are baselines."""
+    if photographs and photographs[0][0] >= begin:
+        told.append(
+            f'no photograph is older than the first injection: {photographs[0][1].name} is taken '
+            'as the baseline'
+        )
+    return [
+        Photo(
+            (moment - begin).total_seconds(),
+            'baseline' if moment < begin or number == 0 else 'state',
+            f'photos/{number:05d}_{file.name}',
+            file.read_bytes,
+            file,
+        )
+        for number, (moment, file) in enumerate(photographs)
+    ]
+
+
+def _place(target: Path, photos: list[Photo]) -> None:
+    """Link or copy the files of photographs, and write imaging.csv."""
+    if not photos:
+        return
+    (target / 'photos').mkdir()
+    for photo in photos:
+        assert photo.path is not None
+        try:
+            os.link(photo.path, target / photo.name)
+        except OSError:  # another disk, or a file system without links
+            shutil.copyfile(photo.path, target / photo.name)
+    rows = ((number_text(photo.time), photo.name, photo.role) for photo in photos)
+    write_table(target / IMAGING_FILE, HEADER, rows)
+
+
+# --- injections ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Injection:
+    """A rate [m^3/s] of a well from `start` to `end`."""
+
+    start: datetime
+    end: datetime
+    well: str
+    rate: WellRate
+
+
+def _injections(
+    path: Path, rig: Rig, answers: ProtocolAnswers, told: list[str]
+) -> list[_Injection]:
+    table = read_foreign_table(path, answers.decimal)
+    starts = _moments(table, table.needed('start'), answers, told)
+    ends = _moments(table, table.needed('end', 'stop'), answers, told)
+    wells = _wells(table, rig, told)
+    rates = _rates(table, rig, answers, told)
+    shares = _concentrations(table, answers, told)
+    rows = []
+    for number, values in enumerate(zip(starts, ends, wells, rates, shares, strict=True), 2):
+        start, end, well, rate, share = values
+        if end <= start:
+            raise InputError(f'{path}:{number}: ends before it starts; correct start or end')
+        rows.append(_Injection(start, end, well, WellRate(rate, share if rate > 0 else 0.0)))
+    rows.sort(key=lambda row: (row.start, row.end))
+    for well in dict.fromkeys(wells):
+        own = [row for row in rows if row.well == well]
+        for earlier, later in itertools.pairwise(own):
+            if later.start < earlier.end:
+                raise InputError(
+                    f'{path}: two injections of well {well} overlap at '
+                    f'{later.start:%Y-%m-%d %H:%M:%S}; correct start or end'
+                )
+    return rows
+
+
+def _wells(table: ForeignTable, rig: Rig, told: list[str]) -> list[str]:
+    """Return the well of every injection, by its name or by its place."""
+    named = table.find('well', 'location')
+    if named is not None and not any('(' in word for word in table.columns[named]):
+        unknown = [word for word in table.columns[named] if word not in rig.wells]
+        if unknown:
+            raise InputError(
+                f"{table.path}: unknown well '{unknown[0]}'; the rig has {', '.join(rig.wells)}"
+            )
+        return table.columns[named]
+    if named is not None:
+        words = [re.findall(r'[-+\d.,eE]*\d', word) for word in table.columns[named]]
+        if any(len(pair) != 2 for pair in words):
+            raise InputError(f'{table.path}: {named} needs two numbers, such as (0.24, 0.23)')
+        places = [(float(x), float(z)) for x, z in words]
+    else:
+        x, z = table.needed('location_x', 'x'), table.needed('location_y', 'location_z', 'y', 'z')
+        places = list(zip(table.numbers(x), table.numbers(z), strict=True))
+    return [_nearest(place, table, rig, told) for place in places]
+
+
+def _nearest(place: tuple[float, float], table: ForeignTable, rig: Rig, told: list[str]) -> str:
+    """Return the well nearest to a place [m]."""
+    distances = {
+        name: float(np.hypot(well.x_m - place[0], well.z_m - place[1]))
+        for name, well in rig.wells.items()
+    }
+    name = min(distances, key=lambda each: distances[each])
+    at = f'({place[0]:g}, {place[1]:g}) m'
+    if distances[name] > NEAR_M:
+        raise InputError(
+            f'{table.path}: no well of the rig is at {at}; the nearest, {name}, is '
+            f'{100 * distances[name]:.1f} cm away: correct the location (m, upward) or rig.yaml'
+        )
+    line = f'{table.path}: {at} is well {name}'
+    told += [] if line in told else [line]
+    return name
+
+
+def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[str]) -> list[float]:
+    """Return the rates [m^3/s]."""
+    titles = [title for title in table.columns if title.startswith(('rate', 'flow'))]
+    if not titles:
+        raise InputError(f'{table.path}: has no column of rates; name one rate [ml/min]')
+    title = titles[0]
+    where = f'{table.path}: {title}'
+    unit = answers.rate_unit or unit_in(title)
+    if 'sccm' in unit:
+        raise InputError(f'{where}: is of a gas at standard conditions; write the rate of a liquid')
+    density = table.find('density', 'density_kg/m3')
+    densities = table.numbers(density) if density else [rig.density_kg_m3] * table.length
+    told.append(f'{where}: in {unit}{" (--rate-unit)" if answers.rate_unit else ""}')
+    return [
+        value * rate_factor(unit, where, density_kg_m3=own)
+        for value, own in zip(table.numbers(title), densities, strict=True)
+    ]
+
+
+def _concentrations(table: ForeignTable, answers: ProtocolAnswers, told: list[str]) -> list[float]:
+    title = table.find('concentration')
+    if title is not None:
+        return table.numbers(title)
+    if answers.concentration is None:
+        told.append(
+            f'{table.path}: no column concentration: every injection is taken as tracer stock; '
+            '--concentration says otherwise'
+        )
+    share = 1.0 if answers.concentration is None else answers.concentration
+    return [share] * table.length
+
+
+def _schedule(rows: list[_Injection], begin: datetime) -> Schedule:
+    """Return the rates over time; a well stops at the end of an injection."""
+    found: list[ScheduleRow] = []
+    starts = {(row.well, row.start) for row in rows}
+    for row in rows:
+        found.append(ScheduleRow((row.start - begin).total_seconds(), row.well, row.rate))
+        if (row.well, row.end) not in starts:
+            stop = WellRate(0.0, row.rate.concentration)
+            found.append(ScheduleRow((row.end - begin).total_seconds(), row.well, stop))
+    return Schedule(tuple(sorted(found, key=lambda each: each.time)))

@@ -1,0 +1,121 @@
+"""Tests of the catalogue of recordings."""
+
+import json
+import tracemalloc
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from recording_examples import bench_experiment, bench_rig, write_live_bag
+from sparse_bags import START, SparseBag
+
+from porotwin_core.conversions import rig_to_msg
+from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
+from porotwin_msgs.msg import Effect, ModelEffects
+from porotwin_recording.bag_conversion import import_experiment
+from porotwin_recording.catalogue import catalogue_entry, find_recordings
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.recording import open_recording
+from porotwin_recording.serialization import SECOND
+
+GIGABYTE = 10**9
+PHOTOGRAPH = 36_000_000
+
+
+def large_bag(path: Path, *, photographs: int = 40, closed: bool = True) -> Path:
+    """Write a bag whose photographs have 36 MB each."""
+    bag = SparseBag(path, bench_rig())
+    bag.photograph(-1, PHOTOGRAPH, topic='camera/baseline/compressed')
+    for number in range(photographs):
+        bag.photograph(number, PHOTOGRAPH)
+    if closed:
+        bag.close()
+    return path
+
+
+def peak_bytes(work) -> int:
+    """Return the largest memory of Python's objects during `work`."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize('closed', [True, False])
+def test_a_bag_of_gigabytes_is_listed_and_opened_without_its_photographs(
+    tmp_path: Path, closed: bool
+) -> None:
+    path = large_bag(tmp_path / 'long.mcap', closed=closed)
+    entry = catalogue_entry(path)
+    assert entry.size_bytes > 1.4 * GIGABYTE
+    assert (entry.photographs, entry.maps, entry.rig) == (40, 0, 'bench')
+    assert entry.duration_s == 30.0 * 40
+    assert entry.start == datetime.fromtimestamp(START / SECOND - 30.0, UTC)
+    assert entry.state == ('complete' if closed else 'recording')
+    recording = open_recording(path)
+    assert len(recording.photos) == 41
+    assert recording.photos[1].time == 0.0
+    for work in (lambda: catalogue_entry(path), lambda: open_recording(path)):
+        # without an index, names of topics are looked for in a chunk
+        assert peak_bytes(work) < (0.003 * entry.size_bytes if closed else 4 * PHOTOGRAPH)
+    # one photograph at a time: the chunk, the message and the file
+    assert peak_bytes(recording.photos[3].read) < 5 * PHOTOGRAPH
+    assert len(recording.photos[3].read()) == PHOTOGRAPH
+
+
+def test_the_entries_of_a_folder_and_of_its_bag_agree(tmp_path: Path) -> None:
+    write_folder(tmp_path / 'experiment', bench_experiment())
+    import_experiment(tmp_path / 'experiment', tmp_path / 'bag')
+    bag, folder = (catalogue_entry(path) for path in find_recordings(tmp_path))
+    assert (folder.kind, bag.kind) == ('folder', 'bag')
+    for name in ('rig', 'photographs', 'maps', 'setpoints', 'width_m', 'duration_s'):
+        assert getattr(folder, name) == pytest.approx(getattr(bag, name)), name
+    assert bag.start is None  # an imported experiment has no date
+    assert folder.size_bytes > 1000
+
+
+def test_effects_and_diagnoses_are_told(tmp_path: Path) -> None:
+    rig = bench_rig().model_copy(update={'effects': (EffectDescription(name='decay'),)})
+    mended = ModelEffects(effects=[Effect(name='leak')])
+    write_live_bag(
+        tmp_path / 'up' / 'bag',
+        [
+            ('/rig2/rig/description', rig_to_msg(rig)),
+            ('/rig2/solver/effects', ModelEffects()),
+            ('/rig2/solver/effects', mended),
+        ],
+    )
+    diagnosis = tmp_path / 'up' / 'diagnoses' / '1'
+    diagnosis.mkdir(parents=True)
+    (diagnosis / 'diagnosis.json').write_text(json.dumps({'verdict': 'leak', 'confidence': 0.93}))
+    (path,) = find_recordings(tmp_path)
+    entry = catalogue_entry(path)
+    assert entry.effects == ('decay', 'leak')
+    assert entry.diagnosed == 'leak (93 %)'
+
+
+def test_broken_recordings_have_their_fault_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / 'empty.mcap').touch()
+    (tmp_path / 'text.mcap').write_text('no bag')
+    (tmp_path / 'folder').mkdir()
+    (tmp_path / 'folder' / 'rig.yaml').write_text('name: [')
+    (tmp_path / 'folder' / 'rates.csv').touch()
+    whole = large_bag(tmp_path / 'whole.mcap', photographs=3)
+    content = whole.read_bytes()
+    (tmp_path / 'damaged.mcap').write_bytes(content[:2000] + b'\x99' * 5000)
+    entries = {entry.path.name: entry for entry in map(catalogue_entry, find_recordings(tmp_path))}
+    assert len(entries) == 5
+    for name in ('empty.mcap', 'text.mcap', 'folder', 'damaged.mcap'):
+        assert entries[name].state in ('unreadable', 'recording'), name
+        (line,) = entries[name].remarks
+        assert str(tmp_path / name) in line
+        assert '\n' not in line
+    assert entries['whole.mcap'].state == 'complete'
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='no such folder'):
+        list(find_recordings(tmp_path / 'nowhere'))

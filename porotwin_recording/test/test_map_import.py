@@ -1,0 +1,91 @@
+"""Tests of imported maps: npz, CSV, NetCDF and zarr."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recording_examples import bench_experiment, bench_rig
+
+from porotwin_core.errors import InputError
+from porotwin_recording.dataset_export import export_dataset
+from porotwin_recording.experiment_folder import write_folder
+from porotwin_recording.map_import import MapAnswers, import_maps
+from porotwin_recording.recording import Recording, open_recording
+
+PLAIN = MapAnswers()
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Recording:
+    write_folder(tmp_path / 'origin', bench_experiment())
+    return open_recording(tmp_path / 'origin')
+
+
+def imported(path: Path, answers: MapAnswers = PLAIN) -> tuple[Recording, list[str]]:
+    """Return the recording that is made of a file, and what was told."""
+    target = path.parent / f'made_of_{path.suffix[1:]}'
+    told = import_maps(path, target, bench_rig(), answers)
+    return open_recording(target), told
+
+
+@pytest.mark.parametrize(('kind', 'name'), [('zarr', 'maps.zarr'), ('netcdf', 'maps.nc')])
+def test_a_dataset_for_notebooks_is_read_back(
+    tmp_path: Path, recording: Recording, kind, name: str
+) -> None:
+    export_dataset(recording, tmp_path / name, kind)
+    found, _ = imported(tmp_path / name)
+    np.testing.assert_array_equal(found.concentration, recording.concentration)
+    np.testing.assert_allclose(found.times, recording.times)
+    if kind == 'zarr':  # one file holds all metadata, and units are texts
+        text = (tmp_path / name / '.zmetadata').read_text()
+        assert '"units": "1"' in text
+        assert 'concentration/.zarray' in text
+
+
+def test_npz_in_percent_and_minutes_with_the_first_row_at_the_top(
+    tmp_path: Path, recording: Recording
+) -> None:
+    path = tmp_path / 'maps.npz'
+    maps = recording.concentration[:, ::-1]
+    np.savez(path, maps=100 * maps, time_min=recording.times / 60.0)
+    with pytest.raises(InputError, match='give --first-row top'):
+        imported(path)
+    with pytest.raises(InputError, match=r'--stock 100'):
+        imported(path, MapAnswers(first_row='top'))
+    found, told = imported(path, MapAnswers(first_row='top', stock=100.0))
+    np.testing.assert_allclose(found.concentration, recording.concentration, rtol=1e-6)
+    np.testing.assert_allclose(found.times, recording.times)
+    assert f'{path}: times in min' in told
+    np.savez(path, maps=maps, t=recording.times)
+    with pytest.raises(InputError, match='--time-unit'):
+        imported(path, MapAnswers(first_row='top'))
+
+
+def test_a_long_table_in_any_order_with_decimal_commas(
+    tmp_path: Path, recording: Recording
+) -> None:
+    grid, lines = recording.grid, []
+    for time, values in zip(recording.times, recording.concentration, strict=True):
+        for row, column in np.argwhere(np.isfinite(values))[::-1]:
+            numbers = (time, grid.x[column], grid.z[row], values[row, column])
+            lines.append(';'.join(f'{number:.9g}'.replace('.', ',') for number in numbers))
+    path = tmp_path / 'maps.csv'
+    path.write_text('\n'.join(['time [s];x [m];z [m];concentration', *lines]))
+    found, _ = imported(path)
+    np.testing.assert_allclose(found.concentration, recording.concentration, rtol=1e-6)
+
+
+def test_maps_of_another_rig_and_broken_files_are_refused(
+    tmp_path: Path, recording: Recording
+) -> None:
+    times, maps = recording.times, recording.concentration
+    x = 2 * recording.grid.x
+    np.savez(tmp_path / 'wide.npz', maps=maps, time_s=times, x=x, z=recording.grid.z)
+    with pytest.raises(InputError, match=r'but the rig is 0\.4 m'):
+        imported(tmp_path / 'wide.npz')
+    (tmp_path / 'broken.npz').write_bytes(b'PK')
+    (tmp_path / 'new.zarr').mkdir()
+    (tmp_path / 'new.zarr' / 'zarr.json').touch()
+    for name, reason in (('broken.npz', 'not readable as npz'), ('new.zarr', 'zarr_format=2')):
+        with pytest.raises(InputError, match=reason):
+            imported(tmp_path / name)

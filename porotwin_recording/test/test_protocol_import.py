@@ -1,0 +1,144 @@
+"""Tests of imported protocols: units, clocks, dates and decimal commas of other programs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from recording_examples import bench_rig
+
+from porotwin_core.errors import InputError
+from porotwin_core.units import to_ml_h
+from porotwin_recording.protocol_import import ProtocolAnswers, import_protocols
+from porotwin_recording.recording import open_recording
+
+PLAIN = ProtocolAnswers()
+
+IMAGING = 'Image_id,Datetime\n7,2024-05-31 09:59:00\n8,2024-05-31 10:00:30\n9,2024-05-31 10:01:00\n'
+INJECTION = (
+    'id,location_x,location_y,start,end,rate_ml/min\n'
+    '1,0.105,0.1,2024-05-31 10:00:00,2024-05-31 10:02:00,2\n'
+    '2,0.3,0.2,2024-05-31 10:01:00,2024-05-31 10:02:00,-1.5\n'
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with three photographs and both protocols."""
+    lab = tmp_path / 'lab'
+    (lab / 'images').mkdir(parents=True)
+    for number in (7, 8, 9):
+        (lab / 'images' / f'DSC_{number:05d}.JPG').write_bytes(b'\xff\xd8' + bytes([number]))
+    (lab / 'imaging_protocol.csv').write_text(IMAGING)
+    (lab / 'injection_protocol.csv').write_text(INJECTION)
+    return lab
+
+
+def imported(folder: Path, answers: ProtocolAnswers = PLAIN):
+    """Return the recording that is made of the protocols, and what was told."""
+    target = folder.parent / 'experiment'
+    told = import_protocols(folder, target, bench_rig(), answers)
+    return open_recording(target), told
+
+
+def test_photographs_and_rates_get_times_roles_and_units(folder: Path) -> None:
+    recording, told = imported(folder)
+    assert [(p.time, p.role, p.read()[-1]) for p in recording.photos] == [
+        (-60.0, 'baseline', 7),
+        (30.0, 'state', 8),
+        (60.0, 'state', 9),
+    ]
+    rates = {time: recording.schedule.at(time) for time in (10.0, 70.0, 130.0)}
+    assert to_ml_h(rates[10.0]['in'].rate) == pytest.approx(120.0)
+    assert rates[10.0]['in'].concentration == 1.0
+    assert to_ml_h(rates[70.0]['out'].rate) == pytest.approx(-90.0)
+    assert rates[130.0]['in'].rate == rates[130.0]['out'].rate == 0.0
+    text = '\n'.join(told)
+    for words in (
+        'in ml/min',
+        'without a zone',
+        'is well in',
+        'taken as tracer stock',
+        'time zero',
+    ):
+        assert words in text, words
+
+
+def test_the_same_protocols_as_excel_writes_them_in_europe(folder: Path) -> None:
+    plain, _ = imported(folder)
+    (folder / 'imaging_protocol.csv').write_bytes(
+        'Path;Datetime;Bemerkung\n'
+        'D:\\lab\\DSC_00007.JPG;31.05.2024 09:59:00;Küvette\n'
+        'D:\\lab\\DSC_00008.JPG;31.05.2024 10:00:30;\n'
+        'D:\\lab\\DSC_00009.JPG;31.05.2024 10:01:00;\n'.encode('cp1252')
+    )
+    (folder / 'injection_protocol.csv').write_text(
+        'well;start;end;rate [µl/s];concentration\n'
+        'in;31.05.2024 10:00;31.05.2024 10:02;33,333333333;1\n'
+        'out;31.05.2024 10:01;31.05.2024 10:02;-25,0;0\n'
+    )
+    (folder.parent / 'experiment').rename(folder.parent / 'plain')
+    european, _ = imported(folder)
+    assert [p.time for p in european.photos] == [p.time for p in plain.photos]
+    for time in (10.0, 70.0, 130.0):
+        for well, rate in plain.schedule.at(time).items():
+            assert european.schedule.at(time)[well].rate == pytest.approx(rate.rate, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('change', 'question'),
+    [
+        (('2024-05-31', '03/04/2024'), '--date-order'),
+        (('rate_ml/min', 'rate'), '--rate-unit'),
+        (('rate_ml/min', 'rate_sccm'), 'of a gas'),
+        (('0.105', '0.2'), 'cm away'),
+        (('10:02:00,2', '09:02:00,2'), 'ends before it starts'),
+        (('0.3,0.2', '0.1,0.1'), 'overlap at'),
+        (('2024-05-31 10:00:00,', '2024-05-31 10:00:00Z,'), 'some times have a zone'),
+    ],
+)
+def test_every_ambiguity_and_fault_is_asked_for_in_one_line(
+    folder: Path, change: tuple[str, str], question: str
+) -> None:
+    (folder / 'injection_protocol.csv').write_text(INJECTION.replace(*change))
+    with pytest.raises(InputError, match=question) as refusal:
+        imported(folder)
+    assert '\n' not in str(refusal.value)
+    assert not (folder.parent / 'experiment').exists()
+
+
+def test_a_comma_before_three_digits_may_be_a_decimal_one(folder: Path) -> None:
+    (folder / 'injection_protocol.csv').write_text(
+        'well,start,end,rate (ml/h)\nin,2024-05-31 10:00,2024-05-31 10:02,"1,500"\n'
+    )
+    with pytest.raises(InputError, match=r"is '1,500' 1\.500 or 1500\? give --decimal"):
+        imported(folder)
+    recording, _ = imported(folder, ProtocolAnswers(decimal='point'))
+    assert to_ml_h(recording.schedule.at(1.0)['in'].rate) == pytest.approx(1500.0)
+
+
+def test_answers_settle_what_is_open(folder: Path) -> None:
+    for name in ('imaging_protocol.csv', 'injection_protocol.csv'):
+        text = (folder / name).read_text().replace('2024-05-31 10', '3/4/24 1')
+        text = text.replace('2024-05-31 09:59:00', '3/4/24 0:59:00 PM').replace(
+            'rate_ml/min', 'rate'
+        )
+        for second in ('00', '30'):
+            text = text.replace(f':{second},', f':{second} PM,').replace(
+                f':{second}\n', f':{second} PM\n'
+            )
+        (folder / name).write_text(text)
+    answers = ProtocolAnswers(
+        'day-first', 'Europe/Oslo', rate_unit='l/h', concentration=0.5, camera_ahead_s=2.0
+    )
+    recording, told = imported(folder, answers)
+    assert [p.time for p in recording.photos] == [-62.0, 28.0, 58.0]
+    assert to_ml_h(recording.schedule.at(1.0)['in'].rate) == pytest.approx(2000.0)
+    assert recording.schedule.at(1.0)['in'].concentration == 0.5
+    assert 'time zero is 2024-04-03 11:00:00 UTC' in told  # summer time in Oslo
+
+
+def test_photographs_that_are_not_there_are_counted(folder: Path) -> None:
+    (folder / 'images' / 'DSC_00008.JPG').unlink()
+    recording, told = imported(folder, replace(PLAIN, concentration=1.0))
+    assert len(recording.photos) == 2
+    assert any("1 of 3 photographs are not there and left out, the first is '8'" in t for t in told)

@@ -1,0 +1,124 @@
+"""How a photograph changes the belief of the siblings, and their spread."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.map_blocks import Blocks
+from porotwin_siblings.belief import Belief, standard_scores
+from porotwin_siblings.photograph import Photograph
+from porotwin_siblings.traits import Traits, Unknowns
+
+MEMORY_S = 7200.0
+"""Time in which earlier photographs fade by 1/e [s]: pumps and tubes change over hours."""
+
+MODEL_DEVIATION = 0.02
+"""Error of the mean of a block that no sibling knows a cause of [-]."""
+
+FEATURE_FLOOR = 0.005
+"""Difference of the mean of a block that means nothing [-]."""
+
+INFLATION_SHARE = 0.5
+"""Weight of a new photograph in the inflation of the spread."""
+
+LEAST_INFLATION, MOST_INFLATION = 1.0, 4.0
+"""Range of the inflation: the belief itself, and as far as the effects stay linear."""
+
+RELATED_BLOCKS = 4.0
+"""Blocks whose errors are alike: they count as one observation."""
+
+
+class Learning:
+    """The belief of all siblings together.
+
+    Attributes:
+        belief: the distribution of their unknowns.
+        inflation: factor on their spread, for causes that no sibling knows.
+    """
+
+    def __init__(self, unknowns: Unknowns, grid: Grid, count: int, seed: int) -> None:
+        """Begin with the belief before any photograph.
+
+        Args:
+            unknowns: what the siblings disagree on.
+            grid: of the siblings.
+            count: number of siblings.
+            seed: of their differences.
+
+        Raises:
+            InputError: there are too few siblings.
+        """
+        self._unknowns = unknowns
+        self._grid = grid
+        self._blocks = Blocks.of(grid)
+        self._prior = Belief.independent(unknowns.mean, unknowns.deviation)
+        self._scores = standard_scores(len(unknowns.listed), count, seed)
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self.belief = self._prior
+        self.inflation = 1.0
+
+    def members(self) -> list[Traits]:
+        """Return the traits of every sibling."""
+        drawn = self.belief.members(self.inflation * self._scores)
+        return [self._unknowns.traits(values) for values in drawn.T]
+
+    def mean(self) -> Traits:
+        """Return the traits of the mean belief."""
+        return self._unknowns.traits(self.belief.mean)
+
+    def fade(self, elapsed: float) -> None:
+        """Let the belief fade to that before any photograph over `elapsed` [s]."""
+        self.belief = self.belief.relaxed(self._prior, 1.0 - math.exp(-elapsed / MEMORY_S))
+
+    def learn(
+        self,
+        photograph: Photograph,
+        traits: Sequence[Traits],
+        maps: Sequence[FloatArray],
+        *,
+        alike: float,
+    ) -> None:
+        """Update belief and inflation.
+
+        Args:
+            photograph: the newest one, on any grid of the rig.
+            traits: of every sibling.
+            maps: the map (nz, nx) that each of them expected, on their grid.
+            alike: photographs that judge nearly the same course, this one included.
+        """
+        map_, random, systematic = (
+            conservative_resample(values, self._grid.shape)
+            for values in (photograph.concentration, photograph.random**2, photograph.systematic)
+        )
+        seen = np.isfinite(map_)
+        expected = np.array(
+            [
+                one + trait.photograph_error * systematic
+                for one, trait in zip(maps, traits, strict=True)
+            ]
+        )
+        predicted = self._blocks.means(expected, seen).T
+        observed = self._blocks.means(map_, seen)
+        noise = self._blocks.means(random, seen)
+        variance = RELATED_BLOCKS * max(1.0, alike) * (noise + MODEL_DEVIATION**2)
+        self.belief = self.belief.updated(
+            self.inflation * self._scores, predicted, observed, variance
+        )
+        self._inflate(predicted, observed, noise)
+
+    def _inflate(self, predicted: FloatArray, observed: FloatArray, noise: FloatArray) -> None:
+        """Spread the siblings by the distance of the photograph from their expectations.
+
+        A cause that no sibling knows shows as a difference larger than their spread (adaptive
+        inflation; Anderson, Tellus A 61 (2009) 72-83).
+        """
+        missed = float(np.sum((observed - predicted.mean(axis=1)) ** 2))
+        spread = float(np.sum(predicted.var(axis=1) + noise + FEATURE_FLOOR**2))
+        wanted = self.inflation * math.sqrt(missed / spread)
+        moved = self.inflation + INFLATION_SHARE * (wanted - self.inflation)
+        self.inflation = min(max(moved, LEAST_INFLATION), MOST_INFLATION)

@@ -1,0 +1,82 @@
+"""Messages of the siblings: photographs and rates in, forecasts out."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from porotwin_core import conversions
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.rig import Rig
+from porotwin_core.wells import WellRate
+from porotwin_msgs.msg import Forecast, NewState
+from porotwin_siblings.outlook import Outlook
+from porotwin_siblings.photograph import Photograph
+
+
+def known_rates_from_msg(wells: Iterable[Any], rig: Rig) -> dict[str, WellRate]:
+    """Return the rates [m^3/s] of a message.
+
+    Raises:
+        InputError: as `conversions.rates_from_msg`, or a well is not in `rig`.
+    """
+    rates = conversions.rates_from_msg(wells)
+    for name in rates:
+        if name not in rig.wells:
+            raise InputError(f"well '{name}' is not in rig.yaml; known: {', '.join(rig.wells)}")
+    return rates
+
+
+def photograph_from_msg(message: NewState, map_grid: Grid) -> Photograph:
+    """Return the map of a state, which must lie on `map_grid`.
+
+    Raises:
+        InputError: its map or its deviations are wrong.
+    """
+    values, grid = conversions.tracer_from_msg(message.tracer)
+    deviation = conversions.deviation_from_msg(message.deviation, grid)
+    systematic = conversions.deviation_from_msg(message.systematic, grid)
+    if grid != map_grid:
+        raise InputError(f'its map is {grid}, the siblings work on {map_grid}')
+    photograph = Photograph.plain(conversions.time_from_msg(message.header.stamp), values)
+    if deviation is None or systematic is None:
+        return photograph
+    variance = np.maximum(deviation**2 - systematic**2, 0.0)
+    return photograph._replace(
+        random=np.sqrt(_finite(variance)), systematic=np.nan_to_num(systematic)
+    )
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    """Return `values` with the largest known one where they are not known."""
+    known = values[np.isfinite(values)]
+    return np.nan_to_num(values, nan=float(known.max()) if known.size else 0.0)
+
+
+def forecast_to_msg(outlook: Outlook, grid: Grid) -> Forecast:
+    """Return the message of an outlook with maps on `grid`."""
+    start = outlook.start
+    low, median, high = range(3)
+
+    def maps(values: FloatArray) -> list[Any]:
+        return [
+            conversions.tracer_to_msg(one, grid, start + float(time))
+            for one, time in zip(values, outlook.map_times, strict=True)
+        ]
+
+    return Forecast(
+        header=conversions.header_at(start),
+        schedule=conversions.plan_to_msg(outlook.plan),
+        times=outlook.times.tolist(),
+        zone_tracer=outlook.zone_tracer[median].tolist(),
+        zone_tracer_low=outlook.zone_tracer[low].tolist(),
+        zone_tracer_high=outlook.zone_tracer[high].tolist(),
+        zone_area=outlook.zone_area[median].tolist(),
+        zone_area_low=outlook.zone_area[low].tolist(),
+        zone_area_high=outlook.zone_area[high].tolist(),
+        zone_reached=outlook.zone_reached.tolist(),
+        map_times=outlook.map_times.tolist(),
+        mean=maps(outlook.mean),
+        deviation=maps(outlook.deviation),
+    )

@@ -1,0 +1,71 @@
+"""Threads that share the cells of a grid: the same bits for any number of them."""
+
+import numpy as np
+import pytest
+from effect_examples import described
+
+from porotwin_core.rig import EffectDescription
+from porotwin_solver import transport
+from porotwin_solver.cell_threads import BLOCK_CELLS, LIMIT, in_blocks, in_rows, most_threads
+from porotwin_solver.engine import State
+from porotwin_solver.model import Model
+
+LARGE = (760, 456)
+"""Columns and rows of a grid that is shared: its pressure takes multigrid, its substeps blocks."""
+
+
+def test_the_environment_bounds_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT, '3')
+    assert most_threads() == 3
+    monkeypatch.delenv(LIMIT)
+    assert most_threads() >= 1
+
+
+def test_all_rows_and_cells_are_done_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(LIMIT, '3')
+
+    def count(done: np.ndarray, first: int, last: int) -> None:
+        done[first:last] += 1
+
+    def sums(part: np.ndarray, first: int, last: int) -> None:
+        part[0] = last - first
+
+    rows, total = np.zeros(10), np.zeros(1)
+    in_rows(count, 10, 1_000_000, rows)
+    np.testing.assert_array_equal(rows, 1.0)
+    in_blocks(sums, 3 * BLOCK_CELLS + 5, (), total)
+    assert total[0] == 3 * BLOCK_CELLS + 5
+
+
+@pytest.mark.parametrize('effects', [[], [described('dispersion')]], ids=['still', 'dispersed'])
+def test_a_prediction_is_the_same_for_any_number_of_threads(
+    rig, rates, monkeypatch: pytest.MonkeyPatch, effects: list[EffectDescription]
+) -> None:
+    found, lost = [], []
+    for threads in ('1', '3'):
+        monkeypatch.setenv(LIMIT, threads)
+        model = Model(rig, rig.grid(*LARGE), preset='fast', effects=effects)
+        state = State.equilibrium(model.initial_condition())
+        state.mobile[50:300, 100:500] = 0.7
+        begin = float(np.sum(model.engine.storage * state.mobile))
+        model.engine.advance(state, rates, 20.0)
+        found.append(state.mobile)
+        lost.append(state.tracer_lost)
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(lost[0], lost[1])
+    injected = 20.0 * float(model.engine.sources_and_sinks.sources(rates).tracer.sum())
+    end = float(np.sum(model.engine.storage * state.mobile))
+    assert begin + injected == pytest.approx(end + state.tracer_lost.sum(), rel=1e-12)
+
+
+def test_shared_cells_give_the_map_of_cells_that_are_not_shared(
+    rig, rates, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = Model(rig, rig.grid(93, 56), preset='fast')
+    alone = State.equilibrium(model.initial_condition())
+    model.engine.advance(alone, rates, 120.0)
+    monkeypatch.setattr(transport, 'THREADED_CELLS', 0)
+    shared = State.equilibrium(model.initial_condition())
+    model.engine.advance(shared, rates, 120.0)
+    np.testing.assert_array_equal(alone.mobile, shared.mobile)
+    np.testing.assert_allclose(alone.tracer_lost, shared.tracer_lost, rtol=1e-14)
