@@ -247,8 +247,8 @@ def _level(
         yield Objection(
             f'fronts and masses read the response differently: half of stock would look like '
             f'{0.5 + evidence.bend_by_fronts:.2f} and {0.5 + evidence.bend:.2f} of stock',
-            'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or a '
-            'rig that is not as described',
+            'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or '
+            'a rig that is not as described',
             'photograph one dilution (half stock)',
         )
     if evidence.core_flatness > settings.most_core_slope:
