@@ -108,6 +108,21 @@ class CalibrationEvidence:
     worst_dilution: str = ''
 
     @property
+    def bend_by_fronts(self) -> float:
+        """Bend that the fronts show [-]; NaN if they were not compared."""
+        return self.fronts.bend if self.fronts else float('nan')
+
+    @property
+    def bend_conflict(self) -> float:
+        """Difference between the bend and that of the fronts [-]; 0 with dilutions or no fronts.
+
+        It is infinite if the fronts ask for a bend beyond all that are tried.
+        """
+        if np.isfinite(self.dilution_misfit) or self.fronts is None:
+            return 0.0
+        return float('inf') if self.fronts.at_end else abs(self.bend - self.fronts.bend)
+
+    @property
     def disagreeing(self) -> tuple[PhotographEvidence, ...]:
         """The photographs that disagree with the others."""
         return tuple(one for one in self.photographs if one.disagreement)

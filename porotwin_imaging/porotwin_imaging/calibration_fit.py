@@ -181,13 +181,14 @@ def fit_calibration(
         stock, factors, seen, signals, _integrals(tracer, volume), injected, settings
     )
     known = [Dilution(signal / level, concentration) for concentration, signal in seen]
-    relative = [plane / level for plane in tracer] if anchor != 'mass' else []
-    masses = injected if anchor != 'mass' else []
+    agreeing = _agreeing(_integrals(tracer, volume), injected, settings)
+    relative = [tracer[number] / level for number in agreeing] if anchor != 'mass' else []
+    masses = [injected[number] for number in agreeing] if injected and anchor != 'mass' else []
     response = fit_response(relative, volume, masses, known, settings=settings.mass_balance)
     fronts = None
     if plumes is not None and anchor in _MEASURED and len(injected):
         progress('model of the plume')
-        held = _integrals([response.concentration_of(plane) for plane in relative], volume)
+        held = _integrals([response.concentration_of(one / level) for one in tracer], volume)
         rough = fit_line(held, injected, settings.mass_balance)
         photographed = FrontPhotographs(
             [plane / level for plane in signals],
@@ -349,6 +350,24 @@ def _level_by_mass(
             'times of the photographs and the baseline'
         )
     return line.factor, max(settings.calibration.scale_error, line.misfit / line.factor)
+
+
+def _agreeing(
+    integrals: Sequence[float], injected: Sequence[float], settings: ImagingSettings
+) -> list[int]:
+    """Return the numbers of the photographs whose signals grow with the injection.
+
+    One hand in a photograph would bend the response. With too few of them, or without a pump log,
+    all count.
+    """
+    everyone = list(range(len(integrals)))
+    if not injected:
+        return everyone
+    # in units of the injection, because the errors of the line are relative to it
+    scale = max(injected) / max(*integrals, 1e-12)
+    line = fit_line([scale * value for value in integrals], injected, settings.mass_balance)
+    found = [number for number in everyone if line.agree[number]]
+    return found if len(found) >= settings.mass_balance.fewest_photographs else everyone
 
 
 def _surely_scaled(factors: SandFactors, labels: Labels, settings: FrontSettings) -> Array:

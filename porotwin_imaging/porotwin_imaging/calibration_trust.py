@@ -243,6 +243,14 @@ def _level(
             'baseline',
             'photograph the injection again with steady light, or a dilution of one half',
         )
+    elif evidence.bend_conflict > settings.most_bend_conflict:
+        yield Objection(
+            f'fronts and masses read the response differently: half of stock would look like '
+            f'{0.5 + evidence.bend_by_fronts:.2f} and {0.5 + evidence.bend:.2f} of stock',
+            'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or '
+            'a rig that is not as described',
+            'photograph one dilution (half stock)',
+        )
     if evidence.core_flatness > settings.most_core_slope:
         yield Objection(
             f'the core of the plume is not even: {100 * evidence.core_flatness:.0f} % from its '

@@ -38,6 +38,8 @@ _LEVELS = np.linspace(0.14, 0.86, 10)
 _HALF_RAMP = 0.07
 """Half width of a level [-]: a cell counts gradually, because cells at a front are few."""
 _BENDS = np.array([-0.16, -0.09, -0.02, 0.05, 0.12])
+_EDGE = 0.02
+"""Bends this near to the ends of the range may lie beyond it [-]."""
 _BLURS_PX = np.array([0.3, 1.2, 2.1, 3.0])
 _FINE = (71, 19, 13)
 """Bends, blurs and dispersivities to which the photographed models are interpolated."""
@@ -65,6 +67,7 @@ class FrontFit:
         blur_px: standard deviation of the blur of the camera [px of the file].
         dispersivity_m: dispersivity of the sand, and of the scheme of the model, along the flow.
         misfit: root mean square distance of the volumes, relative to the width of a front [-].
+        at_end: True if the bend lies at an end of the range that is tried.
     """
 
     bend: float
@@ -72,6 +75,7 @@ class FrontFit:
     blur_px: float
     dispersivity_m: float
     misfit: float
+    at_end: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,7 @@ def fit_fronts(
     mass_factor: float,
     settings: FrontSettings = DEFAULTS.fronts,
 ) -> FrontFit | None:
-    """Return the evidence of the fronts; None if the plumes are too few or none of the model.
+    """Return the evidence of the fronts; None if they are too few or unlike the model.
 
     Args:
         seen: the photographs.
@@ -143,6 +147,7 @@ def fit_fronts(
         blur_px=float(np.hypot(blur, _interpolation_px(modelled[0][0], seen))),
         dispersivity_m=float(np.average(roots**2, weights=likely.sum(axis=(1, 2)))),
         misfit=misfit,
+        at_end=not _BENDS[0] + _EDGE < bend < _BENDS[-1] - _EDGE,
     )
 
 

@@ -517,6 +517,9 @@ class TrustSettings:
     most_bend: float = 0.17
     """Largest deviation of the response from a straight line at half stock [-]. A dye that bends as
     much in absorbance would lose a third of its effect from pale to stock."""
+    most_bend_conflict: float = 0.08
+    """Largest difference between the bend by fronts and that by all evidence [-]: three standard
+    deviations. Where they agree it is below 0.025."""
     most_core_slope: float = 0.15
     """Largest relative difference of signal between the inner and the outer half of the core."""
     most_dilution_misfit: float = 0.1

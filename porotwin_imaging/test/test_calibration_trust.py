@@ -11,6 +11,7 @@ from porotwin_imaging.calibration_evidence import (
     SandEvidence,
 )
 from porotwin_imaging.calibration_trust import Trust, judged
+from porotwin_imaging.front_response import FrontFit
 from porotwin_imaging.plume_evidence import PlumeEvidence
 from porotwin_imaging.sand_edges import EdgeEvidence
 
@@ -46,6 +47,17 @@ def refusal(evidence: CalibrationEvidence = GOOD, plume: PlumeEvidence = PLUME, 
 def test_a_calibration_whose_evidence_agrees_is_trusted_without_a_remark() -> None:
     assert judged(GOOD, PLUME) == Trust()
     assert judged(GOOD, PLUME).refusal == ''
+
+
+def test_fronts_that_contradict_the_masses_are_refused_unless_a_dilution_decides() -> None:
+    fronts = FrontFit(-0.15, 0.02, 1.3, 0.0, 0.01)
+    line = refusal(replace(GOOD, fronts=fronts))
+    assert 'half of stock would look like 0.35 and 0.53' in line
+    assert 'photograph one dilution (half stock)' in line
+    assert refusal(replace(GOOD, fronts=fronts, dilution_misfit=0.01)) == ''
+    agreeing = replace(fronts, bend=0.04)
+    assert refusal(replace(GOOD, fronts=agreeing)) == ''
+    assert 'one dilution' in refusal(replace(GOOD, fronts=replace(agreeing, at_end=True)))
 
 
 @pytest.mark.parametrize(
