@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from cli_examples import porotwin
 
-SHORT = ('--siblings', '24', '--cell-m', '0.04', '--horizon', '2min')
+SHORT = ('--siblings', '24', '--cells', '330', '--horizon', '2min')
 
 
 @pytest.mark.slow
