@@ -1,9 +1,12 @@
 """The coarse grid on which many long simulations run: plans, and the siblings."""
 
 import math
+from typing import TYPE_CHECKING
 
 from porotwin_core.grid import Grid
-from porotwin_core.rig import Rig
+
+if TYPE_CHECKING:  # the command line names the number of cells before it needs a rig
+    from porotwin_core.rig import Rig
 
 COARSE_CELLS = 2300
 """Cells of the grid: 15 mm on the small rig. Coarser cells blur the zone. Finer ones cost more and
@@ -11,7 +14,7 @@ leave kinks in the cost of a plan: with cells of 10 mm some searches end at 100 
 at 58 (docs/control.md)."""
 
 
-def coarse_grid(rig: Rig, finest: Grid, cells: int = COARSE_CELLS) -> Grid:
+def coarse_grid(rig: 'Rig', finest: Grid, cells: int = COARSE_CELLS) -> Grid:
     """Return the grid of about `cells` square cells over `rig`, nowhere finer than `finest`."""
     wanted = rig.default_grid(math.sqrt(rig.width_m * rig.height_m / cells))
     return rig.grid(min(wanted.nx, finest.nx), min(wanted.nz, finest.nz))

@@ -74,8 +74,10 @@ class LiveTraining:
         judge = Judge(self.solver, kept, pairs.time_step)
         model = gated(model, judge)
         gate = model.provenance['gate']
-        best = gate['alone'] if current is None else judge.errors(current).mean_corrected
-        return model, _is_better(gate['corrected'], min(best, gate['alone']))
+        if current is None:
+            return model, True  # its gate keeps it from doing harm
+        best = min(judge.errors(current).mean_corrected, gate['alone'])
+        return model, _is_better(gate['corrected'], best)
 
     def _behind(self, learnt: LearntPhysics, frames: list[Frames], pairs: Dataset) -> Dataset:
         """Return the pairs of `frames` for the model with `learnt` physics."""
