@@ -1,6 +1,9 @@
-"""Checks of output files before the work begins: no input is overwritten, and the folder exists."""
+"""Output files: checked before the work begins, and tables as CSV."""
 
+import csv
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from porotwin_core.errors import InputError
 
@@ -39,3 +42,18 @@ def _inside(file: Path, folder: Path) -> bool:
     real = folder.resolve()
     named = file.parent.resolve() / file.name
     return named.is_relative_to(real) or file.resolve().is_relative_to(real)
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write the rows of a table, at least one, as CSV.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        with path.open('w', newline='', encoding='utf-8') as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written ({error.strerror})') from None

@@ -1,13 +1,12 @@
 """./porotwin measure: a table of the plume in every map of a recording."""
 
-import csv
 import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_cli.output_files import check_output
+from porotwin_cli.output_files import check_output, write_rows
 from porotwin_cli.terminal import Json, print_json, print_table, say
 from porotwin_core.errors import InputError
 
@@ -71,7 +70,7 @@ def command(
         )
     rows = _rows(description, found, other, level, side)
     if output is not None:
-        _write(output, rows)
+        write_rows(output, rows)
         say(f'table: {output}')
     if as_json:
         print_json({'maps': maps, 'grid': str(found.grid), 'level': level, 'rows': rows})
@@ -175,21 +174,6 @@ def _at(maps: 'ConcentrationMaps', time: float) -> Any:
         return None
     deviation = None if maps.deviation is None else maps.deviation[index]
     return plume_alone(maps[index], maps.grid, deviation)
-
-
-def _write(output: Path, rows: list[dict[str, Any]]) -> None:
-    """Write the rows as CSV.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    try:
-        with output.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise InputError(f'{output}: cannot be written ({error.strerror})') from None
 
 
 def _short(value: float) -> str:

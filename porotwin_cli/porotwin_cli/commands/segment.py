@@ -1,6 +1,5 @@
 """./porotwin segment: photographs of CO2 with a pH indicator to maps of phases."""
 
-import csv
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.output_files import write_rows
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
@@ -84,7 +84,7 @@ def command(
     work = _segment(states, study, output, rig)
     rows, refused = work.rows, work.refused
     phase_sheet(picture, rig, work.shown, output.name)
-    _write(table, rows)
+    write_rows(table, rows)
     if as_json:
         print_json(
             {
@@ -175,21 +175,6 @@ def _rows(found: 'PhaseMap', time: float, rig: 'Rig', grid: 'Grid') -> list[dict
         }
         for number, name in enumerate(PHASES)
     ]
-
-
-def _write(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write the rows as CSV.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    try:
-        with path.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror})') from None
 
 
 def _short(value: Any) -> str:
