@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from array import array
 from pathlib import Path
 from typing import IO
 
@@ -47,20 +48,32 @@ class SparseBag:
             self._file: IO[bytes] = file
             file.write(MAGIC + _bytes(Header('ros2', 'test')))
         self._path = path
-        self._add(topic_names.RIG, rig_to_msg(rig), START, hole=0)
+        self._add(topic_names.RIG, rig_to_msg(rig), START)
 
-    def photograph(self, number: int, size: int, *, topic: str = topic_names.IMAGE) -> None:
-        """Add photograph `number` with a file of `size` bytes."""
+    def photograph(
+        self, number: int, size: int, *, topic: str = topic_names.IMAGE, content: bytes = b''
+    ) -> None:
+        """Add photograph `number` with a file of `size` bytes.
+
+        It begins with `content`, the file of a JPEG; without, it cannot be decoded.
+        """
         stamp = START + number * INTERVAL
         header = RosHeader(stamp=Time(sec=stamp // SECOND), frame_id='camera')
-        data = JPEG + (number + 1).to_bytes(4, 'big')
-        image = CompressedImage(header=header, format='jpeg', data=data)
-        self._add(topic, image, stamp, hole=size - len(data))
+        data = content or JPEG + (number + 1).to_bytes(4, 'big')
+        image = CompressedImage(header=header, format='jpeg', data=array('B', data))
+        self._add(topic, image, stamp, hole=size - len(data), behind=len(data))
 
-    def _add(self, topic: str, message: object, log_time: int, *, hole: int) -> None:
+    def message(self, topic: str, message: object, number: int) -> None:
+        """Add a small message at the time of photograph `number`."""
+        self._add(topic, message, START + number * INTERVAL)
+
+    def _add(
+        self, topic: str, message: object, log_time: int, *, hole: int = 0, behind: int = 0
+    ) -> None:
+        """Add a message; its last `behind` bytes are an array that goes on with a `hole`."""
         data = self._serializer.to_cdr(message)
         if hole:
-            place = data.rindex(JPEG) - 4
+            place = len(data) - behind - 4
             (length,) = struct.unpack_from('<I', data, place)
             data = data[:place] + struct.pack('<I', length + hole) + data[place + 4 :]
         number, new = self._channel(topic, message_type(message))

@@ -57,7 +57,8 @@ def command(
     from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
-    from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
+    from porotwin_recording.concentration import MapOrigin
+    from porotwin_recording.map_parts import MapParts
     from porotwin_recording.recording import open_recording
 
     picture = picture_beside(output)
@@ -88,7 +89,7 @@ def command(
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     source = f'{experiment.resolve()}, {len(baselines)} baselines'
-    writing = ConcentrationWriter(output, map_grid, origin=origin, resume=source)
+    writing = MapParts(output, rig, map_grid, source=source, origin=origin)
     done = set(writing.earlier)
     left = [photo for photo in states if not done or photo.time > max(done)]
     if done:
