@@ -7,7 +7,7 @@ the forecast. A proposed schedule is answered beside it. Nothing here is ever pu
 import os
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.parallel import LastingCrew, crew
+from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
@@ -112,7 +112,7 @@ class SiblingsNode(Node):
         diagnosis = declare(
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
-        self._quick = ThreadPoolExecutor(workers)
+        self._quick = ThreadCrew(workers)
         self._make_siblings = partial(
             Siblings,
             grid=self._declare_grid(),
@@ -391,7 +391,7 @@ def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any])
     """
 
     def patient_threads() -> Executor:
-        return ThreadPoolExecutor(workers, initializer=_be_patient)
+        return ThreadCrew(workers, _be_patient)
 
     if not scheduler:
         return patient_threads()

@@ -53,7 +53,7 @@ def test_image_of_a_large_bag_goes_on_after_a_kill(
 ) -> None:
     words = ('image', large_bag, '--grid', '94x56', '--json', '--output')
     rig, output = load_rig(experiment), tmp_path / 'maps.nc'
-    whole = json.loads(porotwin(*words, tmp_path / 'whole.nc').stdout)['maps']
+    whole = json.loads(porotwin(*words, tmp_path / 'whole.nc', '--workers', '1').stdout)['maps']
     maps = open_maps(tmp_path / 'whole.nc', rig)
     assert [entry['photo'] for entry in whole] == [f'photos/state_{n:04d}.jpg' for n in range(1, 7)]
     source = f'{large_bag.resolve()}, 1 baselines'
@@ -66,7 +66,7 @@ def test_image_of_a_large_bag_goes_on_after_a_kill(
         ):
             writer.append(float(time), values, deviation=own, systematic=shared)
         raise KeyboardInterrupt
-    result = porotwin(*words, output)
+    result = porotwin(*words, output, '--workers', '2')
     assert result.returncode == 0, result.stderr
     assert 'going on behind 4 maps' in result.stderr
     again = json.loads(result.stdout)['maps']
