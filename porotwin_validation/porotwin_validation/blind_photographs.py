@@ -10,6 +10,7 @@ baseline photograph of a real rig.
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -35,6 +36,7 @@ from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.render import Conditions, Photographer
 from porotwin_rig.virtual_rig import VirtualRig
+from porotwin_solver.plume_model import plume_model
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.dyed_sand import DyedSand, Shot, sands_of
 from porotwin_validation.photo_cases import baseline_of, drawn_dye, drawn_shots
@@ -276,17 +278,19 @@ def _photo(time: float, role: Role, data: bytes) -> Photo:
 
 
 def calibrated(folder: Path) -> Calibration:
-    """Return the calibration from the known injection in `folder`.
+    """Return the calibration from the known injection in `folder`, as `calibrate` makes it.
 
     Raises:
         CalibrationRefused: it cannot be trusted.
     """
     data = folder_data(folder)
+    schedule = data.commanded
     fit = fit_calibration(
         data.rig,
         [photo.read() for photo in data.photos if photo.role == 'baseline'],
         [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
-        schedule=data.commanded,
+        schedule=schedule,
+        plumes=partial(plume_model, data.rig, schedule) if schedule else None,
         source=folder.name,
     )
     if fit.trust.objections:

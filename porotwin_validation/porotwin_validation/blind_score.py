@@ -35,6 +35,8 @@ class CaseScore:
         distance_m: distance of a local effect from its true place [m]; None for other effects.
         seconds: time that the diagnosis took [s]; None if it failed.
         absorbed: names of true effects that the calibration took out of the maps.
+        gap: error of the model without effects in the held-out maps, in noise floors [-]; None if
+            the diagnosis failed.
     """
 
     name: str
@@ -51,6 +53,7 @@ class CaseScore:
     distance_m: float | None = None
     seconds: float | None = None
     absorbed: tuple[str, ...] = ()
+    gap: float | None = None
 
 
 def score_case(
@@ -82,6 +85,7 @@ def score_case(
         intervals_held=sum(inside for _, inside in parameters),
         distance_m=_distance(case, stated),
         seconds=float(stated['made_with']['seconds']),
+        gap=float(stated['error']['before']) / max(float(stated['error']['noise_floor']), 1e-9),
     )
 
 
