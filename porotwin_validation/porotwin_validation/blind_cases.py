@@ -1,5 +1,6 @@
 """Blinded cases: experiments on the virtual rig whose effects the diagnosis does not know."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +14,12 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_solver.effects import EFFECTS
 from porotwin_validation.blind_effects import (
+    ALIKE,
     LIBRARY,
     OUTSIDE,
     PAIR_GROUPS,
     drawn,
+    drawn_alike,
     equal_names,
 )
 
@@ -48,6 +51,9 @@ KINDS = (
 """Kinds of cases in their order: of 20, nine with one effect of the library, three each with none,
 with a pair and with an effect from outside, and two with an effect that is left out of it."""
 
+SEVERAL = ('three', 'alike')
+"""Kinds of cases of a check of combinations: three effects, or two of one kind."""
+
 LEFT_OUT = tuple(name for name in LIBRARY if not EFFECTS[name].has_equals)
 """Effects that may be left out of the library: no other effect equals one of them."""
 
@@ -70,7 +76,7 @@ class BlindCase:
 
     Attributes:
         name: name of the case and of its folder.
-        kind: one of `KINDS`.
+        kind: one of `KINDS` or `SEVERAL`.
         effects: the true effects.
         right: names of the verdicts that are right.
         rig: the nominal rig description, which the diagnosis knows.
@@ -95,10 +101,12 @@ class BlindCase:
     withheld: tuple[str, ...] = ()
 
 
-def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
+def draw_case(
+    number: int, seed: int, rig: Rig | None = None, kinds: Sequence[str] = KINDS
+) -> BlindCase:
     """Return case `number` of the check with `seed`, on `rig` or on one of the rigs of the check.
 
-    Kinds and effects follow in a fixed order; parameters, rates and noise are drawn at random.
+    `kinds` and effects follow in a fixed order; parameters, rates and noise are drawn at random.
 
     Raises:
         InputError: `rig` has no well.
@@ -111,12 +119,17 @@ def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
     schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator, rig)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     context = DrawContext(rig, wells, duration, injected)
-    turn = number % len(KINDS)
-    kind = KINDS[turn]
+    turn = number % len(kinds)
+    kind = kinds[turn]
     # the number of this case among all of its kind; another seed starts at another effect
-    index = number // len(KINDS) * KINDS.count(kind) + KINDS[:turn].count(kind) + 5 * seed
+    index = number // len(kinds) * kinds.count(kind) + kinds[:turn].count(kind) + 5 * seed
     names = _names(kind, index, generator)
-    effects = tuple(drawn(name, generator, context) for name in names)
+    effects: tuple[EffectDescription, ...]
+    if kind == 'alike':
+        rates = {well: _largest_rate(schedule, well) for well in wells}
+        effects = drawn_alike(names[0], generator, context, rates)
+    else:
+        effects = tuple(drawn(name, generator, context) for name in names)
     return BlindCase(
         name=f'case_{number:03d}',
         kind=kind,
@@ -136,12 +149,19 @@ def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
     """Return the names of the effects of case `index` of its `kind`."""
     if kind == 'none':
         return ()
-    if kind == 'pair':
-        groups = generator.choice(len(PAIR_GROUPS), 2, replace=False)
-        first, second = (str(generator.choice(PAIR_GROUPS[group])) for group in groups)
-        return first, second
+    if kind in ('pair', 'three'):
+        count = 2 if kind == 'pair' else 3
+        groups = generator.choice(len(PAIR_GROUPS), count, replace=False)
+        return tuple(str(generator.choice(PAIR_GROUPS[group])) for group in groups)
+    if kind == 'alike':
+        return (ALIKE[index % len(ALIKE)],)
     turns = {'single': tuple(LIBRARY), 'outside': tuple(OUTSIDE), 'left out': LEFT_OUT}[kind]
     return (turns[index % len(turns)],)
+
+
+def _largest_rate(schedule: Schedule, well: str) -> float:
+    """Return the largest commanded rate of `well` [m^3/s]."""
+    return max(abs(row.rate.rate) for row in schedule.rows if row.well == well)
 
 
 def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from porotwin_validation.blind_score import CaseScore
 
@@ -20,6 +21,10 @@ SURE = 0.8
 GAP_EDGES = (0.0, 1.25, 1.5, 2.0, 3.0, 5.0, math.inf)
 """Bins of the gap in noise floors: narrow where detection begins. A gap as large as the noise makes
 an error of 1.4 noise floors."""
+
+
+WITH_LIBRARY_EFFECTS = ('single', 'pair', 'alike', 'three')
+"""Kinds of cases whose gap the library can close."""
 
 
 def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
@@ -40,8 +45,12 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
         'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
         'sure_and_wrong_name': _share(scores, _is_sure_and_wrong),
         'outside_called_unexplained': _share(strange, lambda score: score.right),
-        'both_of_a_pair': _share(chosen('pair'), lambda score: bool(score.both_found)),
-        'gap_closed_median': _median([s.gap_closed for s in chosen('single', 'pair')]),
+        'both_of_a_pair': _share(chosen('pair'), lambda score: bool(score.all_found)),
+        'both_of_a_kind': _share(chosen('alike'), lambda score: bool(score.all_found)),
+        'all_three': _share(chosen('three'), lambda score: bool(score.all_found)),
+        'gap_closed_median': _median(
+            [s.gap_closed for s in chosen('single', 'pair', 'alike', 'three')]
+        ),
         'parameter_error_median': _median(errors),
         'intervals_that_hold': held / max(len(errors), 1),
         'distance_median_m': _median([score.distance_m for score in scores]),
@@ -75,7 +84,7 @@ def calibration_error(scores: Sequence[CaseScore]) -> float:
     return expected_error([score.confidence for score in scores], [score.right for score in scores])
 
 
-def expected_error(confidences: Sequence[float], right: Sequence[bool]) -> float:
+def expected_error(confidences: ArrayLike, right: ArrayLike) -> float:
     """Return the expected calibration error: how far confidences are from observed frequencies.
 
     ECE = sum_b n_b / n |mean confidence_b - share right_b|, over the bins b of `CONFIDENCE_EDGES`.

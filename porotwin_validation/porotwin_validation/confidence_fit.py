@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from porotwin_validation.blind_table import expected_error
@@ -48,7 +49,7 @@ class ConfidenceMap(NamedTuple):
     shift: float
 
 
-def fit_confidence_map(confidences: Sequence[float], right: Sequence[bool]) -> ConfidenceMap:
+def fit_confidence_map(confidences: ArrayLike, right: ArrayLike) -> ConfidenceMap:
     """Return the map that fits the stated `confidences` and whether each verdict was `right`."""
     stated = np.clip(np.asarray(confidences, dtype=float), LEAST_DOUBT, 1 - LEAST_DOUBT)
     log_odds = np.log(stated / (1 - stated))
@@ -67,7 +68,7 @@ IDENTITY = ConfidenceMap(1.0, 0.0)
 """The map that leaves confidences as they are."""
 
 
-def mapped(found: ConfidenceMap, confidences: Sequence[float]) -> np.ndarray:
+def mapped(found: ConfidenceMap, confidences: ArrayLike) -> np.ndarray:
     """Return the frequencies that the map `found` states for `confidences`."""
     stated = np.clip(np.asarray(confidences, dtype=float), LEAST_DOUBT, 1 - LEAST_DOUBT)
     logits = found.scale * np.log(stated / (1 - stated)) + found.shift
@@ -93,7 +94,7 @@ class JudgedMap(NamedTuple):
         return self.fitted if better else IDENTITY
 
 
-def judged_map(confidences: Sequence[float], right: Sequence[bool]) -> JudgedMap:
+def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
     """Return the map that fits the cases, judged by cross-validation."""
     stated, observed = np.asarray(confidences, dtype=float), np.asarray(right, dtype=bool)
     part = np.arange(len(stated)) % FOLDS

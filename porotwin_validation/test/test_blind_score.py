@@ -36,7 +36,7 @@ def test_a_name_that_imitates_the_truth_within_the_solver_floor_is_right(tmp_pat
 def test_a_failed_diagnosis_is_wrong_with_confidence_zero():
     score = failed_score(case_of_kind('pair'))
     assert (score.verdict, score.right, score.confidence) == ('failed', False, 0.0)
-    assert score.both_found is False and score.seconds is None
+    assert score.all_found is False and score.seconds is None
 
 
 @pytest.mark.parametrize(
@@ -65,5 +65,5 @@ def test_effects_that_the_calibration_absorbed_need_not_be_found(tmp_path):
     first, second = (effect.name for effect in pair.effects)
     named = stated(tmp_path / 'b', second, 0.9, [second])
     score = score_case(pair, named, CaseTruth(0.2, 0.02, (first,)), frozenset({first}))
-    assert score.right and score.both_found
+    assert score.right and score.all_found
     assert score.absorbed == (first,)
