@@ -102,11 +102,17 @@ class BlindCase:
 
 
 def draw_case(
-    number: int, seed: int, rig: Rig | None = None, kinds: Sequence[str] = KINDS
+    number: int,
+    seed: int,
+    rig: Rig | None = None,
+    kinds: Sequence[str] = KINDS,
+    *,
+    coarse: bool = False,
 ) -> BlindCase:
     """Return case `number` of the check with `seed`, on `rig` or on one of the rigs of the check.
 
     `kinds` and effects follow in a fixed order; parameters, rates and noise are drawn at random.
+    `coarse` makes the cells of the maps twice as large; the rig stays as fine as it is.
 
     Raises:
         InputError: `rig` has no well.
@@ -119,6 +125,7 @@ def draw_case(
     schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator, rig)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     context = DrawContext(rig, wells, duration, injected)
+    cell = LARGE_CELL_M * rig.width_m / LARGE_WIDTH_M if large else SMALL_CELL_M
     turn = number % len(kinds)
     kind = kinds[turn]
     # the number of this case among all of its kind; another seed starts at another effect
@@ -139,7 +146,7 @@ def draw_case(
         schedule=schedule,
         duration=duration,
         photo_interval=LARGE_INTERVAL_S if large else SMALL_INTERVAL_S,
-        cell_m=LARGE_CELL_M * rig.width_m / LARGE_WIDTH_M if large else SMALL_CELL_M,
+        cell_m=(2.0 if coarse else 1.0) * cell,
         seed=int(generator.integers(2**31)),
         withheld=names if kind == 'left out' else (),
     )

@@ -44,6 +44,9 @@ from porotwin_validation.photo_cases import baseline_of, drawn_dye, drawn_shots
 PHOTO_WIDTH_PX = 1000
 """Width of rendered photographs [px]: 5 pixels for a cell of 5 mm, and quick to make."""
 
+LEAST_FINER = 2
+"""Photographed cells per cell of the maps, each way, at least: a map knows no sharper front."""
+
 INJECTIONS_M = 0.12
 """Radius of the plume that a calibration injects into each well [m], on the paper's small rig; the
 plume grows with the rig."""
@@ -259,8 +262,9 @@ def _experiment(
     grid = case.rig.default_grid(case.cell_m)
     camera = room.camera(number, float(times[-1]))
     rig = VirtualRig(case.rig, effects=case.effects)
+    finer = max(LEAST_FINER, rig.mesh.nx // grid.nx)
     photos = [_photo(0.0, 'baseline', camera.baseline())]
-    seen = signals(rig, schedule, times=times.tolist(), grid=grid.refined(2))
+    seen = signals(rig, schedule, times=times.tolist(), grid=grid.refined(finer))
     maps = []
     for time, signal in seen:
         maps.append((time, conservative_resample(signal, grid.shape)))
