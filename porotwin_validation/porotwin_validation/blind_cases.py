@@ -12,6 +12,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS
 from porotwin_validation.blind_effects import (
     ALIKE,
@@ -70,6 +71,10 @@ SMALL_INTERVAL_S, LARGE_INTERVAL_S = 60.0, 300.0
 """Intervals between photographs [s], for the small and the large rig."""
 
 
+COARSE_ELEMENT = 0.42
+"""Elements of the virtual rig of a coarse case per cell of its maps, as in other cases."""
+
+
 @dataclass(frozen=True)
 class BlindCase:
     """An experiment and its hidden truth.
@@ -86,6 +91,7 @@ class BlindCase:
         cell_m: width of a cell of the maps [m].
         seed: seed of the noise.
         withheld: effects that the diagnosis must not consider.
+        element_m: size of the elements of the virtual rig [m]; None: its default.
     """
 
     name: str
@@ -99,6 +105,15 @@ class BlindCase:
     cell_m: float
     seed: int
     withheld: tuple[str, ...] = ()
+    element_m: float | None = None
+
+    def virtual_rig(self, effects: Sequence[EffectDescription]) -> VirtualRig:
+        """Return the virtual rig of the case with these `effects`, before anything was pumped.
+
+        Raises:
+            InputError: an effect is not known or impossible.
+        """
+        return VirtualRig(self.rig, effects=effects, cell=self.element_m)
 
 
 def draw_case(
@@ -112,7 +127,7 @@ def draw_case(
     """Return case `number` of the check with `seed`, on `rig` or on one of the rigs of the check.
 
     `kinds` and effects follow in a fixed order; parameters, rates and noise are drawn at random.
-    `coarse` makes the cells of the maps twice as large; the rig stays as fine as it is.
+    `coarse` makes the cells of the maps and of the virtual rig twice as large.
 
     Raises:
         InputError: `rig` has no well.
@@ -146,7 +161,8 @@ def draw_case(
         schedule=schedule,
         duration=duration,
         photo_interval=LARGE_INTERVAL_S if large else SMALL_INTERVAL_S,
-        cell_m=(2.0 if coarse else 1.0) * cell,
+        cell_m=2.0 * cell if coarse else cell,
+        element_m=2.0 * cell * COARSE_ELEMENT if coarse else None,
         seed=int(generator.integers(2**31)),
         withheld=names if kind == 'left out' else (),
     )

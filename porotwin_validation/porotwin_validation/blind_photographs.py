@@ -35,7 +35,6 @@ from porotwin_recording.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.render import Conditions, Photographer
-from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.plume_model import plume_model
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.dyed_sand import DyedSand, Shot, sands_of
@@ -261,7 +260,7 @@ def _experiment(
         shutil.rmtree(folder)
     grid = case.rig.default_grid(case.cell_m)
     camera = room.camera(number, float(times[-1]))
-    rig = VirtualRig(case.rig, effects=case.effects)
+    rig = case.virtual_rig(case.effects)
     finer = max(LEAST_FINER, rig.mesh.nx // grid.nx)
     photos = [_photo(0.0, 'baseline', camera.baseline())]
     seen = signals(rig, schedule, times=times.tolist(), grid=grid.refined(finer))

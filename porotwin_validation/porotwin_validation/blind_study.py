@@ -228,6 +228,7 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
         noise=MapNoise.drawn(case.seed),
         grid=case.rig.default_grid(case.cell_m),
         truth=clean,
+        cell=case.element_m,
     )
 
 

@@ -19,7 +19,6 @@ from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_recording.concentration import ConcentrationMaps, open_maps
 from porotwin_rig.made_experiment import signals
-from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names
 
@@ -125,7 +124,7 @@ class _Runs:
 
     def maps(self, effects: Sequence[EffectDescription]) -> FloatArray:
         """Return the maps (nt, nz, nx) that a camera without noise shows with `effects`."""
-        rig = VirtualRig(self._case.rig, effects=effects)
+        rig = self._case.virtual_rig(effects)
         grid = self._case.rig.default_grid(self._case.cell_m)
         run = signals(rig, self._case.schedule, times=self._times, grid=grid)
         return np.stack([m for (_, m), kept in zip(run, self._held_out, strict=True) if kept])
