@@ -1,7 +1,8 @@
 """Training of COSTA from recordings: the one place where it meets the solver."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames, resampled
+from porotwin_costa.free_run_gate import Judge, kept_runs
+from porotwin_costa.learnt_account import gap_shares, look_alikes
 from porotwin_costa.networks import Architecture
 from porotwin_costa.rollout_training import CURRICULUM, Stage
 from porotwin_costa.run_training import Experiments, train_from_runs
@@ -119,6 +122,46 @@ def train_on_runs(
             ),
             say=bar.console.print,
         )
+
+
+def account_of(
+    model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, rig: Rig, preset: str
+) -> dict[str, Any]:
+    """Return what a training learnt, in words of physics; see `learnt_account`.
+
+    Args:
+        model: the trained model.
+        experiments: the maps that it learnt from.
+        bare: the rig without the effects that were named.
+        rig: the rig of the model to correct.
+        preset: its numerical scheme.
+
+    `gap_shares` is empty if no effect was named.
+
+    Raises:
+        InputError: the model cannot run.
+    """
+    solver = LearntModels(rig, model.grid, preset)
+    alike = look_alikes(model, experiments, rig, solver)
+    shares = {}
+    if bare != rig:
+        _, kept = kept_runs(experiments, model.architecture.training.validation_share)
+        judges = (Judge(LearntModels(one, model.grid, preset), kept, model.time_step)
+                  for one in (bare, rig))  # fmt: skip
+        shares = gap_shares(*judges, model)
+    return {
+        'looks_like': dict(alike.shares),
+        'looks_like_nothing': alike.unexplained,
+        'gap_shares': shares,
+        'says': [alike.text, *_shares_in_words(shares)],
+    }
+
+
+def _shares_in_words(shares: Mapping[str, float]) -> list[str]:
+    if not shares:
+        return []
+    parts = ', '.join(f'{name} {share:.0%}' for name, share in shares.items())
+    return [f'squared gap of the kept free runs: {parts}']
 
 
 def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:

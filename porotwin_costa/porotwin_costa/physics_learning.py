@@ -3,6 +3,9 @@
 Every round tries each kind of part on top of those chosen before, refits all of them together on
 the experiments to learn from, and takes the best one. It stays if the error of the kept experiments
 falls as well. So a part that only imitates noise or numerics is left out.
+
+Fits begin on a coarse grid, where a run takes an eighth of the time. The most promising ones are
+finished on a finer grid, and that one decides.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,10 +24,21 @@ from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
-LEARNING_COLUMNS = 96
-"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A run on
-half the columns and rows takes an eighth of the time. Cells of 20 mm on the small rig smear as much
-as dispersion does, and a patch would be taken for it."""
+TRIAL_COLUMNS = 48
+"""Most columns of the grid where fits begin and places are tried. Cells of 20 mm on the small rig
+smear as much as dispersion does, so that this grid alone would take a patch for it."""
+
+DECIDING_COLUMNS = 96
+"""Most columns of the grid that decides; the last fit is on the grid of the maps."""
+
+FINISHED = 2
+"""Most promising fits that are finished on the deciding grid."""
+
+HIDDEN_BY_CELLS = 'spreading'
+"""Part that the coarse grid hides: its fit is always finished."""
+
+FINISHING_ITERATIONS = 2
+"""Iterations of a fit that begins at values of the coarse grid."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -150,17 +164,19 @@ def learn_physics(
     Raises:
         InputError: there are too few frames, or the model cannot run.
     """
-    coarse = coarse_grid(grid)
-    share = Share.of(experiments, coarse, solver_on)
+    fine, coarse = (no_finer(grid, most) for most in (DECIDING_COLUMNS, TRIAL_COLUMNS))
+    deciding = Share.of(experiments, fine, solver_on)
+    trial = deciding if coarse == fine else Share.of(experiments, coarse, solver_on)
     maker = PartMaker(
         rig,
-        coarse,
+        fine,
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
-    best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
+    search = PartSearch(maker, trial, deciding, workers)
+    best = PhysicsTrial(Learnt((), np.zeros(0)), *deciding.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
-        found = _best_trial(maker, share, best, workers)
+        found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].name
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
@@ -171,7 +187,7 @@ def learn_physics(
     if not best.learnt.parts:
         return LearntPhysics()
     parts, start = best.learnt
-    whole = Share.of(experiments, grid, solver_on)
+    whole = deciding if fine == grid else Share.of(experiments, grid, solver_on)
     everything = [*whole.fitted, *whole.kept]
     values = fit(parts, everything, start, iterations=LAST_ITERATIONS, workers=workers)
     return physics_of(parts, values)
@@ -187,60 +203,87 @@ def _gain(before: float, after: float) -> float:
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
-def coarse_grid(grid: Grid) -> Grid:
-    """Return the grid for choosing parts."""
-    shrink = max(1.0, max(grid.nx, grid.nz) / LEARNING_COLUMNS)
+def no_finer(grid: Grid, columns: int) -> Grid:
+    """Return `grid`, or a coarser one with at most `columns` columns and rows."""
+    shrink = max(1.0, max(grid.nx, grid.nz) / columns)
     cells = round(grid.nx / shrink), round(grid.nz / shrink)
     return Grid(*cells, grid.width, grid.height)
 
 
-def _fitted(part: PhysicsPart, best: PhysicsTrial, share: Share, workers: int) -> PhysicsTrial:
-    """Return `best` with one more part, all of them fitted together."""
-    parts = (*best.learnt.parts, part)
-    start = np.concatenate([best.learnt.values, part.first])
-    values = fit(parts, share.fitted, start, iterations=ITERATIONS, workers=workers)
-    learnt = Learnt(parts, values)
-    try:
-        return PhysicsTrial(learnt, *share.cost(learnt.physics))
-    except InputError:  # a model that cannot have this part
-        return PhysicsTrial(learnt, np.inf, np.inf)
+@dataclass(frozen=True)
+class PartSearch:
+    """Looks for one more part: fits begin on the grid of `trial` and end on that of `deciding`."""
 
+    maker: PartMaker
+    trial: Share
+    deciding: Share
+    workers: int
 
-def _best_trial(maker: PartMaker, share: Share, best: PhysicsTrial, workers: int) -> PhysicsTrial:
-    """Return the best of all trials with one more part.
+    def with_one_more(self, known: Learnt) -> PhysicsTrial:
+        """Return the best trial of `known` with one more part, refitted.
 
-    Leaks and patches are tried only if no part without a place explains nearly everything.
-    """
-    taken = {part.name for part in best.learnt.parts}
-    parts = [part for part in maker.everywhere() if part.name not in taken]
-    trials = [_fitted(part, best, share, workers) for part in parts]
-    if all(_gain(best.fitted, trial.fitted) < CLEAR_GAIN for trial in trials):
-        placed = [] if maker.rig.closed else _promising(maker.leak_at, maker, share, best, workers)
-        placed += _promising(maker.patch_at, maker, share, best, workers)
-        trials += [_fitted(part, best, share, workers) for part in placed]
-    return min(trials, key=_judged)
+        Leaks and patches are tried only if no part without a place explains nearly everything.
+        """
+        taken = {part.name for part in known.parts}
+        begun = [
+            self._begun(part, known) for part in self.maker.everywhere() if part.name not in taken
+        ]
+        before, _ = self.trial.cost(known.physics)
+        if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in begun):
+            begun += [self._begun(part, known) for part in self._placed(known)]
+        begun.sort(key=_judged)
+        if self.trial is self.deciding:
+            return begun[0]
+        chosen = begun[:FINISHED] + [
+            trial for trial in begun[FINISHED:] if trial.learnt.parts[-1].name == HIDDEN_BY_CELLS
+        ]
+        finished = [
+            self._fitted(trial.learnt, self.deciding, FINISHING_ITERATIONS) for trial in chosen
+        ]
+        return min(finished, key=_judged)
 
+    def _begun(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
+        start = Learnt((*known.parts, part), np.concatenate([known.values, part.first]))
+        return self._fitted(start, self.trial, ITERATIONS)
 
-def _promising(
-    make: PlaceFn, maker: PartMaker, share: Share, best: PhysicsTrial, workers: int
-) -> list[PhysicsPart]:
-    """Return the parts that best explain the errors, at every place and of either sign.
+    def _fitted(self, start: Learnt, share: Share, iterations: int) -> PhysicsTrial:
+        """Return the parts of `start`, all of them fitted together from there."""
+        values = fit(
+            start.parts, share.fitted, start.values, iterations=iterations, workers=self.workers
+        )
+        learnt = Learnt(start.parts, values)
+        try:
+            return PhysicsTrial(learnt, *share.cost(learnt.physics))
+        except InputError:  # a model that cannot have this part
+            return PhysicsTrial(learnt, np.inf, np.inf)
 
-    A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares. J is
-    taken without a density difference, which would make every run ten times as slow.
-    """
-    physics = best.learnt.physics
-    light = replace(physics, density_difference=0.0)
-    runs = sorted(share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
-    errors = np.concatenate([one.errors(physics) for one in runs])
-    base = np.concatenate([one.errors(light) for one in runs])
-    parts = [make(x, z, sign) for x, z in maker.places() for sign in (1.0, -1.0)]
+    def _placed(self, known: Learnt) -> list[PhysicsPart]:
+        """Return leaks and patches at the places where they promise most."""
+        leaks = [] if self.maker.rig.closed else self._promising(self.maker.leak_at, known)
+        return leaks + self._promising(self.maker.patch_at, known)
 
-    def explained(part: PhysicsPart) -> float:
-        moved = part.apply(light, *part.values(part.first))
-        change = np.concatenate([one.errors(moved) for one in runs]) - base
-        return max(-float(change @ errors), 0.0) ** 2 / (float(change @ change) + 1.0)
+    def _promising(self, make: PlaceFn, known: Learnt) -> list[PhysicsPart]:
+        """Return the parts that best explain the errors, of all places, with the right sign.
 
-    with ThreadPoolExecutor(workers) as pool:
-        found = list(pool.map(explained, parts))
-    return [parts[n] for n in np.argsort(found)[::-1][:TRIED_PLACES]]
+        A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares.
+        The other sign changes them by about -J. J is taken without a density difference, which
+        would make every run ten times as slow.
+        """
+        physics = known.physics
+        light = replace(physics, density_difference=0.0)
+        runs = sorted(self.trial.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
+        errors = np.concatenate([one.errors(physics) for one in runs])
+        base = np.concatenate([one.errors(light) for one in runs])
+
+        def explained(place: tuple[float, float]) -> tuple[float, PhysicsPart]:
+            part = make(*place, 1.0)
+            moved = part.apply(light, *part.values(part.first))
+            change = np.concatenate([one.errors(moved) for one in runs]) - base
+            along = float(change @ errors)
+            share = along**2 / (float(change @ change) + 1.0)
+            return share, part if along < 0.0 else make(*place, -1.0)
+
+        with ThreadPoolExecutor(self.workers) as pool:
+            found = list(pool.map(explained, self.maker.places()))
+        found.sort(key=lambda pair: pair[0], reverse=True)
+        return [part for _, part in found[:TRIED_PLACES]]

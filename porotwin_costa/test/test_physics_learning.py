@@ -6,7 +6,7 @@ from toy_solver import SPEED, MovingTracers, moving_frames
 
 from porotwin_core.errors import InputError
 from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_costa.physics_learning import coarse_grid, learn_physics
+from porotwin_costa.physics_learning import learn_physics, no_finer
 
 
 def _learn(rig, grid, speed, starts=(0.2, 0.3)):
@@ -35,6 +35,11 @@ def test_two_maps_are_too_few(rig, grid):
         learn_physics(rig, grid, [moving_frames(grid, 2)], lambda _: MovingTracers())
 
 
-def test_parts_are_chosen_on_a_coarse_grid(rig):
-    assert max(coarse_grid(rig.grid(180, 120)).shape) == 96
-    assert coarse_grid(rig.grid(30, 20)) == rig.grid(30, 20)
+def test_the_deciding_grid_finishes_what_a_coarse_one_began(rig):
+    learnt, _ = _learn(rig, rig.grid(60, 40), 0.8 * SPEED)
+    assert np.exp(-learnt.log_retardation) == pytest.approx(0.8, rel=0.03)
+
+
+def test_parts_are_chosen_on_coarse_grids(rig):
+    assert max(no_finer(rig.grid(180, 120), 96).shape) == 96
+    assert no_finer(rig.grid(30, 20), 96) == rig.grid(30, 20)

@@ -108,7 +108,7 @@ def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
     rig = rig or (large_rig() if large else SMALL)
     if not rig.wells:
         raise InputError(f"rig '{rig.name}' has no well; add wells to rig.yaml")
-    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator, rig)
+    schedule, duration, wells = (_large_schedule if large else small_schedule)(generator, rig)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     context = DrawContext(rig, wells, duration, injected)
     turn = number % len(KINDS)
@@ -209,7 +209,7 @@ def _large_schedule(generator: Generator, rig: Rig) -> tuple[Schedule, float, tu
     return Schedule(tuple(rows)), duration, tuple(dict.fromkeys((first, second)))
 
 
-def _small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
+def small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
     """Return schedule, duration [s] and wells: tracer with pauses, a chase or a rest, two control
     wells whose rates change three times."""
     duration = float(60 * generator.integers(45, 75))

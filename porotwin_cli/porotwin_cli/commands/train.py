@@ -47,7 +47,14 @@ def command(
     """
     import numpy as np
 
-    from porotwin_cli.costa_data import dataset_of, frames_of, open_all, train_on_runs, with_effects
+    from porotwin_cli.costa_data import (
+        account_of,
+        dataset_of,
+        frames_of,
+        open_all,
+        train_on_runs,
+        with_effects,
+    )
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
     from porotwin_costa.dataset import newest, pairs_beside
@@ -56,7 +63,8 @@ def command(
 
     refuse_existing(output)
     network = named(architecture)
-    description = with_effects(load_rig(rig), effect)
+    bare = load_rig(rig)
+    description = with_effects(bare, effect)
     cells = grid_of(grid, description)
     experiments = [frames_of(recording, cells) for recording in open_all(recordings, description)]
     steps = np.concatenate([np.diff(frames.times) for frames in experiments])
@@ -77,8 +85,12 @@ def command(
     model.save(output)
     pairs = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
     newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
+    account = account_of(model, experiments, bare, description, preset)
     if as_json:
         learnt = None if model.learnt is None else model.learnt.description()
-        print_json({'output': output, 'learnt_physics': learnt, **model.provenance})
+        print_json(
+            {'output': output, 'learnt_physics': learnt, 'account': account, **model.provenance}
+        )
     else:
         print(f'{output}: {model.provenance["gate"]["says"]}')
+        print('\n'.join(account['says']))
