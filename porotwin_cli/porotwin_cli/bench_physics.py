@@ -70,7 +70,7 @@ FIRST_SHARE = 0.7
 SEED = 7
 """Seed of all trainings."""
 
-RUN_BYTES = 1.2e9
+RUN_BYTES = 2e9
 """Memory of one run [B]."""
 
 SECONDS_PER_RUN = 180.0

@@ -57,7 +57,11 @@ a denser tracer for a while."""
 MOST_PARTS = 3
 """Most parts that are added."""
 
-ITERATIONS = 6
+ENOUGH = 0.85
+"""Share of the squared error of fitted and kept runs that all parts together take; then the search
+ends. What is left is mostly the scheme's, and the fluxes correct that."""
+
+ITERATIONS = 5
 """Iterations of a fit; three are enough unless a place has to move."""
 
 TRIED_PLACES = 2
@@ -174,7 +178,7 @@ def learn_physics(
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
     search = PartSearch(maker, trial, deciding, workers)
-    best = PhysicsTrial(Learnt((), np.zeros(0)), *deciding.cost(LearntPhysics()))
+    alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *deciding.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].name
@@ -184,6 +188,8 @@ def learn_physics(
             break
         say(f'learnt {name}: takes {kept_gain:.0%} of the squared gap of the kept free runs')
         best = found
+        if min(_gain(alone.fitted, best.fitted), _gain(alone.kept, best.kept)) > ENOUGH:
+            break
     if not best.learnt.parts:
         return LearntPhysics()
     parts, start = best.learnt

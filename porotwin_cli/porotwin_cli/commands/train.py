@@ -57,6 +57,7 @@ def command(
     )
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
+    from porotwin_costa.data_parallel import joined
     from porotwin_costa.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
     from porotwin_solver.prediction_cost import prediction_cost
@@ -71,17 +72,20 @@ def command(
     time_step = float(np.median(steps))
     cost = prediction_cost(description, cells, preset=preset, duration=time_step)
     tell_cost(cost, f'{len(steps)} predictions for the training pairs', len(steps))
-    model = train_on_runs(
-        experiments,
-        description,
-        grid=cells,
-        time_step=time_step,
-        preset=preset,
-        architecture=network,
-        epochs=epochs,
-        seed=seed,
-        workers=workers or os.cpu_count() or 1,
-    )
+    with joined() as writes:
+        model = train_on_runs(
+            experiments,
+            description,
+            grid=cells,
+            time_step=time_step,
+            preset=preset,
+            architecture=network,
+            epochs=epochs,
+            seed=seed,
+            workers=workers or os.cpu_count() or 1,
+        )
+    if not writes:
+        return
     model.save(output)
     pairs = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
     newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
