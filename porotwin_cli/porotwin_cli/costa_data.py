@@ -1,6 +1,8 @@
 """Training of COSTA from recordings: the one place where it meets the solver."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.parallel import crew
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
@@ -85,6 +88,18 @@ def dataset_of(
         )
 
 
+@dataclass(frozen=True)
+class SolverOnGrids:
+    """Solvers of one rig and preset on any grid; it can be sent to other processes."""
+
+    rig: Rig
+    preset: str
+
+    def __call__(self, grid: Grid) -> LearntModels:
+        """Return the solver on `grid`."""
+        return LearntModels(self.rig, grid, self.preset)
+
+
 def train_on_runs(
     experiments: Sequence[Frames],
     rig: Rig,
@@ -96,19 +111,20 @@ def train_on_runs(
     epochs: int = 0,
     seed: int,
     workers: int = 1,
+    scheduler: str = '',
     curriculum: Sequence[Stage] = CURRICULUM,
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    `dataset_of` and `train_from_runs` explain the arguments.
+    `dataset_of` and `train_from_runs` explain the arguments. The workers of the Dask `scheduler`
+    prepare the pairs, if there is one.
 
     Raises:
         InputError: too few maps, or the model cannot run.
     """
-    data = Experiments(
-        rig, grid, experiments, time_step, preset, lambda on: LearntModels(rig, on, preset)
-    )
-    with progress() as bar:
+    with crew(scheduler=scheduler) if scheduler else nullcontext() as pool, progress() as bar:
+        solvers = SolverOnGrids(rig, preset)
+        data = Experiments(rig, grid, experiments, time_step, preset, solvers, pool)
         task = bar.add_task('training COSTA', total=None)
         return train_from_runs(
             data,

@@ -3,9 +3,6 @@
 Every round tries each kind of part on top of those chosen before, refits all of them together on
 the experiments to learn from, and takes the best one. It stays if the error of the kept experiments
 falls as well. So a part that only imitates noise or numerics is left out.
-
-Fits begin on a coarse grid, where a run takes an eighth of the time. The most promising ones are
-finished on a finer grid, and that one decides.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,21 +21,9 @@ from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
-TRIAL_COLUMNS = 48
-"""Most columns of the grid where fits begin and places are tried. Cells of 20 mm on the small rig
-smear as much as dispersion does, so that this grid alone would take a patch for it."""
-
-DECIDING_COLUMNS = 96
-"""Most columns of the grid that decides; the last fit is on the grid of the maps."""
-
-FINISHED = 2
-"""Most promising fits that are finished on the deciding grid."""
-
-HIDDEN_BY_CELLS = 'spreading'
-"""Part that the coarse grid hides: its fit is always finished."""
-
-FINISHING_ITERATIONS = 2
-"""Iterations of a fit that begins at values of the coarse grid."""
+LEARNING_COLUMNS = 96
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. On cells of
+20 mm on the small rig the scheme errs so much that a leak and a patch cannot be told apart."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -61,13 +46,13 @@ ENOUGH = 0.85
 """Share of the squared error of fitted and kept runs that all parts together take; then the search
 ends. What is left is mostly the scheme's, and the fluxes correct that."""
 
-ITERATIONS = 5
+ITERATIONS = 6
 """Iterations of a fit; three are enough unless a place has to move."""
 
 TRIED_PLACES = 2
 """Places of a leak or a patch that are fitted, the most promising ones of all."""
 
-SCANNED_RUNS = 2
+SCANNED_RUNS = 1
 """Runs for trying places: the ones with the largest errors."""
 
 MOST_FITTED = 4
@@ -168,17 +153,16 @@ def learn_physics(
     Raises:
         InputError: there are too few frames, or the model cannot run.
     """
-    fine, coarse = (no_finer(grid, most) for most in (DECIDING_COLUMNS, TRIAL_COLUMNS))
-    deciding = Share.of(experiments, fine, solver_on)
-    trial = deciding if coarse == fine else Share.of(experiments, coarse, solver_on)
+    coarse = no_finer(grid, LEARNING_COLUMNS)
+    share = Share.of(experiments, coarse, solver_on)
     maker = PartMaker(
         rig,
-        fine,
+        coarse,
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
-    search = PartSearch(maker, trial, deciding, workers)
-    alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *deciding.cost(LearntPhysics()))
+    search = PartSearch(maker, share, workers)
+    alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].name
@@ -193,7 +177,7 @@ def learn_physics(
     if not best.learnt.parts:
         return LearntPhysics()
     parts, start = best.learnt
-    whole = deciding if fine == grid else Share.of(experiments, grid, solver_on)
+    whole = share if coarse == grid else Share.of(experiments, grid, solver_on)
     everything = [*whole.fitted, *whole.kept]
     values = fit(parts, everything, start, iterations=LAST_ITERATIONS, workers=workers)
     return physics_of(parts, values)
@@ -218,11 +202,10 @@ def no_finer(grid: Grid, columns: int) -> Grid:
 
 @dataclass(frozen=True)
 class PartSearch:
-    """Looks for one more part: fits begin on the grid of `trial` and end on that of `deciding`."""
+    """Looks for one more part that brings free runs closer to the frames of `share`."""
 
     maker: PartMaker
-    trial: Share
-    deciding: Share
+    share: Share
     workers: int
 
     def with_one_more(self, known: Learnt) -> PhysicsTrial:
@@ -231,35 +214,20 @@ class PartSearch:
         Leaks and patches are tried only if no part without a place explains nearly everything.
         """
         taken = {part.name for part in known.parts}
-        begun = [
-            self._begun(part, known) for part in self.maker.everywhere() if part.name not in taken
-        ]
-        before, _ = self.trial.cost(known.physics)
-        if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in begun):
-            begun += [self._begun(part, known) for part in self._placed(known)]
-        begun.sort(key=_judged)
-        if self.trial is self.deciding:
-            return begun[0]
-        chosen = begun[:FINISHED] + [
-            trial for trial in begun[FINISHED:] if trial.learnt.parts[-1].name == HIDDEN_BY_CELLS
-        ]
-        finished = [
-            self._fitted(trial.learnt, self.deciding, FINISHING_ITERATIONS) for trial in chosen
-        ]
-        return min(finished, key=_judged)
+        parts = [part for part in self.maker.everywhere() if part.name not in taken]
+        trials = [self._fitted(part, known) for part in parts]
+        before, _ = self.share.cost(known.physics)
+        if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in trials):
+            trials += [self._fitted(part, known) for part in self._placed(known)]
+        return min(trials, key=_judged)
 
-    def _begun(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
-        start = Learnt((*known.parts, part), np.concatenate([known.values, part.first]))
-        return self._fitted(start, self.trial, ITERATIONS)
-
-    def _fitted(self, start: Learnt, share: Share, iterations: int) -> PhysicsTrial:
-        """Return the parts of `start`, all of them fitted together from there."""
-        values = fit(
-            start.parts, share.fitted, start.values, iterations=iterations, workers=self.workers
-        )
-        learnt = Learnt(start.parts, values)
+    def _fitted(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
+        """Return `known` with one more part, all of them fitted together."""
+        parts, start = (*known.parts, part), np.concatenate([known.values, part.first])
+        values = fit(parts, self.share.fitted, start, iterations=ITERATIONS, workers=self.workers)
+        learnt = Learnt(parts, values)
         try:
-            return PhysicsTrial(learnt, *share.cost(learnt.physics))
+            return PhysicsTrial(learnt, *self.share.cost(learnt.physics))
         except InputError:  # a model that cannot have this part
             return PhysicsTrial(learnt, np.inf, np.inf)
 
@@ -277,7 +245,7 @@ class PartSearch:
         """
         physics = known.physics
         light = replace(physics, density_difference=0.0)
-        runs = sorted(self.trial.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
+        runs = sorted(self.share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
         errors = np.concatenate([one.errors(physics) for one in runs])
         base = np.concatenate([one.errors(light) for one in runs])
 

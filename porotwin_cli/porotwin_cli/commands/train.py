@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler
 from porotwin_cli.terminal import Json, print_json, refuse_existing
 
 PAIRS_KEPT = 300
@@ -35,6 +36,7 @@ def command(
     workers: Annotated[
         int, typer.Option(help='Threads that run the model. 0: one for each core.', min=0)
     ] = 0,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Train COSTA on the errors of the physics-based model.
@@ -83,6 +85,7 @@ def command(
             epochs=epochs,
             seed=seed,
             workers=workers or os.cpu_count() or 1,
+            scheduler=scheduler,
         )
     if not writes:
         return
