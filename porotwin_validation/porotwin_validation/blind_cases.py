@@ -137,7 +137,7 @@ def draw_case(
     rig = rig or (large_rig() if large else SMALL)
     if not rig.wells:
         raise InputError(f"rig '{rig.name}' has no well; add wells to rig.yaml")
-    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator, rig)
+    schedule, duration, wells = (_large_schedule if large else small_schedule)(generator, rig)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     context = DrawContext(rig, wells, duration, injected)
     cell = LARGE_CELL_M * rig.width_m / LARGE_WIDTH_M if large else SMALL_CELL_M
@@ -252,7 +252,7 @@ def _large_schedule(generator: Generator, rig: Rig) -> tuple[Schedule, float, tu
     return Schedule(tuple(rows)), duration, tuple(dict.fromkeys((first, second)))
 
 
-def _small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
+def small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
     """Return schedule, duration [s] and wells: tracer with pauses, a chase or a rest, two control
     wells whose rates change three times."""
     duration = float(60 * generator.integers(45, 75))
