@@ -25,6 +25,7 @@ LONG = {
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
     'scaling': 'porotwin_cli.bench_scaling',
+    'decision': 'porotwin_cli.bench_decision',
 }
 """Parts that take long or need data: measured only by name. `loop` and `mend` have tables
 of their own."""
@@ -35,7 +36,7 @@ def command(
         list[str] | None,
         typer.Argument(
             help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend and faults, '
-            'which take an hour or more, calibration, which needs --baseline, and scaling. '
+            'which take an hour or more, calibration, which needs --baseline, scaling, decision. '
             'Default: all but these.'
         ),
     ] = None,
@@ -56,7 +57,11 @@ def command(
     cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
     scenarios: Annotated[int, typer.Option(help='loop, mend: number of scenarios.', min=1)] = 20,
     maps: Annotated[
-        bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
+        bool,
+        typer.Option(
+            '--maps',
+            help='loop: maps with noise, on coarse grids, instead of photographs; quicker.',
+        ),
     ] = False,
     workers: Workers = None,
     scheduler: Scheduler = '',
@@ -79,6 +84,8 @@ def command(
     Example: ./porotwin bench calibration --baseline experiment --cases 20
 
     Example: ./porotwin bench scaling
+
+    Example: ./porotwin bench decision
     """
     modules = {**BENCHES, **LONG}
     many = {'workers': workers, 'scheduler': scheduler}
