@@ -21,8 +21,8 @@ PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
 """Colours of the two plans; told apart also by those who see no red or green."""
 
 EXPLANATION = (
-    'Maps: mean of all siblings at the end. Solid: its outline. Dotted: one standard deviation less '
-    'and more. Dashed: outline now. Hatched: the zone.'
+    'Maps: mean of all siblings at the end. Solid: its outline. Dotted: one standard deviation '
+    'less and more. Dashed: outline now. Hatched: the zone.'
 )
 
 

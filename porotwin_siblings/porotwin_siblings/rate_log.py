@@ -104,7 +104,8 @@ def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
     """
     if not 0.0 < horizon <= LONGEST_HORIZON_S:
         raise InputError(
-            f'horizon {horizon:g} s: must be above 0 and at most {LONGEST_HORIZON_S:g} s; correct it'
+            f'horizon {horizon:g} s: must be above 0 and at most {LONGEST_HORIZON_S:g} s; '
+            'correct it'
         )
     for step in steps:
         refuse_too_great(step.rates, rig)
