@@ -198,7 +198,9 @@ class _Begun:
     def note(self, done: int) -> None:
         """Note that so many maps are on the disk."""
         self.done = done
-        self._mark.write_text(f'{done} {self._source}', encoding='utf-8')
+        new = self._mark.with_suffix('.new')
+        new.write_text(f'{done} {self._source}', encoding='utf-8')
+        new.replace(self._mark)  # a kill may come at any moment
 
     def remove(self) -> None:
         """Remove what is left of the export."""
