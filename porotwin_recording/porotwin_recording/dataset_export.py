@@ -13,7 +13,7 @@ import shutil
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import netCDF4
 import numpy as np
@@ -36,7 +36,7 @@ _FIELDS = {
     'systematic': ('part of the standard deviation that is the same at all times', '1'),
 }
 
-ZLIB_LEVEL = 4
+ZLIB_LEVEL: Final = 4
 """Level of the compression, from 1 (fastest) to 9 (smallest)."""
 
 MAPS_AT_ONCE = 16
@@ -146,7 +146,10 @@ class _ZarrMaps:
         """Every file is closed."""
 
 
-_MAPS = {'netcdf': _NetcdfMaps, 'zarr': _ZarrMaps}
+_MAPS: dict[Format, type[_NetcdfMaps] | type[_ZarrMaps]] = {
+    'netcdf': _NetcdfMaps,
+    'zarr': _ZarrMaps,
+}
 
 
 class _Begun:
@@ -185,7 +188,7 @@ class _Begun:
             count, source = self._mark.read_text(encoding='utf-8').split(' ', 1)
             if source != self._source or not self.path.exists():
                 return None
-            found, done = _MAPS[self._kind](self.path), int(count)
+            done, found = int(count), _MAPS[self._kind](self.path)
             first = max(0, done - MAPS_AT_ONCE)
             if found.holds(first, _maps_between(self._recording, first, done)):
                 self.done = done
@@ -198,7 +201,9 @@ class _Begun:
     def note(self, done: int) -> None:
         """Note that so many maps are on the disk."""
         self.done = done
-        self._mark.write_text(f'{done} {self._source}', encoding='utf-8')
+        new = self._mark.with_suffix('.new')
+        new.write_text(f'{done} {self._source}', encoding='utf-8')
+        new.replace(self._mark)  # a kill may come at any moment
 
     def remove(self) -> None:
         """Remove what is left of the export."""
