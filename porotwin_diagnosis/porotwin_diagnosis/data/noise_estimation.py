@@ -136,13 +136,15 @@ def _full_cells(maps: FloatArray, smooth: FloatArray, lowest: FloatArray) -> NDA
     """Return the mask (nt, nz, nx) of full cells; `lowest` is the local minimum of `smooth`.
 
     A fading plume is full at few places only, and their grain may differ from the typical one.
-    Therefore the first level with many different cells is preferred.
+    Therefore the first level with many different cells is preferred, and the lowest level if no
+    level has many.
     """
     levels = (*FULL_LEVELS, FALLBACK_LEVEL * float(np.quantile(smooth, HIGHEST_QUANTILE)))
-    masks = [(lowest > level) & np.isfinite(maps) for level in levels]
-    many_cells = (mask for mask in masks[:-1] if np.count_nonzero(mask.any(axis=0)) > FEWEST_CELLS)
-    many_values = (mask for mask in masks if np.count_nonzero(mask) > FEWEST_VALUES)
-    return next(many_cells, next(many_values, masks[-1]))
+    *masks, palest = [(lowest > level) & np.isfinite(maps) for level in levels]
+    for mask in masks:
+        if np.count_nonzero(mask.any(axis=0)) > FEWEST_CELLS:
+            return mask
+    return masks[-1] if np.count_nonzero(masks[-1]) > FEWEST_VALUES else palest
 
 
 def _half_normal_deviation(values: FloatArray) -> float:
