@@ -15,7 +15,7 @@ determine p or the offset: the best value lets most of the sand follow one smoot
 starts only if dark and bright sand drift apart.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -33,8 +33,6 @@ _OFFSETS = (-0.16, -0.08, -0.04, 0.04, 0.08, 0.16, 0.3, 0.5, 0.8)
 """Offsets that are tried first, relative to the light of the darker sand."""
 _HALVINGS = 4
 """The step of the search, a quarter of the best amount at first, is halved so often."""
-_FITS = 2
-"""Fits of an offset after the search: each is linear."""
 _LEAST_RATIO = 1e-3
 """Ratios to the baseline are raised to this before the logarithm."""
 _DARK_PERCENTILE = 25.0
@@ -145,27 +143,7 @@ class _Search:
             near = [ToneChange(kind, found.amount + sign * step, reference) for sign in (-1, 1)]
             found = max([found, *near], key=self.score)
             step /= 2
-        return self._fitted(found) if kind == 'haze' else found
-
-    def _fitted(self, haze: ToneChange) -> ToneChange:
-        """Return `haze` with the offset that leaves one smooth light on the sand without tracer.
-
-        The score is flat near its maximum. Behind tracer an error of the offset counts many times.
-        """
-        for _ in range(_FITS):
-            weight, residual = self._background(haze)
-            chosen = weight > 0
-            ratio = np.exp(haze.undone(self.log_ratio, self.before))
-            slope = (1.0 / (self.before * ratio))[chosen]
-            z, x = (axis[chosen] / max(axis.shape) for axis in np.indices(chosen.shape))
-            smooth = np.stack([x, z, x * x, x * z, z * z], axis=1)
-            channels = np.repeat(np.eye(3), len(smooth), axis=0)
-            design = np.hstack([channels, np.tile(smooth, (3, 1)), slope.T.reshape(-1, 1)])
-            root = np.tile(np.sqrt(weight[chosen]), 3)
-            values = residual[chosen].T.ravel() * root
-            found = np.linalg.lstsq(design * root[:, None], values, rcond=None)[0]
-            haze = replace(haze, amount=haze.amount + float(found[-1]))
-        return haze
+        return found
 
     def score(self, change: ToneChange | None) -> float:
         """Return the amount of sand that follows one smooth light."""
