@@ -26,6 +26,7 @@ LONG = {
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
     'scaling': 'porotwin_cli.bench_scaling',
+    'decision': 'porotwin_cli.bench_decision',
 }
 """Parts that take long or need data: measured only by name."""
 
@@ -41,8 +42,8 @@ def command(
         list[str] | None,
         typer.Argument(
             help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend, physics '
-            'and faults, which take an hour or more, calibration, which needs --baseline, and '
-            'scaling. Default: all but these.'
+            'and faults, which take an hour or more, calibration, which needs --baseline, scaling '
+            'and decision. Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -70,7 +71,11 @@ def command(
         ),
     ] = 0,
     maps: Annotated[
-        bool, typer.Option('--maps', help='loop: maps with noise instead of photographs; quicker.')
+        bool,
+        typer.Option(
+            '--maps',
+            help='loop: maps with noise, on coarse grids, instead of photographs; quicker.',
+        ),
     ] = False,
     workers: Workers = None,
     scheduler: Scheduler = '',
@@ -97,6 +102,8 @@ def command(
     Example: ./porotwin bench calibration --baseline experiment --cases 20
 
     Example: ./porotwin bench scaling
+
+    Example: ./porotwin bench decision
     """
     modules = {**BENCHES, **LONG}
     many = {'workers': workers, 'scheduler': scheduler}
