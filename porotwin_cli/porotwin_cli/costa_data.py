@@ -160,9 +160,11 @@ def account_of(
     shares = {}
     if bare != rig:
         _, kept = kept_runs(experiments, model.architecture.training.validation_share)
-        judges = (Judge(LearntModels(one, model.grid, preset), kept, model.time_step)
-                  for one in (bare, rig))  # fmt: skip
-        shares = gap_shares(*judges, model)
+        bare_judge, judge = (
+            Judge(LearntModels(one, model.grid, preset), kept, model.time_step)
+            for one in (bare, rig)
+        )
+        shares = gap_shares(bare_judge, judge, model)
     return {
         'looks_like': dict(alike.shares),
         'looks_like_nothing': alike.unexplained,
