@@ -10,11 +10,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from porotwin_cli import bench_loop_table
 from porotwin_cli.bench_jobs import do_jobs
+from porotwin_cli.bench_loop_draw import draw_scenario
 from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import RUNS, TWINS, LoopFigures, run_closed, run_free, run_optimum
-from porotwin_cli.bench_loop_scenarios import LoopScenario, draw_scenario
+from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_cli.workspace import run_folder
 from porotwin_core.errors import InputError
 
@@ -25,8 +28,37 @@ SECONDS_PER_RUN = 75.0
 """One run of a scenario on one core, the mean over all kinds of runs [s]."""
 
 
+SCENARIOS = TypeAdapter(LoopScenario)
+"""Converts scenarios from and to JSON."""
+
 RUN_BYTES = 8e8
 """Memory of one run [B]."""
+
+SECONDS_PER_DRAW = 20.0
+"""Drawing of one scenario on one core [s]."""
+
+
+@dataclass(frozen=True)
+class DrawJob:
+    """Draws one scenario; `file` receives it."""
+
+    number: int
+    seed: int
+    file: Path
+
+    def work(self) -> None:
+        """Draw and write the scenario; a file that exists is complete."""
+        _write(self.file, SCENARIOS.dump_json(draw_scenario(self.number, self.seed)))
+
+    def scenario(self) -> LoopScenario:
+        """Return the scenario that was drawn."""
+        return SCENARIOS.validate_json(self.file.read_bytes())
+
+
+def _write(file: Path, content: bytes) -> None:
+    part = file.with_suffix('.part')
+    part.write_bytes(content)
+    part.replace(file)
 
 
 @dataclass(frozen=True)
@@ -44,10 +76,7 @@ class LoopJob:
         Raises:
             InputError: the camera could not be calibrated.
         """
-        figures = self._figures()
-        part = self.file.with_suffix('.part')
-        part.write_text(json.dumps(asdict(figures)), encoding='utf-8')
-        part.replace(self.file)
+        _write(self.file, json.dumps(asdict(self._figures())).encode())
 
     def _figures(self) -> LoopFigures:
         if self.run == 'none':
@@ -78,7 +107,7 @@ def run(
         workers: runs at a time; None: one per core, as far as the memory holds.
         scheduler: address of a Dask scheduler that does the runs instead of this machine.
         output: folder of the runs; one with runs of the same settings is continued.
-        photographs: whether the twin sees photographs, or maps with noise.
+        photographs: whether the twin sees photographs, or maps with noise on coarser grids.
         settings: how exactly the bench looks; None: the defaults.
         drawn: scenarios to run instead of drawn ones.
         runs: the runs of every scenario.
@@ -87,21 +116,21 @@ def run(
         InputError: the folder holds another bench, or a camera could not be calibrated.
         SchedulerLost: the scheduler went away; the same call goes on.
     """
-    settings = settings or LoopSettings(photographs=photographs)
-    chosen = list(drawn) or [draw_scenario(number, seed) for number in range(scenarios)]
+    settings = settings or (LoopSettings() if photographs else LoopSettings.quick())
     folder = _folder(output and output.resolve(), {'seed': seed, **asdict(settings)})
+    crew = {'task_bytes': RUN_BYTES, 'workers': workers, 'scheduler': scheduler}
+    draws = [
+        DrawJob(number, seed, folder / f'drawn_{number + 1:02d}.json')
+        for number in range(0 if drawn else scenarios)
+    ]
+    do_jobs(draws, seconds_per_job=SECONDS_PER_DRAW, **crew)
+    chosen = list(drawn) or [draw.scenario() for draw in draws]
     jobs = [
         LoopJob(scenario, name, settings, folder / f'{scenario.name}_{name}.json')
         for scenario in chosen
         for name in runs
     ]
-    do_jobs(
-        jobs,
-        task_bytes=RUN_BYTES,
-        seconds_per_job=SECONDS_PER_RUN,
-        workers=workers,
-        scheduler=scheduler,
-    )
+    do_jobs(jobs, seconds_per_job=SECONDS_PER_RUN, **crew)
     figures = {
         scenario.name: {
             job.run: LoopFigures(**json.loads(job.file.read_text(encoding='utf-8')))

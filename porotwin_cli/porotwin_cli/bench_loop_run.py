@@ -30,8 +30,8 @@ from porotwin_rig.limits import refuse_broken_limits
 from porotwin_solver.grid_models import GridModels
 from porotwin_solver.model import Model
 
-CONSTANT_HORIZON_S = 1800.0
-"""Horizon of the search for constant rates [s], which the hub had before."""
+OPEN_HORIZON_S = 1800.0
+"""Horizon of a plan without a known end [s], as in the hub."""
 
 PLAN_PRESET = 'fast'
 """Numerical scheme of plans on their coarser grid, as the solver's node has it."""
@@ -71,8 +71,8 @@ MakeTwin = Callable[[LoopScenario, LoopSettings], Twin]
 """Makes the twin with its controller for a scenario."""
 
 
-def _constant_rates(scenario: LoopScenario, settings: LoopSettings, horizon: float) -> Twin:
-    """Return a twin that searches constant rates by COBYLA."""
+def paper_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
+    """Return the loop of the paper (section 4): COBYLA, constant rates, one interval ahead."""
     grid = settings.grid(scenario)
     return Twin(
         Model(scenario.rig, grid, preset=settings.preset),
@@ -81,20 +81,10 @@ def _constant_rates(scenario: LoopScenario, settings: LoopSettings, horizon: flo
         controller=Controller(
             Limits.of(scenario.rig),
             make_objective(scenario.rig, grid),
-            horizon=horizon,
+            horizon=scenario.photo_interval,
             evaluations=EVALUATIONS,
         ),
     )
-
-
-def paper_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
-    """Return the loop of the paper (section 4): COBYLA, constant rates, one interval ahead."""
-    return _constant_rates(scenario, settings, scenario.photo_interval)
-
-
-def constant_twin(scenario: LoopScenario, settings: LoopSettings) -> Twin:
-    """Return the loop with constant rates over half an hour, by COBYLA."""
-    return _constant_rates(scenario, settings, CONSTANT_HORIZON_S)
 
 
 class LoopModels(PlanModel, Protocol):
@@ -125,7 +115,7 @@ def planning_twin(
         no_correction,
         photo_interval=scenario.photo_interval,
         controller=plan_controller(
-            rig, grid, models, horizon=CONSTANT_HORIZON_S, interval=scenario.photo_interval
+            rig, grid, models, horizon=OPEN_HORIZON_S, interval=scenario.photo_interval
         ),
         pore_volume=pores,
         began=0.0,
@@ -144,7 +134,6 @@ def with_end(scenario: LoopScenario) -> Rig:
 
 TWINS: dict[str, MakeTwin] = {
     'paper': paper_twin,
-    'constant': constant_twin,
     'twin': planning_twin,
 }
 """The closed loops that are compared, by name."""

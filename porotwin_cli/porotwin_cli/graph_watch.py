@@ -1,4 +1,4 @@
-"""Watches a running graph: the reports of the hub and the end of the experiment."""
+"""Watches a running graph: reports of the hub, setpoints, and the end of the experiment."""
 
 import threading
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from porotwin_core import qos
 from porotwin_core.node import until_shutdown
 from porotwin_hub.graph import NAMESPACE
-from porotwin_msgs.msg import CleanState, CycleReport
+from porotwin_msgs.msg import CleanState, CycleReport, Setpoint
 
 
 class GraphWatch:
@@ -20,10 +20,21 @@ class GraphWatch:
     The event `finished` is set when the asset ends the experiment.
     """
 
-    def __init__(self, on_cycle: Callable[[CycleReport], None]) -> None:
-        """Prepare to watch; `on_cycle` is called with each report of the hub."""
+    def __init__(
+        self,
+        on_cycle: Callable[[CycleReport], None],
+        *,
+        on_setpoint: Callable[[Setpoint], None] | None = None,
+    ) -> None:
+        """Prepare to watch.
+
+        Args:
+            on_cycle: is called with each report of the hub.
+            on_setpoint: is called with each setpoint; None: setpoints are not watched.
+        """
         self.finished = threading.Event()
         self._on_cycle = on_cycle
+        self._on_setpoint = on_setpoint
         self._context = Context()
 
     def __enter__(self) -> Self:
@@ -31,6 +42,10 @@ class GraphWatch:
         self._node = rclpy.create_node('watch', namespace=NAMESPACE, context=self._context)
         self._node.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
         self._node.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
+        if self._on_setpoint is not None:
+            self._node.create_subscription(
+                Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT
+            )
         threading.Thread(target=self._spin, daemon=True).start()
         return self
 

@@ -48,7 +48,7 @@ def test_meters_show_the_mean_over_a_fault_within_an_interval() -> None:
 def test_a_closed_loop_lowers_the_dose_and_breaks_no_limit() -> None:
     scenario = replace(short(), start=1200.0, end=2400.0, photo_interval=120.0)
     eyes = make_eyes(scenario, COARSE)
-    found = run_closed(scenario, COARSE, eyes, bench_loop.TWINS['constant'])
+    found = run_closed(scenario, COARSE, eyes, bench_loop.TWINS['paper'])
     assert found.dose_ml_min < 0.7 * run_free(scenario, COARSE).dose_ml_min
     assert found.violations == 0
     assert 1 <= found.orders <= 10

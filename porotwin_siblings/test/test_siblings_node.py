@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
@@ -21,7 +22,7 @@ from rclpy.parameter import Parameter  # noqa: E402
 from porotwin_core import conversions, qos  # noqa: E402
 from porotwin_core.node import until_shutdown  # noqa: E402
 from porotwin_msgs.msg import Forecast, ModelEffects, NewState, Outcome, Setpoint  # noqa: E402
-from porotwin_msgs.srv import WhatIf  # noqa: E402
+from porotwin_msgs.srv import CostGradient, WhatIf  # noqa: E402
 from porotwin_siblings.siblings_node import SiblingsNode  # noqa: E402
 
 pytestmark = pytest.mark.graph
@@ -48,6 +49,7 @@ class Beside:
         self.setpoints = self.other.create_publisher(Setpoint, 'wells/setpoint', qos.SETPOINT)
         self.effects = self.other.create_publisher(ModelEffects, 'model/effects', qos.CONFIG)
         self.client = self.other.create_client(WhatIf, 'siblings/what_if')
+        self.judges = self.other.create_client(CostGradient, 'siblings/cost_gradient')
         executor = MultiThreadedExecutor(4, context=self.context)
         executor.add_node(self.node)
         executor.add_node(self.other)
@@ -82,6 +84,22 @@ class Beside:
         self.wait(future.done)
         return future.result()
 
+    def judge(self, plan: list[RateStep], concentration: Any) -> CostGradient.Response:
+        """Ask for the expected tracer in the upper half over ten minutes."""
+        grid = load_rig(RIG).grid(40, 24)
+        weights = np.zeros(grid.shape)
+        weights[12:] = load_rig(RIG).cell_pore_volume(grid)[12:]
+        request = CostGradient.Request(
+            initial=conversions.tracer_to_msg(concentration, grid, 0.0),
+            schedule=conversions.plan_to_msg(plan),
+            horizon=600.0,
+            terms=[conversions.cost_term_to_msg(CostTerm(0.0, 600.0, linear=weights))],
+            with_gradient=True,
+        )
+        future = self.judges.call_async(request)
+        self.wait(future.done)
+        return future.result()
+
     def close(self) -> None:
         rclpy.shutdown(context=self.context)
         self.thread.join(timeout=PATIENCE_S)
@@ -99,6 +117,7 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     early = beside.ask([], 600.0)
     assert early.outcome.code == Outcome.INVALID_INPUT
     assert 'no photograph' in early.outcome.message
+    assert 'no forecast' in beside.judge([], np.zeros((24, 40))).outcome.message
 
     beside.wait(lambda: beside.states.get_subscription_count() > 0)
     beside.wait(lambda: beside.setpoints.get_subscription_count() > 0)
@@ -121,6 +140,13 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     assert answer.proposed.zone_tracer[-1] != answer.present.zone_tracer[-1]
     wrong = beside.ask([RateStep(0.0, {'absent': WellRate(1e-9)})], 600.0)
     assert "well 'absent' is not in the rig" in wrong.outcome.message
+
+    expected = beside.judge([RateStep(0.0, flush)], plume)
+    assert expected.outcome.code == Outcome.OK, expected.outcome.message
+    wells = list(load_rig(RIG).wells)
+    assert expected.cost > 0.0
+    assert len(expected.gradient) == len(wells)
+    assert expected.gradient[wells.index('control1')] < 0.0  # it pushes the plume down
 
     effect = EffectDescription(name='retardation', parameters={'retardation_factor': 2.0})
     beside.effects.publish(ModelEffects(effects=[conversions.effect_to_msg(effect)]))

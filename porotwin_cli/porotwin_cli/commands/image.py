@@ -36,8 +36,9 @@ def command(
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
-    A photograph that cannot be used is named and left out; the others are imaged. A picture of the
-    maps lies beside the output, with the same name and the ending .png. After an interruption a
+    A photograph that cannot be used is named and left out; the others are imaged. Where the plume
+    reaches a sand that the calibration has only guessed, its core tells the factor. A picture of
+    the maps lies beside the output, with the same name and the ending .png. After an interruption a
     second call goes on.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
@@ -59,6 +60,7 @@ def command(
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
     from porotwin_imaging.photo_to_map import concentration_map
+    from porotwin_imaging.sand_refinement import refined
     from porotwin_recording.concentration import MapOrigin
     from porotwin_recording.map_parts import MapParts
     from porotwin_recording.recording import open_recording
@@ -78,6 +80,17 @@ def command(
         )
     memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
+    if used:
+        better = refined(
+            used,
+            rig,
+            [photo.read() for photo in baselines],
+            [(photo.time, photo.read) for photo in states],
+            recording.measured or recording.commanded,
+        )
+        used = better.calibration
+        for line in better.lines:
+            say(line)
     known_factors = used.factor_deviations if used else ()
     baseline = make_baseline(
         rig,
