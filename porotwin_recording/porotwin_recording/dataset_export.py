@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core import PROGRAM
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.units import to_ml_h
+from porotwin_recording.one_writer import one_writer
 from porotwin_recording.recording import Recording
 
 Format = Literal['zarr', 'netcdf']
@@ -66,13 +67,22 @@ def export_dataset(
         progress: receives the progress.
 
     Raises:
-        InputError: `target` exists or cannot be written, or the recording holds no maps.
+        InputError: `target` exists, may not be written or is being written, or the recording holds
+            no maps.
+        OSError: the disk is full or fails.
     """
     if target.exists():
         raise InputError(f'{target}: exists already; name another or remove it')
     begun = _Begun(recording, target, kind)
+    with one_writer(target):
+        _export(begun, recording, target, kind, progress)
+
+
+def _export(
+    begun: '_Begun', recording: Recording, target: Path, kind: Format, progress: Progress | None
+) -> None:
+    """Write all maps, and give the export its name."""
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.closing(begun.maps()) as written:
             for first, maps in _blocks(recording, begun.done):
                 written.write(first, maps)
@@ -85,7 +95,7 @@ def export_dataset(
         begun.remove()
     except (OSError, RuntimeError) as error:
         begun.remove()
-        raise InputError(f'{target}: cannot be written ({error})') from None
+        raise write_error(target, error) from None
 
 
 class _NetcdfMaps:
