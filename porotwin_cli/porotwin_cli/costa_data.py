@@ -115,8 +115,8 @@ def train_on_runs(
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    `dataset_of` and `train_from_runs` explain the arguments. So many `workers`, or those of the
-    Dask `scheduler`, make free runs and prepare the pairs; see `porotwin_core.parallel.crew`.
+    `dataset_of` and `train_from_runs` explain the arguments. So many `workers` make free runs and
+    prepare the pairs, here or at the Dask `scheduler`; see `porotwin_core.parallel.crew`.
 
     Raises:
         InputError: too few maps, or the model cannot run.

@@ -16,7 +16,7 @@ from porotwin_diagnosis.data.sample import HELD_OUT_SHARE, TRACER_PRESENT
 from porotwin_recording.recording import Recording
 
 MOST_FRAMES = 60
-"""Most frames that are compared; their noise is that of the sand, the same in all."""
+"""Most compared frames; more have the same noise of the sand."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class FreeRunErrors:
         error: of the model as it is.
         blurred_error: of the model, blurred as the maps are.
         blur_cells: width of that blur [cells], chosen for the least error.
-        noise: what the noise of the maps alone makes, beside a perfect model with that blur.
+        noise: error of a perfect model with that blur, by the noise of the maps.
     """
 
     error: float
@@ -40,7 +40,7 @@ class FreeRunErrors:
         return (
             f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
             f'{self.error:.1%}; with fronts blurred as in the maps (--blur {self.blur_cells:.2f}) '
-            f'{self.blurred_error:.1%}, of which the noise makes {self.noise:.1%}'
+            f'{self.blurred_error:.1%}, {self.noise:.1%} from their noise'
         )
 
 

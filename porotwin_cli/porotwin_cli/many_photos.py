@@ -20,7 +20,7 @@ def each_photo(
         pool: the workers.
         work: a function of a module, which a worker elsewhere can import.
         photos: the photographs.
-        known: what all of them share; every worker gets it once.
+        known: a value for all photographs; every worker gets it once.
     """
     shared = (work, pool.share(known))
     results = in_order(pool, _done_or_reason, map(_read_or_reason, photos), first=shared)

@@ -129,7 +129,7 @@ def command(
 
 
 def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | None':
-    """Return what to compare with; None where there are no maps at these times and cells."""
+    """Return the maps to compare with; None: there are none at these times and cells."""
     from porotwin_cli.free_run_errors import LateMaps
 
     if recording.maps is None or times or recording.grid != grid or len(recording.times) < 2:
