@@ -51,6 +51,9 @@ the tracer by a few centimetres."""
 LARGE_CELL_M = 0.02
 """Size of the elements of the virtual large rig [m]: half the width of its thinnest layer bend."""
 
+CELL_MM, LARGE_GRID_CELL_MM = 10.0, 25.0
+"""Usual cells of the maps of the small and the large rig [mm]."""
+
 FREE_RUN_FROM_S = 66 * 60.0
 """Start of the free run in the large rig [s], the paper's 1 h 6 min."""
 
@@ -86,14 +89,14 @@ class PaperExperiment:
         )
 
 
-def diffusive(minutes: float = 40.0) -> PaperExperiment:
+def diffusive(minutes: float = 40.0, cell_mm: float = CELL_MM) -> PaperExperiment:
     """Return section 3.1: homogeneous sand and a model that is too diffusive on purpose.
 
     Each training experiment takes `minutes` [min], half of it tracer. The paper's pictures are of
-    10 and 30 min.
+    10 and 30 min. `cell_mm` is the size of the cells of the maps [mm].
     """
     rig = load_rig(small_rig())
-    grid, step = rig.grid(94, 56), 30.0
+    grid, step = rig.default_grid(1e-3 * cell_mm), 30.0
     half = 0.5 * minutes * 60.0
     schedules = [
         Schedule(tuple(replace(row, time=half if row.time else 0.0) for row in schedule.rows))
@@ -111,13 +114,14 @@ def diffusive(minutes: float = 40.0) -> PaperExperiment:
     )
 
 
-def complex_(hours: float = 27.5) -> PaperExperiment:
+def complex_(hours: float = 27.5, cell_mm: float = LARGE_GRID_CELL_MM) -> PaperExperiment:
     """Return section 3.2: layers of five sands, pulses and pauses, a tracer that is too dense.
 
-    COSTA learns from the first 70 % of the `hours` [h] and predicts all of them.
+    COSTA learns from the first 70 % of the `hours` [h] and predicts all of them. `cell_mm` is the
+    size of the cells of the maps [mm].
     """
     rig = large_rig()
-    grid, step = rig.grid(112, 60), 300.0
+    grid, step = rig.default_grid(1e-3 * cell_mm), 300.0
     rows = []
     for number, start in enumerate(at for at in PULSES_H if at < hours):
         well = ('injector', 'injector2')[number % 2]

@@ -118,7 +118,7 @@ def look_alikes(
             columns = [source(part, values).ravel() for values in _directions(part)]
         except InputError:  # a model that cannot have this part
             continue
-        candidates.append(Candidate(EFFECT_OF_PART[part.name], np.stack(columns, axis=1)))
+        candidates.append(EffectSources(EFFECT_OF_PART[part.name], np.stack(columns, axis=1)))
     return matched(sigma.ravel(), candidates)
 
 
@@ -175,14 +175,14 @@ def _directions(part: PhysicsPart) -> list[FloatArray]:
     return list(np.eye(len(part.unknowns)))
 
 
-class Candidate(NamedTuple):
+class EffectSources(NamedTuple):
     """The sources of an effect, a column (values,) for each of its unknowns."""
 
     effect: str
     columns: FloatArray
 
 
-def matched(sigma: FloatArray, candidates: Sequence[Candidate]) -> LookAlikes:
+def matched(sigma: FloatArray, candidates: Sequence[EffectSources]) -> LookAlikes:
     """Return the shares of the effects that explain `sigma` (values,) best, one after another."""
     total = float(sigma @ sigma)
     basis, left, shares = np.zeros((len(sigma), 0)), total, {}

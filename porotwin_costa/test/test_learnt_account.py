@@ -8,7 +8,7 @@ from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_costa.free_run_gate import Judge, KeptRun
-from porotwin_costa.learnt_account import Candidate, gap_shares, look_alikes, matched
+from porotwin_costa.learnt_account import EffectSources, gap_shares, look_alikes, matched
 from porotwin_costa.networks import architecture
 from porotwin_costa.training import train
 from porotwin_costa.training_settings import TrainingSettings
@@ -24,7 +24,11 @@ def test_the_effects_of_a_mixture_are_told_apart():
     drift, density, leak = random.standard_normal((3, 400, 1))
     found = matched(
         2.0 * drift[:, 0] + density[:, 0],
-        [Candidate('drift', drift), Candidate('density', density), Candidate('leak', leak)],
+        [
+            EffectSources('drift', drift),
+            EffectSources('density', density),
+            EffectSources('leak', leak),
+        ],
     )
     assert found.shares == pytest.approx({'drift': 0.8, 'density': 0.2}, abs=0.1)
     assert found.unexplained < 1e-9
@@ -34,7 +38,7 @@ def test_the_effects_of_a_mixture_are_told_apart():
 def test_noise_looks_like_no_effect():
     random = np.random.default_rng(8)
     noise, drift = random.standard_normal(400), random.standard_normal((400, 1))
-    assert matched(noise, [Candidate('drift', drift)]).shares == {}
+    assert matched(noise, [EffectSources('drift', drift)]).shares == {}
 
 
 def test_a_sigma_is_compared_with_the_sources_of_effects(corrective, rig, grid):

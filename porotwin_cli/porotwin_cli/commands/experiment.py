@@ -41,6 +41,14 @@ def command(
     hours: Annotated[
         float, typer.Option(help='complex: length of the experiment [h].', min=2)
     ] = 27.5,
+    cell_mm: Annotated[
+        float,
+        typer.Option(
+            help='Cells of the maps, diffusive or complex [mm]. 0: 10 or 25. Twice the size takes '
+            'about an eighth of the time.',
+            min=0,
+        ),
+    ] = 0.0,
     seed: Annotated[int, typer.Option(help='Seed of the training.')] = 7,
     as_json: Json = False,
 ) -> None:
@@ -65,8 +73,12 @@ def command(
     from porotwin_cli import paper_experiments
 
     makers = {
-        PaperSection.DIFFUSIVE: lambda: paper_experiments.diffusive(minutes or 40.0),
-        PaperSection.COMPLEX: lambda: paper_experiments.complex_(hours),
+        PaperSection.DIFFUSIVE: lambda: paper_experiments.diffusive(
+            minutes or 40.0, cell_mm or paper_experiments.CELL_MM
+        ),
+        PaperSection.COMPLEX: lambda: paper_experiments.complex_(
+            hours, cell_mm or paper_experiments.LARGE_GRID_CELL_MM
+        ),
     }
     rows = paper_experiments.run(makers[name], folder, seed=seed)
     say(f'pictures and errors: {folder}')
