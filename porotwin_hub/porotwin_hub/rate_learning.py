@@ -52,6 +52,9 @@ RELATED_BLOCKS = 4.0
 METER_SHARE = 0.5
 """Weight of a new measurement in the factor by a meter."""
 
+METER_JUMP = 0.3
+"""A factor that differs by more is taken as it is: the pump has stopped, or runs again."""
+
 LEAST_METERED, MOST_METERED = 0.02, 2.0
 """Range of measured over commanded rate that is believed [-]; a pump that stands counts as the
 least, so that it can be told apart from one that was told to stand."""
@@ -69,7 +72,7 @@ class PumpFactor(NamedTuple):
 
 class _Moment(NamedTuple):
     """A state at `time` [s], the systematic deviation of its photograph (nz, nx) [-], and the rates
-    until the next one."""
+    until the next one, as far as meters tell what was delivered."""
 
     time: float
     estimate: Estimate
@@ -146,7 +149,8 @@ class RateLearner:
             if well not in measured or abs(wanted) < LEAST_COMMANDED or wanted != before:
                 continue
             share = min(max(measured[well].rate / wanted, LEAST_METERED), MOST_METERED)
-            self._metered[well] += METER_SHARE * (share - self._metered[well])
+            change = share - self._metered[well]
+            self._metered[well] += change if abs(change) > METER_JUMP else METER_SHARE * change
 
     def learn(
         self,
@@ -171,7 +175,11 @@ class RateLearner:
         if not periods:
             self.interrupt()
         if self._past:
-            self._past[-1] = self._past[-1]._replace(periods=periods)
+            metered = tuple(
+                period._replace(rates=delivered(period.rates, self._metered, closed=self._closed))
+                for period in periods
+            )
+            self._past[-1] = self._past[-1]._replace(periods=metered)
         due = bool(self._past) and time - max(self._learnt, self._past[0].time) >= PERIOD_S
         if due and time - self._past[0].time >= LEAST_WINDOW_S:
             self._update(physics, time, estimate, seen)
@@ -189,7 +197,8 @@ class RateLearner:
             return self._blocks.means(values, known)
 
         def expected(state: FloatArray, log_factors: FloatArray) -> FloatArray:
-            factors = self._with(log_factors)
+            shares = map(math.exp, log_factors)
+            factors = dict(zip(self._wells, shares, strict=True))
             for start, end, rates in periods:
                 pumped = delivered(rates, factors, closed=self._closed)
                 state = physics.predict(state, pumped, end - start)

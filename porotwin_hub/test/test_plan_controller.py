@@ -141,6 +141,12 @@ def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> Non
     assert most == pytest.approx(0.5 * FULL)
 
 
+def test_a_pause_of_the_injection_is_planned_to_end() -> None:
+    model = TwoStages()
+    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), delivery={'injector': 0.02})
+    assert {rates['injector'].rate for rates in model.rates} == {LIMITS.fixed['injector'].rate}
+
+
 def test_an_answer_is_there_when_the_time_is_over() -> None:
     model = TwoStages()
     model.slow = 0.01
