@@ -301,7 +301,8 @@ class _Task:
                 joined = plan.without_change(number, self._before).stages()
                 joined = joined.executable(self._limits, self._previous, self._interval)
                 joined_cost = self._try(joined)
-                if joined_cost <= cost:
+                fewer = joined.orders(self._before) < plan.orders(self._before)
+                if fewer and joined_cost <= cost:
                     plan, cost = joined, joined_cost
                     break
             else:

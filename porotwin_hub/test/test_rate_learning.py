@@ -110,6 +110,29 @@ def test_a_pump_that_stops_and_one_that_runs_again_are_believed_at_once() -> Non
     assert learner.told(TOLD) == TOLD
 
 
+def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is() -> None:
+    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    off = {**TOLD, 'push': WellRate()}
+    learner.meter(off, off)
+    for _ in range(4):
+        learner.meter(off, TOLD)
+    assert learner.factors['push'].factor == 1.0
+    for _ in range(4):
+        learner.meter(off, TOLD)
+    assert learner.factors['push'].factor < 0.05
+
+
+def test_a_pump_at_rest_is_tried_again_after_a_while() -> None:
+    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    off = {**TOLD, 'push': WellRate()}
+    for _ in range(2):
+        learner.meter(off, TOLD)
+    assert learner.factors['push'].factor < 0.05
+    for _ in range(30):
+        learner.meter(off, off)
+    assert learner.factors['push'].factor > 0.7
+
+
 def test_a_metered_pause_teaches_nothing_about_the_time_before_it() -> None:
     learner, model = RateLearner(tuple(TOLD), GRID, closed=False), Fronts()
     for time in range(0, 901, 60):
