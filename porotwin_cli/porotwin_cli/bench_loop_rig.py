@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from porotwin_rig.camera_signal import signal_seen
 from porotwin_rig.map_camera import MapCamera, MapNoise
 from porotwin_rig.render import Photographer
 from porotwin_rig.virtual_rig import VirtualRig
+from porotwin_solver.plume_model import plume_model
 
 CALIBRATION_S = 2400.0
 CALIBRATION_PHOTOS = 8
@@ -211,12 +213,13 @@ def _calibrated_baseline(
     for _ in range(CALIBRATION_PHOTOS):
         asset.advance(CALIBRATION_S / CALIBRATION_PHOTOS)
         photographs.append((asset.time, _photograph(photographer, asset, grid)))
-    first = photographer.baseline()
+    first, schedule = photographer.baseline(), Schedule.constant(safe)
     fit = fit_calibration(
         photographer.rig,
         [first],
         photographs,
-        schedule=Schedule.constant(safe),
+        schedule=schedule,
+        plumes=partial(plume_model, photographer.rig, schedule),
         source='known injection',
     )
     return make_baseline(photographer.rig, grid, [first], calibration=fit.calibration)

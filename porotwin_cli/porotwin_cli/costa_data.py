@@ -1,18 +1,24 @@
 """Training of COSTA from recordings: the one place where it meets the solver."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from porotwin_cli.terminal import progress
 from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.parallel import crew
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames, resampled
+from porotwin_costa.free_run_gate import Judge, kept_runs
+from porotwin_costa.learnt_account import gap_shares, look_alikes
 from porotwin_costa.networks import Architecture
 from porotwin_costa.rollout_training import CURRICULUM, Stage
 from porotwin_costa.run_training import Experiments, train_from_runs
@@ -82,6 +88,18 @@ def dataset_of(
         )
 
 
+@dataclass(frozen=True)
+class SolverOnGrids:
+    """Solvers of one rig and preset on any grid; it can be sent to other processes."""
+
+    rig: Rig
+    preset: str
+
+    def __call__(self, grid: Grid) -> LearntModels:
+        """Return the solver on `grid`."""
+        return LearntModels(self.rig, grid, self.preset)
+
+
 def train_on_runs(
     experiments: Sequence[Frames],
     rig: Rig,
@@ -93,19 +111,20 @@ def train_on_runs(
     epochs: int = 0,
     seed: int,
     workers: int = 1,
+    scheduler: str = '',
     curriculum: Sequence[Stage] = CURRICULUM,
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    `dataset_of` and `train_from_runs` explain the arguments.
+    `dataset_of` and `train_from_runs` explain the arguments. The workers of the Dask `scheduler`
+    prepare the pairs, if there is one.
 
     Raises:
         InputError: too few maps, or the model cannot run.
     """
-    data = Experiments(
-        rig, grid, experiments, time_step, preset, lambda on: LearntModels(rig, on, preset)
-    )
-    with progress() as bar:
+    with crew(scheduler=scheduler) if scheduler else nullcontext() as pool, progress() as bar:
+        solvers = SolverOnGrids(rig, preset)
+        data = Experiments(rig, grid, experiments, time_step, preset, solvers, pool)
         task = bar.add_task('training COSTA', total=None)
         return train_from_runs(
             data,
@@ -119,6 +138,46 @@ def train_on_runs(
             ),
             say=bar.console.print,
         )
+
+
+def account_of(
+    model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, rig: Rig, preset: str
+) -> dict[str, Any]:
+    """Return what a training learnt, in words of physics; see `learnt_account`.
+
+    Args:
+        model: the trained model.
+        experiments: the maps that it learnt from.
+        bare: the rig without the effects that were named.
+        rig: the rig of the model to correct.
+        preset: its numerical scheme.
+
+    `gap_shares` is empty if no effect was named.
+
+    Raises:
+        InputError: the model cannot run.
+    """
+    solver = LearntModels(rig, model.grid, preset)
+    alike = look_alikes(model, experiments, rig, solver)
+    shares = {}
+    if bare != rig:
+        _, kept = kept_runs(experiments, model.architecture.training.validation_share)
+        judges = (Judge(LearntModels(one, model.grid, preset), kept, model.time_step)
+                  for one in (bare, rig))  # fmt: skip
+        shares = gap_shares(*judges, model)
+    return {
+        'looks_like': dict(alike.shares),
+        'looks_like_nothing': alike.unexplained,
+        'gap_shares': shares,
+        'says': [alike.text, *_shares_in_words(shares)],
+    }
+
+
+def _shares_in_words(shares: Mapping[str, float]) -> list[str]:
+    if not shares:
+        return []
+    parts = ', '.join(f'{name} {share:.0%}' for name, share in shares.items())
+    return [f'squared gap of the kept free runs: {parts}']
 
 
 def with_effects(rig: Rig, effects: Sequence[str]) -> Rig:

@@ -2,9 +2,7 @@
 
 import json
 import math
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ mpl.use('Agg')
 import matplotlib.pyplot as plt
 import numpy as np
 
+from porotwin_cli.bench_loop import RUN_BYTES
 from porotwin_cli.bench_loop_rig import LoopSettings, make_eyes
 from porotwin_cli.bench_loop_run import LoopFigures, planning_twin, run_closed
 from porotwin_cli.bench_loop_scenarios import PRODUCER_DELIVERY, LoopScenario, Operator, PumpFault
@@ -24,6 +23,7 @@ from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
 from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_from_msg
 from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.parallel import crew
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import ML
 from porotwin_core.wells import Schedule
@@ -143,7 +143,7 @@ def runs_beside(
     known = {'never told': scenario.rig}
     if hidden.name in EFFECTS:
         known['knew'] = scenario.rig.with_effects([hidden])
-    with ProcessPoolExecutor(len(known), mp_context=get_context('spawn')) as pool:
+    with crew(task_bytes=RUN_BYTES) as pool:
         jobs = {
             name: pool.submit(run_beside, scenario, settings, described)
             for name, described in known.items()

@@ -7,6 +7,7 @@ experiment to come.
 
 from concurrent.futures import as_completed
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from porotwin_imaging.calibration_pictures import write_fit
 from porotwin_imaging.photo_to_map import concentration_map
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
+from porotwin_solver.plume_model import plume_model
 
 ARCHITECTURE = 'local'
 """This network learns from few experiments; the paper's network needs many."""
@@ -89,7 +91,12 @@ def calibration_run(rig: Rig, folder: Path, *, seed: int, photo_width: int) -> P
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
     states = [(photo.time, photo.read()) for photo in recording.photos if photo.role == 'state']
     fit = fit_calibration(
-        recording.rig, baselines, states, schedule=recording.schedule, source='calibration_run'
+        recording.rig,
+        baselines,
+        states,
+        schedule=recording.schedule,
+        plumes=partial(plume_model, recording.rig, recording.schedule),
+        source='calibration_run',
     )
     write_fit(fit, folder / 'calibration')
     return folder / 'calibration' / 'calibration.yaml'

@@ -1,5 +1,6 @@
 """Scaled samples as tensors, and their loss on whole maps or on windows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -55,33 +56,32 @@ class Batches:
         answer = network(self.concentration[chosen], self.rates[chosen])
         return nn.functional.mse_loss(answer, self.target[chosen])
 
-    def window_loss(
-        self,
-        network: CorrectiveNetwork,
-        chosen: Tensor,
-        *,
-        size: int,
-        reach: int,
-        random: torch.Generator,
-    ) -> Tensor:
-        """Return the mean squared error over one window of `size` x `size` cells per sample.
+    def windows(self, chosen: Tensor, size: int, random: torch.Generator) -> list[Window]:
+        """Return a window of `size` x `size` cells for each of the samples `chosen`, (batch,).
 
         The windows lie around random cells that hold tracer. Elsewhere there is nothing to learn,
-        and many windows teach more in the same time than few whole maps. The `reach` cells next to
-        the rim of a window do not count, because the network does not see all that influences
-        them. They count where the window is as wide as the grid, or too small to lose its rim.
+        and many windows teach more in the same time than few whole maps.
         """
-        concentration, target = self.concentration[chosen], self.target[chosen]
-        grid = target.shape[1:]
-        nz, nx = (min(size, cells) for cells in grid)
-        windows = [self._window(sample, (nz, nx), random) for sample in concentration]
-        answer = network.forward_windows(concentration, self.rates[chosen], windows)
+        nz, nx = (min(size, cells) for cells in self.target.shape[1:])
+        return [self._window(sample, (nz, nx), random) for sample in self.concentration[chosen]]
+
+    def window_loss(
+        self, network: CorrectiveNetwork, chosen: Tensor, windows: Sequence[Window], *, reach: int
+    ) -> Tensor:
+        """Return the mean squared error over one of the `windows` for each sample `chosen`.
+
+        The `reach` cells next to the rim of a window do not count, because the network does not see
+        all that influences them. They count where the window is as wide as the grid, or too small
+        to lose its rim.
+        """
+        target = self.target[chosen]
+        answer = network.forward_windows(self.concentration[chosen], self.rates[chosen], windows)
         wanted = torch.stack(
             [window.cells(sample) for sample, window in zip(target, windows, strict=True)]
         )
         rows, columns = (
             slice(reach, -reach) if reach and 3 * reach < cells < whole else slice(None)
-            for cells, whole in zip((nz, nx), grid, strict=True)
+            for cells, whole in zip(wanted.shape[1:], target.shape[1:], strict=True)
         )
         return nn.functional.mse_loss(answer[:, rows, columns], wanted[:, rows, columns])
 

@@ -9,11 +9,13 @@ With learnt physics (`LearntPhysics`), c+^{n+1} is the prediction of the model t
 
 `corrective_source` does the first line. The second one is solved by the physics-based model; the
 result is kept within 0..1 by `Correction.applied_to`. The network is in `networks/`, its weights
-and files in `corrective_model`, the checks in `gate`.
+and files in `corrective_model`, the checks in `gate`. The library torch is loaded with the first
+network only.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import torch
 
 from porotwin_core.correction import Correction
 from porotwin_core.errors import InputError
@@ -21,8 +23,10 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver
 from porotwin_core.wells import WellRates
-from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.frames import rate_vector, same_time_step
+
+if TYPE_CHECKING:
+    from porotwin_costa.corrective_model import CorrectiveModel
 
 NO_MODEL = 'no model loaded'
 APPLIED = 'applied'
@@ -52,7 +56,7 @@ class LearntStep:
 
 
 def corrective_source(
-    model: CorrectiveModel | None,
+    model: 'CorrectiveModel | None',
     predicted: FloatArray,
     rates: WellRates,
     time_step: float,
@@ -97,7 +101,7 @@ def corrective_source(
 
 
 def _network_part(
-    model: CorrectiveModel, predicted: FloatArray, rates: FloatArray
+    model: 'CorrectiveModel', predicted: FloatArray, rates: FloatArray
 ) -> tuple[FloatArray | None, str]:
     """Return the sigma [1/s] of the network, or None and why it is withheld."""
     if objection := _objection(model, predicted, rates):
@@ -111,7 +115,7 @@ def _withheld(reason: str) -> Correction:
     return Correction(None, f'{WITHHELD}{reason}')
 
 
-def _objection(model: CorrectiveModel, predicted: FloatArray, rates: FloatArray) -> str:
+def _objection(model: 'CorrectiveModel', predicted: FloatArray, rates: FloatArray) -> str:
     """Return why the network shall not be asked, or an empty string."""
     if model.trust <= 0:
         return 'training found nothing that holds on unseen frames'
@@ -119,8 +123,12 @@ def _objection(model: CorrectiveModel, predicted: FloatArray, rates: FloatArray)
     return model.trained_on.objection(predicted, rates, model.wells, whole_field=whole_field)
 
 
-def _network_output(model: CorrectiveModel, predicted: FloatArray, rates: FloatArray) -> FloatArray:
+def _network_output(
+    model: 'CorrectiveModel', predicted: FloatArray, rates: FloatArray
+) -> FloatArray:
     """Return trust times sigma [1/s] as the network computes it; `rates` has shape (wells, 2)."""
+    import torch
+
     scaling = model.scaling
     with torch.inference_mode():
         output = model.network(

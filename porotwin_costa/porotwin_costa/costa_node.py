@@ -1,7 +1,8 @@
 """The data-driven model as a node: corrective source terms as a service, training as an action.
 
 Training runs in the thread of its action while other threads answer requests. A request uses
-either the model before the training or the one after it.
+either the model before the training or the one after it. Without a model the node never loads the
+library torch, which takes longer than everything else of a start.
 """
 
 import math
@@ -9,10 +10,9 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -27,17 +27,18 @@ from porotwin_core.learnt_solver import LearntSolver, solver_named
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates
-from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.corrective_source import WITHHELD, LearntStep, corrective_source
 from porotwin_costa.dataset import Dataset, join_datasets, load_dataset, pairs_beside
-from porotwin_costa.live_training import LiveTraining, not_used
-from porotwin_costa.networks import Architecture, architecture
-from porotwin_costa.networks.network_registry import ARCHITECTURES
 from porotwin_costa.physics_id import PhysicsId
-from porotwin_costa.training import TrainingCancelledError, TrainingProgress
 from porotwin_msgs.action import Train
 from porotwin_msgs.msg import ModelEffects, Outcome, TracerField
 from porotwin_msgs.srv import CorrectiveSource, DataModelInfo, LoadModel, Ping, SaveModel
+
+if TYPE_CHECKING:
+    from porotwin_costa.corrective_model import CorrectiveModel
+    from porotwin_costa.live_training import LiveTraining
+    from porotwin_costa.networks import Architecture
+    from porotwin_costa.training import TrainingProgress
 
 DEFAULT_PRESET = 'fast'
 """Scheme of the solver that judges a training, where the node was told none."""
@@ -74,17 +75,16 @@ class CostaNode(Node):
             'architecture',
             '',
             'network to train if a goal names none; empty: the one of the loaded model',
-            choices=('', *ARCHITECTURES),
         )
-        torch.set_num_threads(
-            declare(
-                self,
-                'threads',
-                1,
-                'threads that the network may use',
-                at_least=1,
-                at_most=MOST_THREADS,
-            )
+        if self._architecture:
+            _named(self._architecture)
+        self._threads = declare(
+            self,
+            'threads',
+            1,
+            'threads that the network may use',
+            at_least=1,
+            at_most=MOST_THREADS,
         )
         self._solver = declare(
             self,
@@ -103,12 +103,12 @@ class CostaNode(Node):
         )
         if trained and Path(trained).is_file():
             # it may correct the model with effects that are not told yet
-            self._keep(CorrectiveModel.load(Path(trained)), trained)
+            self._keep(self._loaded(trained), trained)
         elif model:
-            self._use(CorrectiveModel.load(Path(model)), model)
+            self._use(self._loaded(model), model)
         self._diagnostics = Diagnostics(self)
         self._offer()
-        self.get_logger().info(self._status())
+        self._tell()
 
     def _offer(self) -> None:
         group = ReentrantCallbackGroup()
@@ -153,7 +153,23 @@ class CostaNode(Node):
             return ''
         return 'the effects of the solver have changed; COSTA must learn the remainder first'
 
-    def _use(self, model: CorrectiveModel, path: str) -> None:
+    def _loaded(self, path: str) -> 'CorrectiveModel':
+        from porotwin_costa.corrective_model import CorrectiveModel
+
+        self._limit_threads()
+        return CorrectiveModel.load(Path(path))
+
+    def _limit_threads(self) -> None:
+        import torch
+
+        torch.set_num_threads(self._threads)
+
+    def _tell(self) -> None:
+        """Say in the log and on the page which model is used, and what its gate decided."""
+        self.get_logger().info(self._status())
+        self._diagnostics.report(DiagnosticStatus.OK, self._status())
+
+    def _use(self, model: 'CorrectiveModel', path: str) -> None:
         """Use a model that corrects the physics in force.
 
         Raises:
@@ -161,7 +177,7 @@ class CostaNode(Node):
         """
         self._keep(model.for_physics(self._present_rig, self._grid, self._preset), path)
 
-    def _keep(self, model: CorrectiveModel, path: str) -> None:
+    def _keep(self, model: 'CorrectiveModel', path: str) -> None:
         """Keep a model; it is withheld while other physics are in force.
 
         Raises:
@@ -246,13 +262,14 @@ class CostaNode(Node):
 
     def _load(self, request: LoadModel.Request, response: LoadModel.Response) -> LoadModel.Response:
         try:
-            self._use(CorrectiveModel.load(Path(request.path)), request.path)
+            self._use(self._loaded(request.path), request.path)
         except InputError as error:
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'model not loaded: {error}')
             return response
         response.outcome = conversions.ok()
-        self.get_logger().info(f'loaded {request.path}: {self._status()}')
+        self.get_logger().info(f'loaded {request.path}')
+        self._tell()
         return response
 
     def _save(self, request: SaveModel.Request, response: SaveModel.Response) -> SaveModel.Response:
@@ -280,6 +297,8 @@ class CostaNode(Node):
         return GoalResponse.ACCEPT
 
     def _train(self, handle: ServerGoalHandle) -> Train.Result:
+        from porotwin_costa.training import TrainingCancelledError
+
         result = Train.Result()
         try:
             model = self._trained(handle)
@@ -305,14 +324,17 @@ class CostaNode(Node):
             self._training = False
         return result
 
-    def _trained(self, handle: ServerGoalHandle) -> CorrectiveModel:
+    def _trained(self, handle: ServerGoalHandle) -> 'CorrectiveModel':
+        from porotwin_costa.live_training import not_used
+
+        self._limit_threads()
         goal = handle.request
         begun = time.perf_counter()
         dataset = load_dataset(Path(goal.dataset))
         chosen = self._chosen_architecture(goal.architecture)
         self.get_logger().info(f'training the {chosen.name} network on {dataset.summary}')
 
-        def report(progress: TrainingProgress) -> None:
+        def report(progress: 'TrainingProgress') -> None:
             handle.publish_feedback(
                 Train.Feedback(
                     epoch=progress.epoch,
@@ -343,7 +365,9 @@ class CostaNode(Node):
         self.get_logger().info(f'trained in {seconds:.1f} s, {verdict}: {model.summary}')
         return model
 
-    def _live_training(self) -> LiveTraining:
+    def _live_training(self) -> 'LiveTraining':
+        from porotwin_costa.live_training import LiveTraining
+
         return LiveTraining(self._present_rig, self._preset or DEFAULT_PRESET, self._make_solver())
 
     def _with_offline_pairs(self, live: Dataset) -> Dataset:
@@ -360,12 +384,18 @@ class CostaNode(Node):
             self.get_logger().warning(f'{offline}: left out ({error})')
             return live
 
-    def _chosen_architecture(self, name: str) -> Architecture:
+    def _chosen_architecture(self, name: str) -> 'Architecture':
         """Return the architecture of the goal, the parameter, the loaded model, or the default."""
         name = name or self._architecture
         if not name and self._model is not None:
             return self._model.architecture
-        return architecture(name)
+        return _named(name)
+
+
+def _named(name: str) -> 'Architecture':
+    from porotwin_costa.networks import architecture
+
+    return architecture(name)
 
 
 def _known_map(message: TracerField) -> FloatArray | None:

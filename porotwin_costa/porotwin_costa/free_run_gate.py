@@ -105,11 +105,16 @@ class Judge:
         self._plain = solver.model(LearntPhysics())
         self._alone = [self._errors(run, None) for run in runs]
 
+    @property
+    def alone(self) -> FloatArray:
+        """The errors of all kept runs of the model alone [-]."""
+        return np.concatenate(self._alone)
+
     def errors(self, model: CorrectiveModel) -> RunErrors:
         """Return the errors of all kept runs with `model`, and without."""
         correct = corrector(model, self._solver)
         corrected = [self._errors(run, correct) for run in self._runs]
-        return RunErrors(np.concatenate(self._alone), np.concatenate(corrected))
+        return RunErrors(self.alone, np.concatenate(corrected))
 
     def at_rates(self, model: CorrectiveModel, factor: float) -> RunErrors:
         """Return the errors at `factor` times the rates; see the module."""

@@ -22,9 +22,8 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 96
-"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. A run on
-half the columns and rows takes an eighth of the time. Cells of 20 mm on the small rig smear as much
-as dispersion does, and a patch would be taken for it."""
+"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. On cells of
+20 mm on the small rig the scheme errs so much that a leak and a patch cannot be told apart."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -43,13 +42,17 @@ a denser tracer for a while."""
 MOST_PARTS = 3
 """Most parts that are added."""
 
+ENOUGH = 0.85
+"""Share of the squared error of fitted and kept runs that all parts together take; then the search
+ends. What is left is mostly the scheme's, and the fluxes correct that."""
+
 ITERATIONS = 6
 """Iterations of a fit; three are enough unless a place has to move."""
 
 TRIED_PLACES = 2
 """Places of a leak or a patch that are fitted, the most promising ones of all."""
 
-SCANNED_RUNS = 2
+SCANNED_RUNS = 1
 """Runs for trying places: the ones with the largest errors."""
 
 MOST_FITTED = 4
@@ -150,7 +153,7 @@ def learn_physics(
     Raises:
         InputError: there are too few frames, or the model cannot run.
     """
-    coarse = coarse_grid(grid)
+    coarse = no_finer(grid, LEARNING_COLUMNS)
     share = Share.of(experiments, coarse, solver_on)
     maker = PartMaker(
         rig,
@@ -158,9 +161,10 @@ def learn_physics(
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
-    best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
+    search = PartSearch(maker, share, workers)
+    alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
-        found = _best_trial(maker, share, best, workers)
+        found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].name
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
         if gain < LEAST_GAIN or kept_gain < LEAST_KEPT_GAIN:
@@ -168,10 +172,12 @@ def learn_physics(
             break
         say(f'learnt {name}: takes {kept_gain:.0%} of the squared gap of the kept free runs')
         best = found
+        if min(_gain(alone.fitted, best.fitted), _gain(alone.kept, best.kept)) > ENOUGH:
+            break
     if not best.learnt.parts:
         return LearntPhysics()
     parts, start = best.learnt
-    whole = Share.of(experiments, grid, solver_on)
+    whole = share if coarse == grid else Share.of(experiments, grid, solver_on)
     everything = [*whole.fitted, *whole.kept]
     values = fit(parts, everything, start, iterations=LAST_ITERATIONS, workers=workers)
     return physics_of(parts, values)
@@ -187,60 +193,71 @@ def _gain(before: float, after: float) -> float:
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
-def coarse_grid(grid: Grid) -> Grid:
-    """Return the grid for choosing parts."""
-    shrink = max(1.0, max(grid.nx, grid.nz) / LEARNING_COLUMNS)
+def no_finer(grid: Grid, columns: int) -> Grid:
+    """Return `grid`, or a coarser one with at most `columns` columns and rows."""
+    shrink = max(1.0, max(grid.nx, grid.nz) / columns)
     cells = round(grid.nx / shrink), round(grid.nz / shrink)
     return Grid(*cells, grid.width, grid.height)
 
 
-def _fitted(part: PhysicsPart, best: PhysicsTrial, share: Share, workers: int) -> PhysicsTrial:
-    """Return `best` with one more part, all of them fitted together."""
-    parts = (*best.learnt.parts, part)
-    start = np.concatenate([best.learnt.values, part.first])
-    values = fit(parts, share.fitted, start, iterations=ITERATIONS, workers=workers)
-    learnt = Learnt(parts, values)
-    try:
-        return PhysicsTrial(learnt, *share.cost(learnt.physics))
-    except InputError:  # a model that cannot have this part
-        return PhysicsTrial(learnt, np.inf, np.inf)
+@dataclass(frozen=True)
+class PartSearch:
+    """Looks for one more part that brings free runs closer to the frames of `share`."""
 
+    maker: PartMaker
+    share: Share
+    workers: int
 
-def _best_trial(maker: PartMaker, share: Share, best: PhysicsTrial, workers: int) -> PhysicsTrial:
-    """Return the best of all trials with one more part.
+    def with_one_more(self, known: Learnt) -> PhysicsTrial:
+        """Return the best trial of `known` with one more part, refitted.
 
-    Leaks and patches are tried only if no part without a place explains nearly everything.
-    """
-    taken = {part.name for part in best.learnt.parts}
-    parts = [part for part in maker.everywhere() if part.name not in taken]
-    trials = [_fitted(part, best, share, workers) for part in parts]
-    if all(_gain(best.fitted, trial.fitted) < CLEAR_GAIN for trial in trials):
-        placed = [] if maker.rig.closed else _promising(maker.leak_at, maker, share, best, workers)
-        placed += _promising(maker.patch_at, maker, share, best, workers)
-        trials += [_fitted(part, best, share, workers) for part in placed]
-    return min(trials, key=_judged)
+        Leaks and patches are tried only if no part without a place explains nearly everything.
+        """
+        taken = {part.name for part in known.parts}
+        parts = [part for part in self.maker.everywhere() if part.name not in taken]
+        trials = [self._fitted(part, known) for part in parts]
+        before, _ = self.share.cost(known.physics)
+        if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in trials):
+            trials += [self._fitted(part, known) for part in self._placed(known)]
+        return min(trials, key=_judged)
 
+    def _fitted(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
+        """Return `known` with one more part, all of them fitted together."""
+        parts, start = (*known.parts, part), np.concatenate([known.values, part.first])
+        values = fit(parts, self.share.fitted, start, iterations=ITERATIONS, workers=self.workers)
+        learnt = Learnt(parts, values)
+        try:
+            return PhysicsTrial(learnt, *self.share.cost(learnt.physics))
+        except InputError:  # a model that cannot have this part
+            return PhysicsTrial(learnt, np.inf, np.inf)
 
-def _promising(
-    make: PlaceFn, maker: PartMaker, share: Share, best: PhysicsTrial, workers: int
-) -> list[PhysicsPart]:
-    """Return the parts that best explain the errors, at every place and of either sign.
+    def _placed(self, known: Learnt) -> list[PhysicsPart]:
+        """Return leaks and patches at the places where they promise most."""
+        leaks = [] if self.maker.rig.closed else self._promising(self.maker.leak_at, known)
+        return leaks + self._promising(self.maker.patch_at, known)
 
-    A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares. J is
-    taken without a density difference, which would make every run ten times as slow.
-    """
-    physics = best.learnt.physics
-    light = replace(physics, density_difference=0.0)
-    runs = sorted(share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
-    errors = np.concatenate([one.errors(physics) for one in runs])
-    base = np.concatenate([one.errors(light) for one in runs])
-    parts = [make(x, z, sign) for x, z in maker.places() for sign in (1.0, -1.0)]
+    def _promising(self, make: PlaceFn, known: Learnt) -> list[PhysicsPart]:
+        """Return the parts that best explain the errors, of all places, with the right sign.
 
-    def explained(part: PhysicsPart) -> float:
-        moved = part.apply(light, *part.values(part.first))
-        change = np.concatenate([one.errors(moved) for one in runs]) - base
-        return max(-float(change @ errors), 0.0) ** 2 / (float(change @ change) + 1.0)
+        A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares.
+        The other sign changes them by about -J. J is taken without a density difference, which
+        would make every run ten times as slow.
+        """
+        physics = known.physics
+        light = replace(physics, density_difference=0.0)
+        runs = sorted(self.share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
+        errors = np.concatenate([one.errors(physics) for one in runs])
+        base = np.concatenate([one.errors(light) for one in runs])
 
-    with ThreadPoolExecutor(workers) as pool:
-        found = list(pool.map(explained, parts))
-    return [parts[n] for n in np.argsort(found)[::-1][:TRIED_PLACES]]
+        def explained(place: tuple[float, float]) -> tuple[float, PhysicsPart]:
+            part = make(*place, 1.0)
+            moved = part.apply(light, *part.values(part.first))
+            change = np.concatenate([one.errors(moved) for one in runs]) - base
+            along = float(change @ errors)
+            share = along**2 / (float(change @ change) + 1.0)
+            return share, part if along < 0.0 else make(*place, -1.0)
+
+        with ThreadPoolExecutor(self.workers) as pool:
+            found = list(pool.map(explained, self.maker.places()))
+        found.sort(key=lambda pair: pair[0], reverse=True)
+        return [part for _, part in found[:TRIED_PLACES]]

@@ -37,7 +37,7 @@ class Stage(NamedTuple):
         return self._replace(updates=max(1, round(min(share, 1.0) * self.updates)))
 
 
-CURRICULUM = (Stage(5, 40), Stage(20, 20), Stage(40, 10))
+CURRICULUM = (Stage(5, 30), Stage(20, 10), Stage(40, 5))
 """The roll-outs grow; a few long ones are enough after many short ones."""
 
 LEARNING_RATE = 5e-4

@@ -1,6 +1,7 @@
 """Training from observed maps: physics, network, free runs, gate."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from porotwin_core.errors import InputError
@@ -8,7 +9,7 @@ from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.dataset import Dataset
+from porotwin_costa.dataset import Dataset, join_datasets
 from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames
 from porotwin_costa.free_run_gate import Judge, gated, kept_runs
@@ -22,7 +23,9 @@ from porotwin_costa.training import ProgressFn, train
 class Experiments:
     """Maps to learn from, and the model that COSTA corrects.
 
-    `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme.
+    `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme. The workers
+    of `pool` prepare the pairs, an experiment each; None: this process does. For a pool of other
+    processes, `solver_on` must be picklable.
     """
 
     rig: Rig
@@ -31,6 +34,7 @@ class Experiments:
     time_step: float
     preset: str
     solver_on: SolverOn
+    pool: Executor | None = None
 
     def pairs(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
         """Return the training pairs of `frames` for the model with `learnt` physics.
@@ -38,6 +42,13 @@ class Experiments:
         Raises:
             InputError: no pair can be used.
         """
+        if self.pool is None or len(frames) < 2:
+            return self._pairs_here(frames, learnt)
+        alone = replace(self, frames=(), pool=None)
+        waiting = [self.pool.submit(alone.pairs, [one], learnt) for one in frames]
+        return join_datasets([one.result() for one in waiting])
+
+    def _pairs_here(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
         model = self.solver_on(self.grid).model(learnt)
         return build_dataset(
             frames,

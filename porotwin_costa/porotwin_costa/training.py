@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from porotwin_core.errors import InputError
 from porotwin_costa.batches import Batches
 from porotwin_costa.corrective_model import CorrectiveModel
+from porotwin_costa.data_parallel import own_part, sum_gradients
 from porotwin_costa.dataset import Dataset
 from porotwin_costa.gate import TrainingRange
 from porotwin_costa.networks import Architecture, CorrectiveNetwork, RigFields, parameter_count
@@ -232,18 +233,25 @@ class _Loop:
             if cancelled():
                 raise TrainingCancelledError(f'stopped in epoch {epoch}')
             optimiser.zero_grad()
-            loss = self._loss(chosen, random)
-            loss.backward()
+            total += self._add_gradient(chosen, random) * len(chosen)
+            sum_gradients(self.network.parameters())
             optimiser.step()
-            total += float(loss.detach()) * len(chosen)
         return total / count
 
-    def _loss(self, chosen: Tensor, random: torch.Generator) -> Tensor:
-        if not self.settings.window:
-            return self.batches.loss(self.network, chosen)
-        return self.batches.window_loss(
-            self.network, chosen, size=self.settings.window, reach=self.reach, random=random
-        )
+    def _add_gradient(self, chosen: Tensor, random: torch.Generator) -> float:
+        """Add the gradient by the samples of this process; return their share of the mean loss."""
+        size, own = self.settings.window, own_part(chosen)
+        windows = self.batches.windows(chosen, size, random) if size else []
+        if not len(own):
+            return 0.0
+        if size:
+            drawn = [windows[place] for place in own.tolist()]
+            loss = self.batches.window_loss(self.network, chosen[own], drawn, reach=self.reach)
+        else:
+            loss = self.batches.loss(self.network, chosen[own])
+        loss = loss * (len(own) / len(chosen))
+        loss.backward()
+        return float(loss.detach())
 
     def _validation_loss(self) -> float:
         """Return the mean squared error on the validation samples, relative to no correction."""

@@ -41,11 +41,10 @@ class _Zero(CorrectiveNetwork):
 
 def test_windows_lie_inside_the_grid_around_cells_with_tracer(dataset):
     batches = Batches.of(dataset, Scaling.of(dataset, standardise=False))
-    network, chosen = _Zero(), torch.arange(10, 20)
-    random = torch.Generator().manual_seed(3)
-    batches.window_loss(network, chosen, size=8, reach=2, random=random)
+    chosen = torch.arange(10, 20)
+    windows = batches.windows(chosen, 8, torch.Generator().manual_seed(3))
     nz, nx = dataset.grid.shape
-    for window, sample in zip(network.windows, chosen, strict=True):
+    for window, sample in zip(windows, chosen, strict=True):
         assert (window.nz, window.nx) == (8, 8)
         assert 0 <= window.z <= nz - 8
         assert 0 <= window.x <= nx - 8
@@ -54,17 +53,16 @@ def test_windows_lie_inside_the_grid_around_cells_with_tracer(dataset):
 
 def test_the_rim_of_a_window_does_not_count(dataset):
     batches = Batches.of(dataset, Scaling.of(dataset, standardise=False))
-    network, chosen = _Zero(), torch.tensor([12])
-    loss = batches.window_loss(
-        network, chosen, size=8, reach=2, random=torch.Generator().manual_seed(3)
-    )
-    (window,) = network.windows
+    chosen = torch.tensor([12])
+    (window,) = batches.windows(chosen, 8, torch.Generator().manual_seed(3))
+    loss = batches.window_loss(_Zero(), chosen, [window], reach=2)
     inside = window.cells(batches.target[12])[2:-2, 2:-2]
     assert float(loss) == pytest.approx(float(inside.square().mean()))
 
 
 def test_a_window_larger_than_the_grid_is_the_whole_map(dataset):
     batches = Batches.of(dataset, Scaling.of(dataset, standardise=False))
-    random = torch.Generator().manual_seed(3)
-    loss = batches.window_loss(_Zero(), torch.tensor([12]), size=99, reach=6, random=random)
+    chosen = torch.tensor([12])
+    windows = batches.windows(chosen, 99, torch.Generator().manual_seed(3))
+    loss = batches.window_loss(_Zero(), chosen, windows, reach=6)
     assert float(loss) == pytest.approx(float(batches.target[12].square().mean()))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 
@@ -45,6 +46,11 @@ def costa(rig_file) -> Iterator[subprocess.Popen]:
 def trained(dataset):
     settings = TrainingSettings(epochs=10, batch_size=4, learning_rate=5e-3)
     return train(dataset, architecture('local'), settings, seed=5)
+
+
+def test_a_node_without_a_model_does_not_load_torch():
+    code = 'import sys, porotwin_costa.costa_node; sys.exit("torch" in sys.modules)'
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
 
 
 def _question(model, frames, n=12) -> tuple[CorrectiveSource.Request, np.ndarray, dict]:

@@ -8,7 +8,15 @@ from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_costa.corrective_model import CorrectiveModel
-from porotwin_costa.free_run_gate import Judge, KeptRun, RunErrors, faster, gated, kept_runs
+from porotwin_costa.free_run_gate import (
+    Judge,
+    KeptRun,
+    RunErrors,
+    corrector,
+    faster,
+    gated,
+    kept_runs,
+)
 from porotwin_costa.networks import architecture
 from porotwin_costa.training import train
 from porotwin_costa.training_settings import TrainingSettings
@@ -65,3 +73,17 @@ def test_the_end_of_a_single_experiment_is_kept(grid):
     assert kept[0].judged_from == learning[0].times[-1]
     learning, kept = kept_runs([one, one, one], 0.2)
     assert (len(learning), len(kept)) == (2, 1)
+
+
+def test_a_thousand_corrected_steps_stay_within_bounds_and_keep_the_tracer(dataset, grid):
+    small = architecture('local').described({'filters': 2})
+    model = replace(train(dataset, small, TrainingSettings(epochs=1), seed=3), trust=1.0)
+    solver, rates = MovingTracers(), {}
+    correct, plain = corrector(model, solver), solver.model(LearntPhysics())
+    state = moving_frames(grid, 1).concentration[0]
+    tracer = state.sum()
+    for _ in range(1000):
+        state = correct(plain, state, plain.predict(state, rates, STEP_S), rates, STEP_S)
+    assert state.min() >= 0.0
+    assert state.max() <= 1.0
+    assert state.sum() == pytest.approx(tracer, rel=1e-6)

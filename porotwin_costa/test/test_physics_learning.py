@@ -6,7 +6,7 @@ from toy_solver import SPEED, MovingTracers, moving_frames
 
 from porotwin_core.errors import InputError
 from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_costa.physics_learning import coarse_grid, learn_physics
+from porotwin_costa.physics_learning import learn_physics, no_finer
 
 
 def _learn(rig, grid, speed, starts=(0.2, 0.3)):
@@ -36,5 +36,5 @@ def test_two_maps_are_too_few(rig, grid):
 
 
 def test_parts_are_chosen_on_a_coarse_grid(rig):
-    assert max(coarse_grid(rig.grid(180, 120)).shape) == 96
-    assert coarse_grid(rig.grid(30, 20)) == rig.grid(30, 20)
+    assert max(no_finer(rig.grid(180, 120), 96).shape) == 96
+    assert no_finer(rig.grid(30, 20), 96) == rig.grid(30, 20)

@@ -15,10 +15,11 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from porotwin_core import conversions, qos
+from porotwin_core import conversions
 from porotwin_core.errors import InputError
 from porotwin_core.node import declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import crew
+from porotwin_core.run_topics import follow_run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import WellRates as Rates
 from porotwin_diagnosis.data.live_run import LiveRun
@@ -68,11 +69,14 @@ class DiagnosisNode(Node):
         self._lock = threading.Lock()
         self._busy = threading.Lock()
         self._run = LiveRun(rig, grid, _existing_folder(self._output))
-        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
-        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
-        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
-        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
-        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
+        follow_run(
+            self,
+            on_state=self._on_state,
+            on_setpoint=self._on_setpoint,
+            on_measured=self._on_measured,
+            on_clean_state=self._on_clean,
+            on_effects=self._on_effects,
+        )
         self._server = ActionServer(
             self,
             Diagnose,

@@ -24,6 +24,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import EffectDescription
+from porotwin_core.run_topics import follow_run
 from porotwin_core.single_instance import only_one
 from porotwin_core.wells import Schedule
 from porotwin_diagnosis.data.rate_table import RateTable
@@ -138,12 +139,15 @@ class MendNode(Node):
     def _connect(self) -> None:
         self._offers = self.create_publisher(MendOffer, 'mend/offer', qos.CONFIG)
         self._seen = self.create_publisher(Header, 'mend/seen', qos.FIELD)
-        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
-        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
-        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean, qos.FIELD)
-        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        follow_run(
+            self,
+            on_state=self._on_state,
+            on_setpoint=self._on_setpoint,
+            on_measured=self._on_measured,
+            on_clean_state=self._on_clean,
+            on_effects=self._on_effects,
+        )
         self.create_subscription(CycleReport, 'hub/cycle', self._on_cycle, qos.FIELD)
-        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
         answers = MutuallyExclusiveCallbackGroup()
         self.create_service(AnswerMend, 'mend/answer', self._on_answer, callback_group=answers)
         self._solver = self.create_client(

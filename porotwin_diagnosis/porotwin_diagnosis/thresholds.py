@@ -108,6 +108,9 @@ no longer decreases."""
 RELOCATED_PAIRS = 2
 """Number of pairs with a leak or a zone that are tried at other places, and number of places."""
 
+REFINED_TRIPLES = 3
+"""Largest number of triples refined on the cells of the recording; it bounds the time."""
+
 # Decision ---------------------------------------------------------------------------------------
 
 NO_GAP_MISFIT = 0.45
@@ -119,15 +122,17 @@ SUFFICIENT_MISFIT = 0.53
 it, effects that imitate a missing one seldom do."""
 
 SUFFICIENT_PAIR_MISFIT = 0.6
-"""The same threshold for a pair. It is higher because the scheme makes errors in both effects."""
+"""The same threshold for a pair and a triple. It is higher because the scheme makes errors in all
+of their effects."""
 
 UNRESOLVED_SHARE = 0.01
 """Share of the normalised misfit of a large gap that even the true effect leaves: no scheme follows
 a strong effect exactly."""
 
-PAIR_GAIN = 0.8
+COMBINATION_GAIN = 0.8
 """Ratio of the misfits of a pair and of the best single effect below which the second effect is
-kept. Two effects always fit better than one, so that the second must earn its place."""
+kept, and likewise of a triple and the best pair. More effects always fit better, so that a further
+one must earn its place."""
 
 SYSTEMATIC_MISFIT = 0.16
 """Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the

@@ -105,7 +105,7 @@ def test_an_unexplained_gap_is_said_with_its_size_and_its_strongest_place(denser
     verdict = Verdict('unexplained', 0.9, worst, (), (), {'porosity': 0.1})
     text = said(denser, verdict)
     assert text.startswith('<b>Unexplained.</b> There is a gap: the error of the model')
-    assert 'None of the 2 effects of the library, and none of their best pairs' in text
+    assert 'None of the 2 effects of the library, and none of their best combinations' in text
     assert 'as if fronts were' in text and 'mm off' in text
     found = rows(replace(denser, verdict=verdict))
     assert found['Where'].startswith('Most of all near x = ')

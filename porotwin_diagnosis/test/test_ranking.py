@@ -1,10 +1,13 @@
 """The order of fits, and the selection of the fits that go on."""
 
+import pytest
 from diagnosis_examples import fit_of
 
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
+    earns_its_place,
     first_of_each_effect,
+    lack_of_fit,
     larger_misfit,
     misfit_beyond_noise,
     normalised_misfit,
@@ -71,3 +74,18 @@ def test_the_normalised_misfit_is_smaller_if_the_true_effect_may_leave_more():
 def test_the_first_fit_of_every_effect_is_kept():
     fits = [fit_of(name, misfit=1.0) for name in ('decay', 'clock', 'decay')]
     assert first_of_each_effect(fits) == fits[:2]
+
+
+def test_a_true_model_may_leave_a_hundredth_of_a_large_gap():
+    small, large = fit_of(misfit=1.0), fit_of(misfit=100.0)
+    model = fit_of('rate', misfit=1.0)
+    assert lack_of_fit(model, small) == pytest.approx(1.0 / (0.53**2 + 0.01**2) ** 0.5)
+    assert lack_of_fit(model, large) == pytest.approx(1.0 / (0.53**2 + 1.0) ** 0.5)
+
+
+def test_a_further_effect_must_explain_clearly_more_in_both_parts():
+    pair = fit_of('rate', 'decay', misfit=2.0)
+    assert earns_its_place(fit_of('rate', 'decay', 'clock', misfit=1.5), pair)
+    assert not earns_its_place(fit_of('rate', 'decay', 'clock', misfit=1.7), pair)
+    adapted = fit_of('rate', 'decay', 'clock', misfit=0.5, held_out=2.1)
+    assert not earns_its_place(adapted, pair)

@@ -253,3 +253,31 @@ def test_a_pair_whose_measures_of_strength_disagree_has_a_low_confidence():
     disputed = verdict_on(found)
     assert agreed.members == disputed.members == ('dispersion', 'registration')
     assert disputed.confidence < 0.65 < agreed.confidence
+
+
+def with_third(misfit, **third):
+    """Return findings where a pair leaves a gap, and a triple leaves `misfit`."""
+    parts = (('leak', 0.05), ('rate', 0.08), ('decay', 0.1))
+    pairs = [(('rate', 'leak'), 2.0)]
+    found = findings(9.0, ('leak', 4.0), pairs=pairs, parts=parts)
+    triple = fit('rate', 'leak', 'decay', misfit=misfit, **third)
+    return replace(found, triples=[triple], part_changes=[4.0, 2.0, 1.0])
+
+
+def test_a_third_effect_is_named_where_it_closes_the_gap():
+    verdict = verdict_on(with_third(0.45))
+    assert verdict.members == ('leak', 'rate', 'decay')
+    assert verdict.confidence > 0.8
+
+
+def test_a_triple_that_leaves_a_gap_names_nothing():
+    assert verdict_on(with_third(1.2)).name == 'unexplained'
+    assert verdict_on(with_third(0.45, held_out=2.1)).name == 'unexplained'
+
+
+def test_of_two_wrong_pumps_neither_has_to_be_the_stronger_one():
+    pair = (('rate', 'rate'), 0.45)
+    found = findings(9.0, ('leak', 4.0), pairs=[pair], parts=(('rate', 0.05), ('rate', 0.05)))
+    verdict = verdict_on(found)
+    assert verdict.members == ('rate', 'rate')
+    assert verdict.confidence > 0.8

@@ -20,7 +20,7 @@ from porotwin_hub.liveness import (
     Liveness,
     Silence,
 )
-from porotwin_hub.node_processes import NodeProcess, await_end, kill, nodes_of
+from porotwin_hub.node_processes import NodeProcess, await_end, kill, nodes_of, process_of
 
 ORPHAN_PATIENCE_S = 30.0
 """Time for the nodes to end by themselves after their launcher was killed [s]."""
@@ -136,6 +136,15 @@ def _processes() -> dict[str, NodeProcess]:
     return nodes_of(launcher) if launcher is not None else {}
 
 
+def _launcher_has_ended() -> bool:
+    """Return whether the launcher ended.
+
+    A killed launcher with several threads remains the parent until its last thread has ended. It
+    is a zombie meanwhile.
+    """
+    return launcher_is_gone() or process_of(os.getppid()) is None
+
+
 def end_orphans() -> None:
     """See to it that the other nodes of the launcher end; Linux has asked them already."""
     others = [one.pid for one in _processes().values() if one.pid != os.getpid()]
@@ -145,7 +154,7 @@ def end_orphans() -> None:
 def main() -> None:
     """Run the node; after the launcher is gone, no node outlives this function."""
     run(SupervisorNode)
-    if launcher_is_gone():
+    if _launcher_has_ended():
         end_orphans()
 
 

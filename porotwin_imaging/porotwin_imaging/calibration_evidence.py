@@ -146,7 +146,7 @@ def _sand_line(evidence: CalibrationEvidence) -> str:
     )
     guessed = sum(one.source == 'prior' for one in evidence.sands)
     warning = (
-        f'; {guessed} not reached by the plume: their factors are guesses from the other sands'
+        f'; {guessed} not reached by the plume: their factors are guesses from their brightness'
         if guessed
         else ''
     )

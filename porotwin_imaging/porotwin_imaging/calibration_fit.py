@@ -148,7 +148,7 @@ def fit_calibration(
             cannot be found.
         InputError: the rig has no camera, or the baseline cannot be used.
     """
-    grid = _calibration_grid(rig, settings.calibration)
+    grid = calibration_grid(rig, settings.calibration)
     baseline = make_baseline(rig, grid, baselines, settings=settings)
     lines = list(baseline.remarks)
     compared, times = _compare_all(baseline, states, lines, progress)
@@ -254,7 +254,7 @@ def fit_calibration(
     )
 
 
-def _calibration_grid(rig: Rig, settings: CalibrationSettings) -> Grid:
+def calibration_grid(rig: Rig, settings: CalibrationSettings) -> Grid:
     """Return a grid of nearly square cells."""
     columns = settings.columns
     return rig.grid(columns, max(1, round(columns * rig.height_m / rig.width_m)))

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
+from porotwin_imaging.calibration_evidence import Anchor
 from porotwin_imaging.calibration_fit import CalibrationFit
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.colour_checker import REFERENCE
+from porotwin_imaging.sands import FactorSource
 
 Array = NDArray[Any]
 
@@ -41,19 +43,15 @@ def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
 
 def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
     """Write a picture of every step into `folder` and return their paths."""
-    baseline, last = fit.baseline, fit.signals[-1]
-    concentration = np.clip(fit.calibration.response.concentration_of(last), 0, 1)
     steps: dict[str, Callable[[Any], None]] = {
         '1_geometry.png': lambda axes: _geometry(axes, fit),
-        '2_colour_checker.png': lambda axes: _checker(axes, baseline),
+        '2_colour_checker.png': lambda axes: _checker(axes, fit.baseline),
         '3_validity.png': lambda axes: _validity(axes, fit),
         '4_sands.png': lambda axes: _sands(axes, fit),
-        '5_signal.png': lambda axes: _map(axes, baseline, last, 'signal, last photograph'),
+        '5_signal.png': lambda axes: _signal(axes, fit),
         '6_mass.png': lambda axes: _mass(axes, fit),
         '7_response.png': lambda axes: _response(axes, fit),
-        '8_concentration.png': lambda axes: _map(
-            axes, baseline, concentration, 'concentration, last photograph'
-        ),
+        '8_concentration.png': lambda axes: _concentration(axes, fit),
     }
     paths = []
     for name, draw in steps.items():
@@ -141,20 +139,54 @@ def _validity(axes: Any, fit: CalibrationFit) -> None:
     _label(axes, 'coloured: no sand visible; paint more of it white in hidden.png')
 
 
+_EVIDENCE: dict[FactorSource, str] = {
+    'core': 'seen: the core of a plume',
+    'interface': 'seen: a plume across its interface',
+    'prior': 'guessed from its brightness: no plume there',
+}
+"""Words for the evidence of a factor."""
+
+
 def _sands(axes: Any, fit: CalibrationFit) -> None:
+    """Draw the sands, with the factor on the signal of each and its evidence."""
     axes.imshow(fit.sands[::-1], extent=_extent(fit.baseline), cmap='tab10', vmin=0, vmax=9)
     for label, factor in enumerate(fit.calibration.factors):
         one = fit.evidence.sands[label]
-        words = f'x {factor:.2f} +- {factor * one.deviation:.2f} ({one.source})'
+        words = f'{label}: x {factor:.2f} +- {factor * one.deviation:.2f}, {_EVIDENCE[one.source]}'
         axes.plot([], [], 's', color=mpl.colormaps['tab10'](label), label=words)
-    axes.legend(loc='lower right', title='factor')
-    _label(axes, 'sands; correct by hand with sands.png')
+    axes.figure.legend(
+        loc='outside lower center',
+        ncols=2,
+        frameon=False,
+        fontsize=9,
+        title='sand: factor on its signal, relative to the sand that is known best',
+    )
+    _label(axes, 'sands; correct them in sands.png')
 
 
-def _map(axes: Any, baseline: Baseline, values: Array, title: str) -> None:
+def _map(axes: Any, baseline: Baseline, values: Array, title: str, scale: str) -> None:
+    """Draw a map; `scale` names its values."""
     image = axes.imshow(values, origin='lower', extent=_extent(baseline), cmap='viridis', vmin=0)
-    axes.figure.colorbar(image, ax=axes, shrink=0.7)
-    _label(axes, title)
+    axes.figure.colorbar(image, ax=axes, shrink=0.7, label=scale)
+    _label(axes, f'{title}; white: no sand visible')
+
+
+def _signal(axes: Any, fit: CalibrationFit) -> None:
+    """Draw the signal of the last photograph."""
+    kind = {
+        'absorbance': 'absorbance, -ln(light / baseline)',
+        'difference': 'darkening, 1 - light / baseline',
+    }[fit.calibration.signal.contrast]
+    scale = f'{kind}, times the factor of the sand [-]'
+    title = f'signal of the last photograph (stock {fit.stock_signal:.2f}): no jumps between sands'
+    _map(axes, fit.baseline, fit.signals[-1], title, scale)
+
+
+def _concentration(axes: Any, fit: CalibrationFit) -> None:
+    """Draw the concentration of the last photograph, before denoising."""
+    values = np.clip(fit.calibration.response.concentration_of(fit.signals[-1]), 0, 1)
+    scale = 'concentration: 0 water, 1 tracer stock'
+    _map(axes, fit.baseline, values, 'last photograph, before denoising', scale)
 
 
 def _mass(axes: Any, fit: CalibrationFit) -> None:
@@ -164,11 +196,12 @@ def _mass(axes: Any, fit: CalibrationFit) -> None:
     agree = np.array([not one.disagreement for one in photographs])
     logged = np.isfinite(evidence.mass_factor)
     where = np.array([1e6 * one.injected if logged else one.time for one in photographs])
-    axes.plot(where[agree], imaged[agree], 'o', label='photographs')
+    axes.plot(where[agree], imaged[agree], 'o', label='a photograph')
     if not agree.all():
-        axes.plot(where[~agree], imaged[~agree], 'x', color='red', label='disagree')
+        axes.plot(where[~agree], imaged[~agree], 'x', color='red', label='one that disagrees')
     for x, y in zip(where, imaged, strict=True):
         axes.annotate(f'{y:.0f} ml', (x, y), (4, -12), textcoords='offset points', fontsize=8)
+    axes.margins(x=0.08)
     axes.set_ylabel('tracer in the map [ml]')
     if not logged:
         axes.set_xlabel('time [s]')
@@ -176,16 +209,26 @@ def _mass(axes: Any, fit: CalibrationFit) -> None:
         return
     ends = np.array([0.0, where.max()])
     offset = 1e6 * evidence.mass_offset * max(one.injected for one in photographs)
-    axes.plot(ends, ends, 'k-', linewidth=0.8, label='equal')
+    axes.plot(ends, ends, 'k-', linewidth=0.8, label='equality')
     axes.plot(
-        ends, evidence.mass_factor * ends + offset, '--', label=f'{evidence.mass_factor:.3f} times'
+        ends, evidence.mass_factor * ends + offset, '--', label='line through the photographs'
     )
     axes.set_xlabel('tracer injected after the pump log [ml]')
     axes.set_title(
         f'the maps hold {evidence.mass_factor:.3f} +- {evidence.mass_factor_deviation:.3f} times '
-        'the mass of the pump log'
+        f'the mass of the pump log,\nand {100 * evidence.mass_offset:+.1f} % of it before the '
+        'injection began'
     )
     axes.legend()
+
+
+_ANCHORED: dict[Anchor, str] = {
+    'dilutions': 'from known dilutions',
+    'core': 'from the core of the plume',
+    'mass': 'from the mass of the pump log',
+    'strongest signal': 'the strongest signal',
+}
+"""Words for the evidence of the level of stock."""
 
 
 def _response(axes: Any, fit: CalibrationFit) -> None:
@@ -193,9 +236,9 @@ def _response(axes: Any, fit: CalibrationFit) -> None:
     response, level = fit.calibration.response, fit.stock_signal
     signal, values = np.array(response.signal) / level, np.array(response.concentration)
     spread = np.array(response.deviation)
-    axes.fill_between(signal, values - spread, values + spread, alpha=0.3, label='deviation')
-    axes.plot(signal, values, label=f'{fit.evidence.family} response')
-    axes.plot([0, 1], [0, 1], 'k--', linewidth=0.8, label='straight')
+    axes.fill_between(signal, values - spread, values + spread, alpha=0.3, label='its deviation')
+    axes.plot(signal, values, label=f'response ({fit.evidence.family})')
+    axes.plot([0, 1], [0, 1], 'k--', linewidth=0.8, label='straight line')
     for number, one in enumerate(fit.dilutions):
         label = 'known dilutions' if number == 0 else None
         axes.plot(one.signal, one.concentration, 'o', color='red', label=label)
@@ -204,11 +247,16 @@ def _response(axes: Any, fit: CalibrationFit) -> None:
     seen = inside[(depths > 0) & np.isfinite(inside)]
     counts, edges = np.histogram(seen, bins=np.linspace(0, 1.4, 71))
     axes.stairs(
-        0.5 * counts / max(1, counts.max()), edges, color='grey', label='cells of the plumes'
+        0.5 * counts / max(1, counts.max()),
+        edges,
+        color='grey',
+        label='cells of the plumes',
     )
     axes.axvline(1.0, color='grey', linewidth=0.8, linestyle=':')
-    axes.set_xlabel(f'signal relative to stock ({fit.evidence.anchor}: {level:.3f})')
-    axes.set_ylabel('concentration [-]')
-    axes.set_title('response; the cells must crowd at stock, 1')
+    axes.set_xlabel(
+        f'signal relative to that of stock, {level:.3f} ({_ANCHORED[fit.evidence.anchor]})'
+    )
+    axes.set_ylabel('concentration: 0 water, 1 tracer stock')
+    axes.set_title('from signal to concentration; most cells of the plumes must lie at stock, 1')
     axes.legend(loc='upper left')
     axes.grid(linewidth=0.3)

@@ -10,6 +10,7 @@ diagnostics.
 import array
 import heapq
 import math
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -142,7 +143,8 @@ def export_bag(
 ) -> None:
     """Write the experiment in `bag` as an experiment folder.
 
-    The folder appears when it is complete, and not at all after an error.
+    The folder appears when it is complete, and not at all after an error. After a kill or an
+    interrupt the same call goes on; photographs that are there already are not read again.
 
     Args:
         bag: the bag, a folder or a file .mcap.
@@ -154,7 +156,9 @@ def export_bag(
         InputError: one line that names a fault in the bag, or the folder exists.
     """
     recording = open_recording(bag, segment=segment)
-    with _complete_or_absent(Path(folder)) as path:
+    maps = 0 if recording.maps is None else len(recording.maps)
+    source = f'{recording.source.resolve()}, {maps} maps, {len(recording.photos)} photographs'
+    with _kept_after_interrupt(Path(folder), source) as path:
         write_folder(path, recording, progress=progress)
 
 
@@ -172,6 +176,36 @@ def _complete_or_absent(target: Path) -> Iterator[Path]:
         path = Path(folder, target.name)
         yield path
         path.rename(target)
+
+
+@contextmanager
+def _kept_after_interrupt(target: Path, source: str) -> Iterator[Path]:
+    """Yield a folder that is renamed to `target` at the end, or removed after an error.
+
+    A kill or an interrupt leaves it. It is yielded again, with its photographs, if `source` is the
+    same.
+    """
+    if target.exists():
+        raise InputError(f'{target}: exists already; name another or remove it')
+    path, mark = (target.with_name(f'.{target.name}.{kind}') for kind in ('partial', 'source'))
+    try:
+        if not mark.is_file() or mark.read_text(encoding='utf-8') != source:
+            shutil.rmtree(path, ignore_errors=True)
+        path.mkdir(parents=True, exist_ok=True)
+        mark.write_text(source, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f'{target}: cannot be written ({error.strerror})') from None
+    for file in path.iterdir():
+        if file.is_file():
+            file.unlink()
+    try:
+        yield path
+    except Exception:
+        shutil.rmtree(path)
+        mark.unlink()
+        raise
+    path.rename(target)
+    mark.unlink()
 
 
 def _messages(data: RecordedData) -> Iterator[_StampedMessage]:

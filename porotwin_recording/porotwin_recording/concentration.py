@@ -48,9 +48,6 @@ _NO_UNIT = {'', '1', '1.0', '-', 'none', 'dimensionless', 'unitless', 'fraction'
 _MAPS_AT_ONCE = 16
 """Maps in memory during iteration: 14 MB at 750 x 300 cells."""
 
-_RESUME = 'resume'
-"""Attribute of a file that is not complete: the source of its maps."""
-
 _TIMES_PER_CHUNK = 4096
 """A NetCDF chunk of one time would cost a kilobyte of memory per map."""
 
@@ -286,8 +283,8 @@ class ConcentrationWriter:
     """Writes `concentration.nc` map by map; memory use does not depend on their number.
 
     The file gets its name when it is complete. Values are stored as float32, bit for bit. With
-    `packed` they are clipped to 0..1.016 and rounded to steps of 0.004 in 8 bits. With `resume` an
-    interrupted file stays, and a writer with the same words goes on behind its last map.
+    `packed` they are clipped to 0..1.016 and rounded to steps of 0.004 in 8 bits. `MapParts` writes
+    the maps of a long work, which may be interrupted.
 
     ```
     with ConcentrationWriter(path, grid) as writer:
@@ -299,10 +296,6 @@ class ConcentrationWriter:
         grid: the grid of the maps.
         packed: whether concentrations are packed.
         origin: how the maps were made.
-        resume: words that tell the source of the maps; empty: an interrupted file is removed.
-
-    Attributes:
-        earlier: times of the maps that an interrupted writer left [s].
 
     Raises:
         InputError: the file cannot be created.
@@ -315,50 +308,21 @@ class ConcentrationWriter:
         *,
         packed: bool = False,
         origin: MapOrigin = UNKNOWN_ORIGIN,
-        resume: str = '',
     ) -> None:
         self.path = path
         self.grid = grid
-        self._resume = resume
-        self.earlier: tuple[float, ...] = ()
         self._partial = path.with_name(path.name + '.partial')
         self._last = -np.inf
         if not path.parent.is_dir():  # the NetCDF library would say: permission denied
             raise InputError(f'{path}: there is no folder {path.parent}; make it, or name another')
         self._packed = packed
-        left = self._interrupted(origin) if resume else None
-        if left is not None:
-            self._dataset = left
-            self.earlier = tuple(float(time) for time in left.variables['time'][:])
-            self._last = self.earlier[-1]
-            return
         try:
             self._dataset = netCDF4.Dataset(self._partial, 'w')
         except OSError as error:
             raise InputError(f'{path}: cannot be written ({error.strerror})') from None
-        if resume:
-            self._dataset.setncattr(_RESUME, resume)
         self._define_coordinates()
         self._define_concentration()
         self._define_origin(origin)
-
-    def _interrupted(self, origin: MapOrigin) -> netCDF4.Dataset | None:
-        """Return the file that an interrupted writer of the same maps left; None: there is none."""
-        if not self._partial.is_file():
-            return None
-        try:
-            found = netCDF4.Dataset(self._partial, 'a')
-        except (OSError, RuntimeError):  # its end is missing
-            return None
-        try:
-            same = getattr(found, _RESUME, '') == self._resume and _origin(found) == origin
-            shape = found.variables['concentration'].shape
-        except (KeyError, RuntimeError):
-            same, shape = False, (0,)
-        if same and shape[0] > 0 and shape[1:] == self.grid.shape:
-            return found
-        found.close()
-        return None
 
     def _define_origin(self, origin: MapOrigin) -> None:
         words = {
@@ -441,8 +405,6 @@ class ConcentrationWriter:
             self._deviations(name)[number] = np.asarray(values, dtype=np.float32)
         self._dataset.variables['time'][number] = time
         self._last = time
-        if self._resume and number % _MAPS_AT_ONCE == 0:
-            self._dataset.sync()
 
     def _deviations(self, name: str) -> netCDF4.Variable:
         """Return the variable `name` of standard deviations; the first map with them makes it."""
@@ -463,10 +425,13 @@ class ConcentrationWriter:
 
     def close(self) -> None:
         """Complete the file and rename it to its final name."""
-        if self._resume:
-            self._dataset.delncattr(_RESUME)
         self._dataset.close()
         self._partial.replace(self.path)
+
+    def discard(self) -> None:
+        """Remove what was written."""
+        self._dataset.close()
+        self._partial.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -475,7 +440,4 @@ class ConcentrationWriter:
         if kind is None:
             self.close()
             return
-        begun = self._resume and len(self._dataset.dimensions['time'])
-        self._dataset.close()
-        if not begun:
-            self._partial.unlink(missing_ok=True)
+        self.discard()

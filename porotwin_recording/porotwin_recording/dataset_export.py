@@ -1,7 +1,8 @@
 """Writes a recording for notebooks: one NetCDF file or one zarr folder with CF attributes.
 
 `xarray.open_dataset` and `xarray.open_zarr` open them. The NetCDF library writes both, so that
-zarr is no dependency of ours. It writes zarr of version 2, which every zarr reads.
+zarr is no dependency of ours. It writes zarr of version 2, which every zarr reads. It cannot go on
+with a zarr folder, so the maps of one are written here: a compressed file each.
 
 Conventions: https://cfconventions.org; the folder: https://zarr-specs.readthedocs.io (v2).
 """
@@ -9,6 +10,7 @@ Conventions: https://cfconventions.org; the folder: https://zarr-specs.readthedo
 import contextlib
 import json
 import shutil
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal
@@ -34,8 +36,18 @@ _FIELDS = {
     'systematic': ('part of the standard deviation that is the same at all times', '1'),
 }
 
+ZLIB_LEVEL = 4
+"""Level of the compression, from 1 (fastest) to 9 (smallest)."""
+
+MAPS_AT_ONCE = 16
+"""Maps that are read at once, and written to the disk before they count as done: an interrupted
+export goes on behind them."""
+
 Progress = Callable[[int, int], None]
 """Receives the number of finished maps, and their total."""
+
+Maps = dict[str, NDArray[np.float32]]
+"""Maps (times, nz, nx) by the name of their variable."""
 
 
 def export_dataset(
@@ -44,7 +56,8 @@ def export_dataset(
     """Write maps, rates and rig of a recording; `target` appears when it is complete.
 
     The dataset has the dimensions `time`, `z`, `x` and `well`. Rates stand at the times of the
-    maps, as they were commanded. One map is in memory at a time.
+    maps, as they were commanded. Few maps are in memory at a time. After a kill or an interrupt the
+    same call goes on behind the maps that are on the disk.
 
     Args:
         recording: the recording.
@@ -57,40 +70,157 @@ def export_dataset(
     """
     if target.exists():
         raise InputError(f'{target}: exists already; name another or remove it')
-    times = recording.times
-    partial = target.with_name(f'.{target.name}.partial')
-    _remove(partial)
-    address = f'file://{partial.resolve()}#mode=zarr,xarray,file' if kind == 'zarr' else partial
+    begun = _Begun(recording, target, kind)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with contextlib.closing(netCDF4.Dataset(str(address), 'w')) as dataset:
-            _define(dataset, recording, kind)
-            for number, values in enumerate(_maps(recording)):
-                for name, field in values.items():
-                    dataset.variables[name][number] = field
+        with contextlib.closing(begun.maps()) as written:
+            for first, maps in _blocks(recording, begun.done):
+                written.write(first, maps)
+                begun.note(first + len(maps['concentration']))
                 if progress is not None:
-                    progress(number + 1, len(times))
+                    progress(begun.done, len(recording.times))
         if kind == 'zarr':
-            _complete_zarr(partial)
-        partial.rename(target)
+            _complete_zarr(begun.path)
+        begun.path.rename(target)
+        begun.remove()
     except (OSError, RuntimeError) as error:
+        begun.remove()
         raise InputError(f'{target}: cannot be written ({error})') from None
-    finally:
-        _remove(partial)
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    path.unlink(missing_ok=True)
+class _NetcdfMaps:
+    """The maps of a NetCDF file that is not complete."""
+
+    def __init__(self, path: Path) -> None:
+        self._dataset = netCDF4.Dataset(path, 'a')
+
+    def write(self, first: int, maps: Maps) -> None:
+        """Write the `maps` from number `first` on, as far as the disk."""
+        for name, values in maps.items():
+            self._dataset.variables[name][first : first + len(values)] = values
+        self._dataset.sync()
+
+    def holds(self, first: int, maps: Maps) -> bool:
+        """Return whether the `maps` from number `first` on are in the file.
+
+        Raises:
+            RuntimeError, IndexError: the file is torn.
+        """
+        variables = self._dataset.variables
+        return all(
+            np.array_equal(
+                np.ma.filled(variables[name][first : first + len(values)], np.nan),
+                values,
+                equal_nan=True,
+            )
+            for name, values in maps.items()
+        )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._dataset.close()
 
 
-def _maps(recording: Recording) -> Iterator[dict[str, NDArray[np.float32]]]:
-    """Yield the maps of every time by the name of their variable."""
-    assert recording.maps is not None
-    for fields in recording.maps.with_deviations():
-        named = zip(_FIELDS, fields, strict=True)
-        yield {name: field for name, field in named if field is not None}
+class _ZarrMaps:
+    """The maps of a zarr folder: every map is a file, as the definition of its variable says."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def write(self, first: int, maps: Maps) -> None:
+        """Write the `maps` from number `first` on."""
+        for name, values in maps.items():
+            for number, one in enumerate(values, start=first):
+                content = zlib.compress(np.ascontiguousarray(one, '<f4').tobytes(), ZLIB_LEVEL)
+                (self._path / name / f'{number}.0.0').write_bytes(content)
+
+    def holds(self, first: int, maps: Maps) -> bool:
+        """Return whether the files of `maps` from number `first` on are there."""
+        return all(
+            (self._path / name / f'{first + number}.0.0').is_file()
+            for name, values in maps.items()
+            for number in range(len(values))
+        )
+
+    def close(self) -> None:
+        """Every file is closed."""
+
+
+_MAPS = {'netcdf': _NetcdfMaps, 'zarr': _ZarrMaps}
+
+
+class _Begun:
+    """An export on the disk that is not complete.
+
+    Attributes:
+        path: its file or folder.
+        done: number of maps that are on the disk.
+    """
+
+    def __init__(self, recording: Recording, target: Path, kind: Format) -> None:
+        """Name the files of the export of `recording` to `target`."""
+        self.path = target.with_name(f'.{target.name}.partial')
+        self.done = 0
+        self._mark = target.with_name(f'.{target.name}.done')
+        self._recording, self._kind = recording, kind
+        self._source = f'{recording.source.resolve()} {kind} {len(recording.times)} {PROGRAM}'
+
+    def maps(self) -> _NetcdfMaps | _ZarrMaps:
+        """Return the maps of an interrupted export of the same recording, or of a new one."""
+        if (found := self._interrupted()) is not None:
+            return found
+        self.remove()
+        zarr = f'file://{self.path.resolve()}#mode=zarr,xarray,file'
+        address = zarr if self._kind == 'zarr' else str(self.path)
+        with contextlib.closing(netCDF4.Dataset(address, 'w')) as dataset:
+            _define(dataset, self._recording, self._kind)
+        return _MAPS[self._kind](self.path)
+
+    def _interrupted(self) -> _NetcdfMaps | _ZarrMaps | None:
+        """Return the maps of an interrupted export; None if there are none to go on with.
+
+        A kill while the disk was written may have torn them, so the last ones are compared.
+        """
+        try:
+            count, source = self._mark.read_text(encoding='utf-8').split(' ', 1)
+            if source != self._source or not self.path.exists():
+                return None
+            found, done = _MAPS[self._kind](self.path), int(count)
+            first = max(0, done - MAPS_AT_ONCE)
+            if found.holds(first, _maps_between(self._recording, first, done)):
+                self.done = done
+                return found
+            found.close()
+        except (OSError, RuntimeError, ValueError, LookupError):
+            pass
+        return None
+
+    def note(self, done: int) -> None:
+        """Note that so many maps are on the disk."""
+        self.done = done
+        self._mark.write_text(f'{done} {self._source}', encoding='utf-8')
+
+    def remove(self) -> None:
+        """Remove what is left of the export."""
+        if self.path.is_dir():
+            shutil.rmtree(self.path)
+        self.path.unlink(missing_ok=True)
+        self._mark.unlink(missing_ok=True)
+
+
+def _blocks(recording: Recording, first: int) -> Iterator[tuple[int, Maps]]:
+    """Yield the maps from number `first` on, MAPS_AT_ONCE at a time, with their first number."""
+    count = len(recording.times)
+    for start in range(first, count, MAPS_AT_ONCE):
+        yield start, _maps_between(recording, start, min(start + MAPS_AT_ONCE, count))
+
+
+def _maps_between(recording: Recording, first: int, last: int) -> Maps:
+    """Return the maps from number `first` to before `last`."""
+    maps = recording.maps
+    assert maps is not None
+    series = {'concentration': maps, 'deviation': maps.deviation, 'systematic': maps.systematic}
+    return {name: each[first:last] for name, each in series.items() if each is not None}
 
 
 def _define(dataset: netCDF4.Dataset, recording: Recording, kind: Format) -> None:
@@ -135,6 +265,7 @@ def _define(dataset: netCDF4.Dataset, recording: Recording, kind: Format) -> Non
                 chunksizes=(1, grid.nz, grid.nx),
                 fill_value=np.float32(np.nan),
                 zlib=True,
+                complevel=ZLIB_LEVEL,
                 shuffle=kind == 'netcdf',  # the library describes it wrongly in zarr
             )
             variable.setncatts({'units': unit, 'long_name': meaning})

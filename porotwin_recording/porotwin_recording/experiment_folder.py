@@ -100,8 +100,8 @@ def write_folder(
             folder / MAPS_FILE, data.maps, packed=packed, done=lambda count: report(count, total)
         )
     if data.photos:
-        write_photos(folder, data.photos)
-        report(total, total)
+        before = total - len(data.photos)
+        write_photos(folder, data.photos, progress=lambda count: report(before + count, total))
 
 
 def _ignore(*_: int) -> None:

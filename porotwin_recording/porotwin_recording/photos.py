@@ -93,16 +93,19 @@ def _stays_inside(name: str) -> bool:
     return not path.is_absolute() and '..' not in path.parts and path.name != ''
 
 
-def write_photos(folder: Path, photos: Sequence[Photo]) -> None:
+def write_photos(
+    folder: Path, photos: Sequence[Photo], *, progress: Callable[[int], None] = lambda _: None
+) -> None:
     """Write `photos` byte for byte below `folder`, and their times and roles as `imaging.csv`.
 
-    Every photograph keeps its name. Missing folders are created.
+    Every photograph keeps its name. Missing folders are created. A file that is there already is
+    kept: an interrupted call has written it. `progress` gets the number of written photographs.
 
     Raises:
         InputError: two photographs have the same name, or a name leads out of `folder`.
     """
     names = set[str]()
-    for photo in photos:
+    for number, photo in enumerate(photos, start=1):
         if photo.name in names:
             raise InputError(f"{folder}: two photographs are named '{photo.name}'; rename one")
         if not _stays_inside(photo.name):
@@ -111,8 +114,12 @@ def write_photos(folder: Path, photos: Sequence[Photo]) -> None:
             )
         names.add(photo.name)
         path = folder / photo.name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(photo.read())
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            unfinished = path.with_name(f'.{path.name}')
+            unfinished.write_bytes(photo.read())
+            unfinished.replace(path)
+        progress(number)
     rows = [(number_text(photo.time), photo.name, photo.role) for photo in photos]
     if all(photo.concentration is None for photo in photos):
         write_table(folder / IMAGING_FILE, HEADER, iter(rows))

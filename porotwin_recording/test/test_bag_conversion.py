@@ -168,18 +168,40 @@ def test_an_import_that_fails_leaves_nothing(folder: Path, tmp_path: Path, name:
     assert_same(open_recording(tmp_path / name), open_recording(folder))
 
 
-def test_an_export_that_is_interrupted_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize('same', [True, False])
+def test_an_interrupted_export_goes_on(folder: Path, tmp_path: Path, same: bool) -> None:
     import_experiment(folder, tmp_path / 'run')
+    if not same:  # another recording of the name began
+        (tmp_path / '.back.partial').mkdir()
+        (tmp_path / '.back.partial' / 'other.png').touch()
+    steps = []
 
-    def stop(done: int, _: int) -> None:
-        if done == 20:
+    def stop(done: int, total: int) -> None:
+        steps.append(done)
+        if done == total - 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         export_bag(tmp_path / 'run', tmp_path / 'back', progress=stop)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['experiment', 'run']
+    assert not (tmp_path / 'back').exists()
+    kept = sorted((tmp_path / '.back.partial' / 'photos').iterdir())
+    times = [path.stat().st_mtime_ns for path in kept]
     export_bag(tmp_path / 'run', tmp_path / 'back')
+    back = tmp_path / 'back' / 'photos'
+    assert [(back / path.name).stat().st_mtime_ns for path in kept] == times
     assert_same(open_recording(tmp_path / 'back'), open_recording(folder))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['back', 'experiment', 'run']
+
+
+def test_an_export_that_fails_leaves_nothing(folder: Path, tmp_path: Path) -> None:
+    import_experiment(folder, tmp_path / 'run')
+
+    def fail(*_: int) -> None:
+        raise InputError('the disk is full')
+
+    with pytest.raises(InputError, match='full'):
+        export_bag(tmp_path / 'run', tmp_path / 'back', progress=fail)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['experiment', 'run']
 
 
 def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:

@@ -132,25 +132,3 @@ def test_numbers_without_a_unit_are_read(path: Path, unit: str) -> None:
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='absent; make it'):
         ConcentrationWriter(tmp_path / 'absent' / 'maps.nc', bench_rig().grid(2, 2))
-
-
-def test_an_interrupted_file_goes_on_for_the_same_source_only(tmp_path: Path) -> None:
-    rig = bench_rig()
-    maps, path = random_maps(rig), tmp_path / 'maps.nc'
-
-    def write(numbers: range, words: str, *, interrupt: bool) -> tuple[float, ...]:
-        with ConcentrationWriter(path, maps.grid, resume=words) as writer:
-            for number in numbers:
-                writer.append(float(maps.times[number]), maps[number])
-            if interrupt:
-                raise KeyboardInterrupt
-            return writer.earlier
-
-    for words in ('another', 'this'):
-        with pytest.raises(KeyboardInterrupt):
-            write(range(3), words, interrupt=True)
-        assert not path.exists()
-    earlier = write(range(3, 5), 'this', interrupt=False)
-    assert earlier == tuple(maps.times[:3])
-    np.testing.assert_array_equal(open_maps(path, rig)[:], maps[:])
-    assert [file.name for file in tmp_path.iterdir()] == ['maps.nc']

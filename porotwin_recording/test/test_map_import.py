@@ -7,6 +7,7 @@ import pytest
 from recording_examples import bench_experiment, bench_rig
 
 from porotwin_core.errors import InputError
+from porotwin_recording import dataset_export
 from porotwin_recording.dataset_export import export_dataset
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.map_import import MapAnswers, import_maps
@@ -40,6 +41,29 @@ def test_a_dataset_for_notebooks_is_read_back(
         text = (tmp_path / name / '.zmetadata').read_text()
         assert '"units": "1"' in text
         assert 'concentration/.zarray' in text
+
+
+@pytest.mark.parametrize(('kind', 'name'), [('zarr', 'maps.zarr'), ('netcdf', 'maps.nc')])
+def test_an_interrupted_dataset_goes_on(
+    tmp_path: Path, kind, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dataset_export, 'MAPS_AT_ONCE', 2)
+    write_folder(tmp_path / 'origin', bench_experiment())
+    recording, done = open_recording(tmp_path / 'origin'), []
+
+    def stop(count: int, _: int) -> None:
+        done.append(count)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset(recording, tmp_path / name, kind, progress=stop)
+    assert not (tmp_path / name).exists()
+    export_dataset(recording, tmp_path / name, kind, progress=stop)
+    assert done == [2, 4, *range(6, len(recording.times), 2), len(recording.times)]
+    found, _ = imported(tmp_path / name)
+    np.testing.assert_array_equal(found.concentration, recording.concentration)
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name.startswith('.')) == []
 
 
 def test_npz_in_percent_and_minutes_with_the_first_row_at_the_top(

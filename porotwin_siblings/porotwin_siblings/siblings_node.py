@@ -7,7 +7,7 @@ the forecast. A proposed schedule is answered beside it. Nothing here is ever pu
 import os
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,9 +22,10 @@ from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
-from porotwin_core.parallel import LastingCrew, crew
+from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.rig import EffectDescription
+from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
 from porotwin_core.units import MINUTE_S
@@ -111,7 +112,7 @@ class SiblingsNode(Node):
         diagnosis = declare(
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
-        self._quick = ThreadPoolExecutor(workers)
+        self._quick = ThreadCrew(workers)
         self._make_siblings = partial(
             Siblings,
             grid=self._declare_grid(),
@@ -160,11 +161,14 @@ class SiblingsNode(Node):
 
     def _make_topics(self) -> None:
         self._publisher = self.create_publisher(Forecast, 'siblings/forecast', qos.CONFIG)
-        self.create_subscription(WellRates, 'wells/measured', self._on_measured, qos.FIELD)
-        self.create_subscription(Setpoint, 'wells/setpoint', self._on_setpoint, qos.SETPOINT)
-        self.create_subscription(CleanState, 'asset/clean_state', self._on_clean_state, qos.FIELD)
-        self.create_subscription(ModelEffects, 'model/effects', self._on_effects, qos.CONFIG)
-        self.create_subscription(NewState, 'asset/new_state', self._on_state, qos.FIELD)
+        follow_run(
+            self,
+            on_state=self._on_state,
+            on_setpoint=self._on_setpoint,
+            on_measured=self._on_measured,
+            on_clean_state=self._on_clean_state,
+            on_effects=self._on_effects,
+        )
         # a question must not wait for messages, nor messages for its answer
         own = MutuallyExclusiveCallbackGroup()
         self.create_service(WhatIf, 'siblings/what_if', self._what_if, callback_group=own)
@@ -387,7 +391,7 @@ def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any])
     """
 
     def patient_threads() -> Executor:
-        return ThreadPoolExecutor(workers, initializer=_be_patient)
+        return ThreadCrew(workers, _be_patient)
 
     if not scheduler:
         return patient_threads()

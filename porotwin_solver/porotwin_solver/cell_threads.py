@@ -7,8 +7,9 @@ the process where several simulations run at the same time.
 """
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
@@ -32,6 +33,20 @@ def most_threads() -> int:
     if limit.isdigit() and int(limit) > 0:
         return int(limit)
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
+
+
+@contextmanager
+def at_most(threads: int) -> Iterator[None]:
+    """Let simulations in this process use so many threads, until the end of the block."""
+    before = os.environ.get(LIMIT)
+    os.environ[LIMIT] = str(threads)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[LIMIT]
+        else:
+            os.environ[LIMIT] = before
 
 
 def in_rows(kernel: Callable[..., None], rows: int, cells: int, *args: Any) -> None:

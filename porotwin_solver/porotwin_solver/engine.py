@@ -1,5 +1,6 @@
 """Flow and transport combined: advances a state on one grid under constant rates."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -143,6 +144,7 @@ class Engine:
         self._coupling_refinement = self.grid.nx // coupled.grid.nx
         self._accumulators = FluxAccumulators.zeros(self.grid)
         self._kept_exchanges: dict[float, Exchanges] = {}
+        self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
 
     def mean_concentration(self, state: State) -> FloatArray:
         """Return the mean over mobile and immobile water, (nz, nx): the camera sees this."""
@@ -259,12 +261,28 @@ class Engine:
         Raises:
             InputError: as `water_flux` and `coupled_flux`.
         """
-        sources, water = self.sources_and_sinks.sources(rates), self.water_flux(rates)
         count, length = self.splitting(duration)
-        for index in range(count):
-            if index == 0 or self.coupling is not None:
-                current = self.coefficients(state, rates, length, sources=sources, water=water)
-            yield current
+        if self.coupling is None:
+            yield from itertools.repeat(self._uncoupled_coefficients(state, rates, length), count)
+            return
+        sources, water = self.sources_and_sinks.sources(rates), self.water_flux(rates)
+        for _ in range(count):
+            yield self.coefficients(state, rates, length, sources=sources, water=water)
+
+    def _uncoupled_coefficients(
+        self, state: State, rates: WellRates, length: float
+    ) -> StepCoefficients:
+        """Return the coefficients where the tracer does not change the flow.
+
+        The latest ones are kept: rates seldom change from one photograph to the next.
+        """
+        kept = self._kept_step
+        if kept is not None and kept[:2] == (length, rates):
+            return kept[2]
+        self._kept_step = None  # frees memory before the new ones need it
+        found = self.coefficients(state, rates, length)
+        self._kept_step = (length, dict(rates), found)
+        return found
 
     def advance(self, state: State, rates: WellRates, duration: float) -> None:
         """Advance `state` in place by `duration` [s] under constant `rates`.

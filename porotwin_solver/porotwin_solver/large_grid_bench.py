@@ -16,8 +16,8 @@ from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_solver.simulation import simulated_maps
 
-GRIDS = ((280, 150), (747, 400), (3000, 1500))
-"""Columns and rows: cells of 10 mm, of 3.7 mm, and of 0.9 mm; the largest one comes last, because
+GRIDS = ((280, 150), (747, 450), (3000, 1500))
+"""Columns and rows: cells of 10 mm, of 3.5 mm, and of 1.0 mm; the largest one comes last, because
 the peak memory of a process never falls."""
 
 LARGE_FRAMES, FRAME_S = 100, 144.0

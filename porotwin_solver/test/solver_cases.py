@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from porotwin_core.rig import Boundaries, Rig, rig_from_maps
+from porotwin_core.rig import Boundaries, Rig, Well, rig_from_maps
 
 SIDES = {
     'open top': Boundaries(),
@@ -25,3 +25,19 @@ def with_permeability(rig: Rig, values: np.ndarray) -> Rig:
         'permeability_m2': values,
     }
     return rig_from_maps(rig.model_dump(), quantities)
+
+
+def two_well_rig() -> Rig:
+    """Return a rig half as wide as the paper's small one, with an injector and a producer."""
+    return Rig(
+        name='two wells',
+        width_m=0.5,
+        height_m=0.3,
+        depth_m=0.010,
+        porosity=0.375,
+        permeability_m2=6.57e-10,
+        viscosity_pa_s=1e-3,
+        density_kg_m3=998.0,
+        boundaries=Boundaries(),
+        wells={'injector': Well(x_m=0.15, z_m=0.12), 'producer': Well(x_m=0.4, z_m=0.1)},
+    )

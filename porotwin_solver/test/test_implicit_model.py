@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from solver_cases import two_well_rig
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_physics import LearntPhysics
-from porotwin_core.rig import Boundaries, Rig, Well
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_solver.implicit_model import ImplicitModel
@@ -18,18 +18,7 @@ STEP_S = 30.0
 
 @pytest.fixture(scope='module')
 def model() -> ImplicitModel:
-    rig = Rig(
-        name='implicit',
-        width_m=0.5,
-        height_m=0.3,
-        depth_m=0.010,
-        porosity=0.375,
-        permeability_m2=6.57e-10,
-        viscosity_pa_s=1e-3,
-        density_kg_m3=998.0,
-        boundaries=Boundaries(),
-        wells={'injector': Well(x_m=0.15, z_m=0.12), 'producer': Well(x_m=0.4, z_m=0.1)},
-    )
+    rig = two_well_rig()
     made = LearntModels(rig, rig.grid(25, 15), 'implicit').model(LearntPhysics())
     assert isinstance(made, ImplicitModel)
     return made

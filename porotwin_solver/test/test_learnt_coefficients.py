@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from solver_cases import two_well_rig
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
-from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well
+from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_solver.learnt_coefficients import LearntModels
@@ -28,18 +29,7 @@ EVERYTHING = LearntPhysics(
 
 @pytest.fixture(scope='module')
 def rig() -> Rig:
-    return Rig(
-        name='learnt',
-        width_m=0.5,
-        height_m=0.3,
-        depth_m=0.010,
-        porosity=0.375,
-        permeability_m2=6.57e-10,
-        viscosity_pa_s=1e-3,
-        density_kg_m3=998.0,
-        boundaries=Boundaries(),
-        wells={'injector': Well(x_m=0.15, z_m=0.12), 'producer': Well(x_m=0.4, z_m=0.1)},
-    )
+    return two_well_rig()
 
 
 @pytest.fixture(scope='module')

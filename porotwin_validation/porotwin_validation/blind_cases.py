@@ -1,5 +1,6 @@
 """Blinded cases: experiments on the virtual rig whose effects the diagnosis does not know."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,15 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Boundaries, EffectDescription, Rig, Well, rig_from_maps
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_solver.effects import EFFECTS
 from porotwin_validation.blind_effects import (
+    ALIKE,
     LIBRARY,
     OUTSIDE,
     PAIR_GROUPS,
     drawn,
+    drawn_alike,
     equal_names,
 )
 
@@ -48,6 +52,9 @@ KINDS = (
 """Kinds of cases in their order: of 20, nine with one effect of the library, three each with none,
 with a pair and with an effect from outside, and two with an effect that is left out of it."""
 
+SEVERAL = ('three', 'alike')
+"""Kinds of cases of a check of combinations: three effects, or two of one kind."""
+
 LEFT_OUT = tuple(name for name in LIBRARY if not EFFECTS[name].has_equals)
 """Effects that may be left out of the library: no other effect equals one of them."""
 
@@ -64,13 +71,17 @@ SMALL_INTERVAL_S, LARGE_INTERVAL_S = 60.0, 300.0
 """Intervals between photographs [s], for the small and the large rig."""
 
 
+COARSE_ELEMENT = 0.42
+"""Elements of the virtual rig of a coarse case per cell of its maps, as in other cases."""
+
+
 @dataclass(frozen=True)
 class BlindCase:
     """An experiment and its hidden truth.
 
     Attributes:
         name: name of the case and of its folder.
-        kind: one of `KINDS`.
+        kind: one of `KINDS` or `SEVERAL`.
         effects: the true effects.
         right: names of the verdicts that are right.
         rig: the nominal rig description, which the diagnosis knows.
@@ -80,6 +91,7 @@ class BlindCase:
         cell_m: width of a cell of the maps [m].
         seed: seed of the noise.
         withheld: effects that the diagnosis must not consider.
+        element_m: size of the elements of the virtual rig [m]; None: its default.
     """
 
     name: str
@@ -93,12 +105,29 @@ class BlindCase:
     cell_m: float
     seed: int
     withheld: tuple[str, ...] = ()
+    element_m: float | None = None
+
+    def virtual_rig(self, effects: Sequence[EffectDescription]) -> VirtualRig:
+        """Return the virtual rig of the case with these `effects`, before anything was pumped.
+
+        Raises:
+            InputError: an effect is not known or impossible.
+        """
+        return VirtualRig(self.rig, effects=effects, cell=self.element_m)
 
 
-def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
+def draw_case(
+    number: int,
+    seed: int,
+    rig: Rig | None = None,
+    kinds: Sequence[str] = KINDS,
+    *,
+    coarse: bool = False,
+) -> BlindCase:
     """Return case `number` of the check with `seed`, on `rig` or on one of the rigs of the check.
 
-    Kinds and effects follow in a fixed order; parameters, rates and noise are drawn at random.
+    `kinds` and effects follow in a fixed order; parameters, rates and noise are drawn at random.
+    `coarse` makes the cells of the maps and of the virtual rig twice as large.
 
     Raises:
         InputError: `rig` has no well.
@@ -108,15 +137,21 @@ def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
     rig = rig or (large_rig() if large else SMALL)
     if not rig.wells:
         raise InputError(f"rig '{rig.name}' has no well; add wells to rig.yaml")
-    schedule, duration, wells = (_large_schedule if large else _small_schedule)(generator, rig)
+    schedule, duration, wells = (_large_schedule if large else small_schedule)(generator, rig)
     injected = max(row.rate.rate for row in schedule.rows) / from_ml_h(1.0)
     context = DrawContext(rig, wells, duration, injected)
-    turn = number % len(KINDS)
-    kind = KINDS[turn]
+    cell = LARGE_CELL_M * rig.width_m / LARGE_WIDTH_M if large else SMALL_CELL_M
+    turn = number % len(kinds)
+    kind = kinds[turn]
     # the number of this case among all of its kind; another seed starts at another effect
-    index = number // len(KINDS) * KINDS.count(kind) + KINDS[:turn].count(kind) + 5 * seed
+    index = number // len(kinds) * kinds.count(kind) + kinds[:turn].count(kind) + 5 * seed
     names = _names(kind, index, generator)
-    effects = tuple(drawn(name, generator, context) for name in names)
+    effects: tuple[EffectDescription, ...]
+    if kind == 'alike':
+        rates = {well: _largest_rate(schedule, well) for well in wells}
+        effects = drawn_alike(names[0], generator, context, rates)
+    else:
+        effects = tuple(drawn(name, generator, context) for name in names)
     return BlindCase(
         name=f'case_{number:03d}',
         kind=kind,
@@ -126,7 +161,8 @@ def draw_case(number: int, seed: int, rig: Rig | None = None) -> BlindCase:
         schedule=schedule,
         duration=duration,
         photo_interval=LARGE_INTERVAL_S if large else SMALL_INTERVAL_S,
-        cell_m=LARGE_CELL_M * rig.width_m / LARGE_WIDTH_M if large else SMALL_CELL_M,
+        cell_m=2.0 * cell if coarse else cell,
+        element_m=2.0 * cell * COARSE_ELEMENT if coarse else None,
         seed=int(generator.integers(2**31)),
         withheld=names if kind == 'left out' else (),
     )
@@ -136,12 +172,19 @@ def _names(kind: str, index: int, generator: Generator) -> tuple[str, ...]:
     """Return the names of the effects of case `index` of its `kind`."""
     if kind == 'none':
         return ()
-    if kind == 'pair':
-        groups = generator.choice(len(PAIR_GROUPS), 2, replace=False)
-        first, second = (str(generator.choice(PAIR_GROUPS[group])) for group in groups)
-        return first, second
+    if kind in ('pair', 'three'):
+        count = 2 if kind == 'pair' else 3
+        groups = generator.choice(len(PAIR_GROUPS), count, replace=False)
+        return tuple(str(generator.choice(PAIR_GROUPS[group])) for group in groups)
+    if kind == 'alike':
+        return (ALIKE[index % len(ALIKE)],)
     turns = {'single': tuple(LIBRARY), 'outside': tuple(OUTSIDE), 'left out': LEFT_OUT}[kind]
     return (turns[index % len(turns)],)
+
+
+def _largest_rate(schedule: Schedule, well: str) -> float:
+    """Return the largest commanded rate of `well` [m^3/s]."""
+    return max(abs(row.rate.rate) for row in schedule.rows if row.well == well)
 
 
 def _right(kind: str, effects: tuple[EffectDescription, ...]) -> tuple[str, ...]:
@@ -209,7 +252,7 @@ def _large_schedule(generator: Generator, rig: Rig) -> tuple[Schedule, float, tu
     return Schedule(tuple(rows)), duration, tuple(dict.fromkeys((first, second)))
 
 
-def _small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
+def small_schedule(generator: Generator, _rig: Rig) -> tuple[Schedule, float, tuple[str, ...]]:
     """Return schedule, duration [s] and wells: tracer with pauses, a chase or a rest, two control
     wells whose rates change three times."""
     duration = float(60 * generator.integers(45, 75))

@@ -1,6 +1,8 @@
 """Effects that the blind check draws: the library, and effects that no library has."""
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from numpy.random import Generator
 
@@ -37,6 +39,44 @@ def drawn(name: str, generator: Generator, context: DrawContext) -> EffectDescri
     """Return the effect `name` with random parameters for `context`."""
     draw = {**LIBRARY, **OUTSIDE}[name]
     return EffectDescription(name=name, parameters=draw(generator, context))
+
+
+ALIKE = ('rate', 'leak', 'heterogeneity')
+"""Effects that a rig may have twice: two wrong pumps, two leaks, two zones."""
+
+LEAST_APART = 0.1
+"""Distance of two leaks or zones [m] on the small rig; nearer ones act like one."""
+
+
+def drawn_alike(
+    name: str, generator: Generator, context: DrawContext, rates: Mapping[str, float]
+) -> tuple[EffectDescription, EffectDescription]:
+    """Return the effect `name` twice with random parameters: at two wells, or at two places.
+
+    The second pump is wrong by as many ml/h as one that pumps like the injector would be.
+
+    Args:
+        name: one of `ALIKE`.
+        generator: source of the parameters.
+        context: rig and recording.
+        rates: largest commanded rate of each well, in any one unit.
+    """
+    first = drawn(name, generator, context)
+    if 'well' in first.parameters:
+        injector, other = context.wells[:2]
+        second = drawn(name, generator, replace(context, wells=(other,)))
+        off = (float(second.parameters['factor']) - 1.0) * rates[injector] / rates[other]
+        values = {**second.parameters, 'factor': 1.0 + max(off, -MOST_MISSING)}
+        return first, EffectDescription(name=name, parameters=values)
+    while True:
+        second = drawn(name, generator, context)
+        apart = [float(first.parameters[k]) - float(second.parameters[k]) for k in ('x', 'z')]
+        if math.hypot(*apart) >= LEAST_APART * context.size:
+            return first, second
+
+
+MOST_MISSING = 0.7
+"""Largest share of its rate that a second pump does not deliver."""
 
 
 def equal_names(described: EffectDescription) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ baseline photograph of a real rig.
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -34,13 +35,16 @@ from porotwin_recording.recorded_data import RecordedData
 from porotwin_rig.camera import ASPECT, camera_before
 from porotwin_rig.made_experiment import signals
 from porotwin_rig.render import Conditions, Photographer
-from porotwin_rig.virtual_rig import VirtualRig
+from porotwin_solver.plume_model import plume_model
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.dyed_sand import DyedSand, Shot, sands_of
 from porotwin_validation.photo_cases import baseline_of, drawn_dye, drawn_shots
 
 PHOTO_WIDTH_PX = 1000
 """Width of rendered photographs [px]: 5 pixels for a cell of 5 mm, and quick to make."""
+
+LEAST_FINER = 2
+"""Photographed cells per cell of the maps, each way, at least: a map knows no sharper front."""
 
 INJECTIONS_M = 0.12
 """Radius of the plume that a calibration injects into each well [m], on the paper's small rig; the
@@ -256,9 +260,10 @@ def _experiment(
         shutil.rmtree(folder)
     grid = case.rig.default_grid(case.cell_m)
     camera = room.camera(number, float(times[-1]))
-    rig = VirtualRig(case.rig, effects=case.effects)
+    rig = case.virtual_rig(case.effects)
+    finer = max(LEAST_FINER, rig.mesh.nx // grid.nx)
     photos = [_photo(0.0, 'baseline', camera.baseline())]
-    seen = signals(rig, schedule, times=times.tolist(), grid=grid.refined(2))
+    seen = signals(rig, schedule, times=times.tolist(), grid=grid.refined(finer))
     maps = []
     for time, signal in seen:
         maps.append((time, conservative_resample(signal, grid.shape)))
@@ -276,17 +281,19 @@ def _photo(time: float, role: Role, data: bytes) -> Photo:
 
 
 def calibrated(folder: Path) -> Calibration:
-    """Return the calibration from the known injection in `folder`.
+    """Return the calibration from the known injection in `folder`, as `calibrate` makes it.
 
     Raises:
         CalibrationRefused: it cannot be trusted.
     """
     data = folder_data(folder)
+    schedule = data.commanded
     fit = fit_calibration(
         data.rig,
         [photo.read() for photo in data.photos if photo.role == 'baseline'],
         [(photo.time, photo.read()) for photo in data.photos if photo.role == 'state'],
-        schedule=data.commanded,
+        schedule=schedule,
+        plumes=partial(plume_model, data.rig, schedule) if schedule else None,
         source=folder.name,
     )
     if fit.trust.objections:

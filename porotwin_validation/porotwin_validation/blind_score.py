@@ -9,11 +9,15 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Effect
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names
 from porotwin_validation.blind_truth import CaseTruth
+
+NEAR = 0.05
+"""Distance within which one of two leaks or zones is found, relative to the width of the rig."""
 
 
 @dataclass(frozen=True)
@@ -22,19 +26,21 @@ class CaseScore:
 
     Attributes:
         name: name of the case.
-        kind: `none`, `single`, `pair`, `outside` or `left out`.
+        kind: `none`, `single`, `pair`, `outside`, `left out`, `three` or `alike`.
         truth: names of its effects, or `none`.
         verdict: the verdict, or `failed`, or `refused` for a refused calibration.
         confidence: confidence of the verdict.
         right: whether the verdict is right.
         imitated: whether it is right only because it looks the same as the truth to the camera.
-        both_found: whether both members of a pair were found; None for other kinds.
+        all_found: whether all of several effects were found; None for other kinds.
         gap_closed: share of the gap that closes, against maps without noise; None without a gap.
         parameter_errors: relative errors of the parameters of the effects that were found.
         intervals_held: number of these parameters whose 90 % interval contains the truth.
         distance_m: distance of a local effect from its true place [m]; None for other effects.
         seconds: time that the diagnosis took [s]; None if it failed.
         absorbed: names of true effects that the calibration took out of the maps.
+        gap: error of the model without effects in the held-out maps, in noise floors [-]; None if
+            the diagnosis failed.
     """
 
     name: str
@@ -44,13 +50,14 @@ class CaseScore:
     confidence: float
     right: bool
     imitated: bool = False
-    both_found: bool | None = None
+    all_found: bool | None = None
     gap_closed: float | None = None
     parameter_errors: tuple[float, ...] = ()
     intervals_held: int = 0
     distance_m: float | None = None
     seconds: float | None = None
     absorbed: tuple[str, ...] = ()
+    gap: float | None = None
 
 
 def score_case(
@@ -76,12 +83,13 @@ def score_case(
         right=verdict in truth.strongest or truth.imitated or verdict in _beside(case, hidden),
         absorbed=tuple(sorted(hidden)),
         imitated=truth.imitated,
-        both_found=_all_found(case, stated, hidden) if case.kind == 'pair' else None,
+        all_found=_all_found(case, stated, hidden) if len(case.effects) > 1 else None,
         gap_closed=truth.gap_closed,
         parameter_errors=tuple(error for error, _ in parameters),
         intervals_held=sum(inside for _, inside in parameters),
         distance_m=_distance(case, stated),
         seconds=float(stated['made_with']['seconds']),
+        gap=float(stated['error']['before']) / max(float(stated['error']['noise_floor']), 1e-9),
     )
 
 
@@ -97,7 +105,7 @@ def failed_score(case: BlindCase, verdict: str = 'failed') -> CaseScore:
         verdict=verdict,
         confidence=0.0,
         right=False,
-        both_found=False if case.kind == 'pair' else None,
+        all_found=False if len(case.effects) > 1 else None,
     )
 
 
@@ -116,22 +124,43 @@ def _beside(case: BlindCase, hidden: frozenset[str]) -> tuple[str, ...]:
 def _all_found(case: BlindCase, stated: Mapping[str, Any], hidden: frozenset[str]) -> bool:
     """Return whether every effect of `case`, or an equal one, is in the kept combination.
 
-    Effects that are `hidden` need not be there.
+    Effects that are `hidden` need not be there. Of two alike both must be there, at their wells or
+    near their places.
     """
-    return all(
-        not set(equal_names(effect)).isdisjoint(stated['combination'])
-        for effect in case.effects
-        if effect.name not in hidden
-    )
+    left = named_rows(stated, stated['combination'])
+    for effect in case.effects:
+        if effect.name in hidden:
+            continue
+        found = next((row for row in left if _is_found(case, effect, row)), None)
+        if found is None:
+            return False
+        left.remove(found)
+    return True
+
+
+def _is_found(case: BlindCase, effect: EffectDescription, row: Mapping[str, Any]) -> bool:
+    """Return whether `row` of a diagnosis means `effect`, one of the effects of `case`."""
+    if row['name'] not in equal_names(effect):
+        return False
+    if case.kind != 'alike':
+        return True
+    values = {key: entry['value'] for key, entry in row['parameters'].items()}
+    if 'well' in effect.parameters:
+        return bool(values['well'] == effect.parameters['well'])
+    apart = [values[key] - float(effect.parameters[key]) for key in ('x', 'z')]
+    return float(np.hypot(*apart)) < NEAR * case.rig.width_m
 
 
 def _parameters(case: BlindCase, stated: Mapping[str, Any]) -> Iterator[tuple[float, bool]]:
     """Yield the relative error of every parameter of the effects that were found, and whether its
     interval contains the truth."""
+    named = named_rows(stated, stated['combination'])
     for effect in case.effects:
-        if effect.name not in stated['combination']:
+        rows = [row for row in named if row['name'] == effect.name]
+        row = next((row for row in rows if _is_found(case, effect, row)), None)
+        if row is None:
             continue
-        found = next(row for row in stated['effects'] if row['name'] == effect.name)['parameters']
+        found = row['parameters']
         true = _counted_parameters(effect, found)
         for name, value in true.items():
             low, high = found[name]['low'], found[name]['high']

@@ -66,7 +66,7 @@ def blind_check(
     scheduler: str = '',
     tell: Callable[[str], None] = lambda _: None,
     progress: CaseProgress = ignore_progress,
-    draw: Callable[[int, int], BlindCase] = draw_case,
+    draw: Callable[..., BlindCase] = draw_case,
     source: Source = 'maps',
     baseline: Path | None = None,
 ) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def blind_check(
         scheduler: address of a Dask scheduler whose workers do the cases instead.
         tell: called with a line about the workers.
         progress: called after every case.
-        draw: returns case `number` of the check with `seed`; not used with a `baseline`.
+        draw: returns case `number` of the check with `seed`; with a `baseline` also of its `rig`.
         source: whether maps of the rig are disturbed, or photographs of it become maps.
         baseline: experiment folder with the baseline photograph of a real rig; all photographs are
             composed on it.
@@ -99,7 +99,7 @@ def blind_check(
     if source == 'photographs':
         work = partial(photograph_and_diagnose, baseline=baseline)
         if baseline is not None:
-            draw = partial(draw_case, rig=baseline_of(baseline)[0])
+            draw = partial(draw, rig=baseline_of(baseline)[0])
     drawn = [draw(number, seed) for number in range(cases)]
     publish_hashes(folder, drawn, seed, source)
     missing = [case for case in drawn if not (folder / case.name / COMPARISON).exists()]
@@ -228,6 +228,7 @@ def make_recording(case: BlindCase, folder: Path, *, clean: Path | None = None) 
         noise=MapNoise.drawn(case.seed),
         grid=case.rig.default_grid(case.cell_m),
         truth=clean,
+        cell=case.element_m,
     )
 
 

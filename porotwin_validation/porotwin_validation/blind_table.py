@@ -1,11 +1,13 @@
 """The figures of a blind check, and its report as Markdown."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from porotwin_validation.blind_score import CaseScore
 
@@ -14,6 +16,15 @@ CONFIDENCE_EDGES = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0)
 
 SURE = 0.8
 """Least confidence of a wrong name that counts as sure and wrong."""
+
+
+GAP_EDGES = (0.0, 1.25, 1.5, 2.0, 3.0, 5.0, math.inf)
+"""Bins of the gap in noise floors: narrow where detection begins. A gap as large as the noise makes
+an error of 1.4 noise floors."""
+
+
+WITH_LIBRARY_EFFECTS = ('single', 'pair', 'alike', 'three')
+"""Kinds of cases whose gap the library can close."""
 
 
 def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
@@ -34,8 +45,12 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
         'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
         'sure_and_wrong_name': _share(scores, _is_sure_and_wrong),
         'outside_called_unexplained': _share(strange, lambda score: score.right),
-        'both_of_a_pair': _share(chosen('pair'), lambda score: bool(score.both_found)),
-        'gap_closed_median': _median([s.gap_closed for s in chosen('single', 'pair')]),
+        'both_of_a_pair': _share(chosen('pair'), lambda score: bool(score.all_found)),
+        'both_of_a_kind': _share(chosen('alike'), lambda score: bool(score.all_found)),
+        'all_three': _share(chosen('three'), lambda score: bool(score.all_found)),
+        'gap_closed_median': _median(
+            [s.gap_closed for s in chosen('single', 'pair', 'alike', 'three')]
+        ),
         'parameter_error_median': _median(errors),
         'intervals_that_hold': held / max(len(errors), 1),
         'distance_median_m': _median([score.distance_m for score in scores]),
@@ -65,23 +80,38 @@ def _is_sure_and_wrong(score: CaseScore) -> bool:
 
 
 def calibration_error(scores: Sequence[CaseScore]) -> float:
+    """Return the expected calibration error of `scores` (see `expected_error`)."""
+    return expected_error([score.confidence for score in scores], [score.right for score in scores])
+
+
+def expected_error(confidences: ArrayLike, right: ArrayLike) -> float:
     """Return the expected calibration error: how far confidences are from observed frequencies.
 
     ECE = sum_b n_b / n |mean confidence_b - share right_b|, over the bins b of `CONFIDENCE_EDGES`.
     """
+    stated, observed = np.asarray(confidences, dtype=float), np.asarray(right, dtype=float)
     total = 0.0
     for low, high in pairwise(CONFIDENCE_EDGES):
-        inside = [s for s in scores if low <= s.confidence < high or s.confidence == high == 1.0]
-        if inside:
-            stated = np.mean([score.confidence for score in inside])
-            observed = np.mean([score.right for score in inside])
-            total += len(inside) * abs(float(stated - observed))
-    return total / max(len(scores), 1)
+        inside = (low <= stated) & ((stated < high) | (high == 1.0))
+        total += abs(float(np.sum(stated[inside] - observed[inside])))
+    return total / max(len(stated), 1)
 
 
 def table(scores: Sequence[CaseScore], figures: Mapping[str, Any]) -> str:
-    """Return the figures, all cases and the confusion matrix as Markdown."""
-    lines = [*_figures(figures), '', *_cases(scores), '', '## Confusion', '', *_confusion(scores)]
+    """Return the figures, all cases, strengths and the confusion matrix as Markdown."""
+    lines = [
+        *_figures(figures),
+        '',
+        *_cases(scores),
+        '',
+        '## Where detection begins',
+        '',
+        *_by_gap(scores),
+        '',
+        '## Confusion',
+        '',
+        *_confusion(scores),
+    ]
     return '\n'.join(lines) + '\n'
 
 
@@ -101,6 +131,28 @@ def _cases(scores: Sequence[CaseScore]) -> Iterator[str]:
             f'| {score.name} | {score.kind} | {truth} | {score.verdict} '
             f'| {score.confidence:.2f} | {right} |'
         )
+
+
+def _by_gap(scores: Sequence[CaseScore]) -> Iterator[str]:
+    """Yield a table of the verdicts on cases with an effect, by the size of the gap."""
+    yield (
+        'Cases with an effect, by the error of the model without effects in the held-out maps, '
+        'relative to the error that noise and blur alone make (noise floors).'
+    )
+    yield from ('', '| gap | cases | right | no gap seen | unexplained | a wrong name |')
+    yield '|---|---|---|---|---|---|'
+    known = [score for score in scores if score.gap is not None]
+    for low, high in pairwise(GAP_EDGES):
+        inside = [s for s in known if s.kind != 'none' and low <= (s.gap or 0.0) < high]
+        right = sum(score.right for score in inside)
+        wrong = Counter(
+            score.verdict if score.verdict in ('none', 'unexplained') else 'name'
+            for score in inside
+            if not score.right
+        )
+        span = f'{low:g} to {high:g}' if math.isfinite(high) else f'above {low:g}'
+        counts = (right, wrong['none'], wrong['unexplained'], wrong['name'])
+        yield f'| {span} | {len(inside)} | ' + ' | '.join(str(n or '') for n in counts) + ' |'
 
 
 def _confusion(scores: Sequence[CaseScore]) -> Iterator[str]:

@@ -16,9 +16,9 @@ import numpy as np
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_recording.concentration import ConcentrationMaps, open_maps
 from porotwin_rig.made_experiment import signals
-from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase
 from porotwin_validation.blind_effects import equal_names
 
@@ -41,8 +41,8 @@ class CaseTruth:
     Attributes:
         before: relative L2 error of the prediction without effects.
         after: relative L2 error of the prediction with the named effects.
-        strongest: the names that are right: of a pair the effects that close most when added alone,
-            or make the largest gap alone (both can differ, because two effects can hide each
+        strongest: the names that are right: of several the effects that close most when added
+            alone, or make the largest gap alone (both can differ, because two effects can hide each
             other).
         imitation: relative L2 error of the virtual rig with the named effects in place of the true
             ones; None if the name is right by itself, or nothing was named.
@@ -124,7 +124,7 @@ class _Runs:
 
     def maps(self, effects: Sequence[EffectDescription]) -> FloatArray:
         """Return the maps (nt, nz, nx) that a camera without noise shows with `effects`."""
-        rig = VirtualRig(self._case.rig, effects=effects)
+        rig = self._case.virtual_rig(effects)
         grid = self._case.rig.default_grid(self._case.cell_m)
         run = signals(rig, self._case.schedule, times=self._times, grid=grid)
         return np.stack([m for (_, m), kept in zip(run, self._held_out, strict=True) if kept])
@@ -151,18 +151,17 @@ def _imitation(case: BlindCase, result: Path, runs: _Runs) -> float | None:
 
 def _named_effects(stated: dict[str, Any]) -> tuple[EffectDescription, ...]:
     """Return the effects that a diagnosis kept, with its parameters."""
-    rows = {row['name']: row['parameters'] for row in stated['effects']}
     return tuple(
         EffectDescription(
-            name=name,
-            parameters={key: parameter['value'] for key, parameter in rows[name].items()},
+            name=row['name'],
+            parameters={key: parameter['value'] for key, parameter in row['parameters'].items()},
         )
-        for name in stated['combination']
+        for row in named_rows(stated, stated['combination'])
     )
 
 
 def _strongest(case: BlindCase, runs: _Runs) -> tuple[str, ...]:
-    """Return the names that are right for `case`: for a pair the names of the stronger effect."""
+    """Return the names that are right for `case`: of several effects those of the strongest."""
     if len(case.effects) < 2:
         return case.right
     nothing = runs.maps(())

@@ -21,7 +21,6 @@ from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.rig import EffectDescription
 from porotwin_recording.concentration import open_maps
 from porotwin_rig.made_experiment import signals
-from porotwin_rig.virtual_rig import VirtualRig
 from porotwin_validation.blind_cases import BlindCase
 
 HIDDEN = 0.7
@@ -123,7 +122,7 @@ def absorbed_parts(
 def _maps(case: BlindCase, effects: Sequence[EffectDescription], times: FloatArray) -> FloatArray:
     """Return the maps of the virtual rig of `case` with these `effects`, (nt, nz, nx)."""
     grid = case.rig.default_grid(case.cell_m)
-    rig = VirtualRig(case.rig, effects=effects)
+    rig = case.virtual_rig(effects)
     run = signals(rig, case.schedule, times=times.tolist(), grid=grid)
     return np.stack([values for _, values in run])
 

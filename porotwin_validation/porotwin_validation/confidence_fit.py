@@ -8,7 +8,8 @@ true: Platt's logistic map (in Advances in Large Margin Classifiers, MIT Press 1
     frequency = 1 / (1 + exp(-(scale * log_odds + shift)))
 
 by maximum likelihood, with a weak prior at the identity (scale 1, shift 0), so that a few lucky
-cases do not raise the confidences.
+cases do not raise the confidences. Cross-validation tells whether the map is better than none: each
+tenth of the cases is judged by a map that was fitted to the others.
 """
 
 import json
@@ -18,7 +19,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize
+
+from porotwin_validation.blind_table import expected_error
 
 PRIOR_WEIGHT = 2.0
 """Weight of the prior: a scale or a shift that is off by 1 costs as much as about two cases."""
@@ -30,6 +34,14 @@ SCALE_RANGE, SHIFT_RANGE = (0.1, 5.0), (-5.0, 5.0)
 """Ranges of the map: beyond, it would turn every confidence into 0, 1/2 or 1."""
 
 
+FEWEST_CASES = 100
+"""Cases below which the identity is kept: of 100 cases with 0.9, chance moves the share that is
+right by 0.03, as much as a map should gain."""
+
+FOLDS = 10
+"""Parts of a cross-validation."""
+
+
 class ConfidenceMap(NamedTuple):
     """frequency = 1 / (1 + exp(-scale * log_odds - shift)); the identity is (1, 0)."""
 
@@ -37,7 +49,7 @@ class ConfidenceMap(NamedTuple):
     shift: float
 
 
-def fit_confidence_map(confidences: Sequence[float], right: Sequence[bool]) -> ConfidenceMap:
+def fit_confidence_map(confidences: ArrayLike, right: ArrayLike) -> ConfidenceMap:
     """Return the map that fits the stated `confidences` and whether each verdict was `right`."""
     stated = np.clip(np.asarray(confidences, dtype=float), LEAST_DOUBT, 1 - LEAST_DOUBT)
     log_odds = np.log(stated / (1 - stated))
@@ -52,20 +64,81 @@ def fit_confidence_map(confidences: Sequence[float], right: Sequence[bool]) -> C
     return ConfidenceMap(float(found.x[0]), float(found.x[1]))
 
 
-def fit_to_scores(paths: Sequence[Path]) -> ConfidenceMap:
-    """Return the map that fits the cases in the files `scores.json` of blind checks."""
-    cases = [
-        case for path in paths for case in json.loads(path.read_text(encoding='utf-8'))['cases']
-    ]
-    return fit_confidence_map(
-        [case['confidence'] for case in cases], [case['right'] for case in cases]
+IDENTITY = ConfidenceMap(1.0, 0.0)
+"""The map that leaves confidences as they are."""
+
+
+def mapped(found: ConfidenceMap, confidences: ArrayLike) -> np.ndarray:
+    """Return the frequencies that the map `found` states for `confidences`."""
+    stated = np.clip(np.asarray(confidences, dtype=float), LEAST_DOUBT, 1 - LEAST_DOUBT)
+    logits = found.scale * np.log(stated / (1 - stated)) + found.shift
+    return np.asarray(1 / (1 + np.exp(-logits)))
+
+
+class JudgedMap(NamedTuple):
+    """A fitted map, and how far confidences are from observed frequencies with and without it.
+
+    `error_stated` and `error_mapped` are expected calibration errors of `cases` cases, the second
+    one by cross-validation. `kept` is the map to use: the identity where the cases are too few, or
+    where the fitted map is no better.
+    """
+
+    fitted: ConfidenceMap
+    cases: int
+    error_stated: float
+    error_mapped: float
+
+    @property
+    def kept(self) -> ConfidenceMap:
+        better = self.cases >= FEWEST_CASES and self.error_mapped < self.error_stated
+        return self.fitted if better else IDENTITY
+
+
+def judged_map(confidences: ArrayLike, right: ArrayLike) -> JudgedMap:
+    """Return the map that fits the cases, judged by cross-validation."""
+    stated, observed = np.asarray(confidences, dtype=float), np.asarray(right, dtype=bool)
+    part = np.arange(len(stated)) % FOLDS
+    foreseen = np.zeros(len(stated))
+    for fold in range(FOLDS):
+        own = part == fold
+        if own.any():
+            foreseen[own] = mapped(fit_confidence_map(stated[~own], observed[~own]), stated[own])
+    return JudgedMap(
+        fit_confidence_map(stated, observed),
+        len(stated),
+        expected_error(stated, observed),
+        expected_error(foreseen, observed),
     )
+
+
+def fit_to_scores(paths: Sequence[Path]) -> JudgedMap:
+    """Return the map that fits the cases in the files `scores.json` of blind checks.
+
+    Cases without a verdict do not count.
+    """
+    cases = [
+        case
+        for path in paths
+        for case in json.loads(path.read_text(encoding='utf-8'))['cases']
+        if case.get('verdict') not in ('failed', 'refused')
+    ]
+    return judged_map([case['confidence'] for case in cases], [case['right'] for case in cases])
 
 
 def main() -> None:
     """Print the map that fits the files on the command line."""
     found = fit_to_scores([Path(name) for name in sys.argv[1:]])
-    print(f'scale {found.scale:.2f}, shift {found.shift:.2f} (1 and 0: confidences are true)')
+    print(
+        f'{found.cases} cases: calibration error {found.error_stated:.3f}; with the map scale '
+        f'{found.fitted.scale:.2f}, shift {found.fitted.shift:.2f} it is {found.error_mapped:.3f} '
+        f'by cross-validation. '
+        + (
+            'The map is better.'
+            if found.kept != IDENTITY
+            else f'Confidences stay as they are: at least {FEWEST_CASES} cases and a gain are '
+            'needed.'
+        )
+    )
 
 
 if __name__ == '__main__':

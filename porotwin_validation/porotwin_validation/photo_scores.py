@@ -22,6 +22,7 @@ from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.photo_to_map import concentration_map
+from porotwin_imaging.sand_refinement import refined
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.experiment_folder import folder_data
 from porotwin_solver.plume_model import plume_model
@@ -164,7 +165,10 @@ def imaged(folder: Path, calibration: Calibration) -> MapScore:
     data = folder_data(folder)
     truth = open_maps(folder / 'truth.nc', data.rig)
     baselines = [photo.read() for photo in data.photos if photo.role == 'baseline']
-    baseline = make_baseline(data.rig, truth.grid, baselines, calibration=calibration)
+    states = [(photo.time, photo.read) for photo in data.photos if photo.role == 'state']
+    schedule = data.measured or data.commanded
+    used = refined(calibration, data.rig, baselines, states, schedule).calibration
+    baseline = make_baseline(data.rig, truth.grid, baselines, calibration=used)
     maps, true = [], []
     for time, values in zip(truth.times, truth, strict=True):
         photo = min(data.photos, key=lambda one: abs(one.time - time))

@@ -38,7 +38,7 @@ def stated(folder: Path, verdict: str, confidence: float, combination=(), parame
         'confidence': confidence,
         'combination': list(combination),
         'effects': [{'name': name, 'parameters': values} for name in combination],
-        'error': {'gap_closed': 0.9},
+        'error': {'gap_closed': 0.9, 'before': 0.2, 'noise_floor': 0.05},
         'where': {'centre': None},
         'made_with': {'seconds': 60.0},
     }

@@ -1,11 +1,13 @@
 """The score of a case: right, imitated, and the errors of its parameters."""
 
+import json
 from dataclasses import replace
 
 import pytest
 from blind_examples import case_of_kind, stated
 
 from porotwin_solver.effects import EFFECTS
+from porotwin_validation.blind_cases import SEVERAL, draw_case
 from porotwin_validation.blind_score import failed_score, relative_parameter_error, score_case
 from porotwin_validation.blind_truth import CaseTruth
 
@@ -36,7 +38,7 @@ def test_a_name_that_imitates_the_truth_within_the_solver_floor_is_right(tmp_pat
 def test_a_failed_diagnosis_is_wrong_with_confidence_zero():
     score = failed_score(case_of_kind('pair'))
     assert (score.verdict, score.right, score.confidence) == ('failed', False, 0.0)
-    assert score.both_found is False and score.seconds is None
+    assert score.all_found is False and score.seconds is None
 
 
 @pytest.mark.parametrize(
@@ -65,5 +67,32 @@ def test_effects_that_the_calibration_absorbed_need_not_be_found(tmp_path):
     first, second = (effect.name for effect in pair.effects)
     named = stated(tmp_path / 'b', second, 0.9, [second])
     score = score_case(pair, named, CaseTruth(0.2, 0.02, (first,)), frozenset({first}))
-    assert score.right and score.both_found
+    assert score.right and score.all_found
     assert score.absorbed == (first,)
+
+
+def test_of_two_alike_both_must_be_found_where_they_are(tmp_path):
+    drawn = [draw_case(n, 1, kinds=SEVERAL) for n in range(12)]
+    case = next(c for c in drawn if [e.name for e in c.effects] == ['leak', 'leak'])
+
+    def score(folder, *places):
+        folder = stated(folder, 'leak', 0.9)
+        content = json.loads((folder / 'diagnosis.json').read_text())
+        content['combination'] = ['leak' for _ in places]
+        content['effects'] = [
+            {
+                'name': 'leak',
+                'parameters': {
+                    key: {'value': value, 'low': None, 'high': None}
+                    for key, value in (('x', x), ('z', z), ('rate', 20.0))
+                },
+            }
+            for x, z in places
+        ]
+        (folder / 'diagnosis.json').write_text(json.dumps(content))
+        return score_case(case, folder, CaseTruth(0.2, 0.02, ('leak',)))
+
+    first, second = ((e.parameters['x'], e.parameters['z']) for e in case.effects)
+    assert score(tmp_path / 'both', second, first).all_found
+    assert not score(tmp_path / 'one', first).all_found
+    assert not score(tmp_path / 'same', first, first).all_found

@@ -45,3 +45,13 @@ def test_a_failed_case_counts_as_wrong_and_has_no_time():
     assert figures['right'] == 0.0
     assert figures['seconds_median'] is None
     assert 'failed' in table([failed], figures)
+
+
+def test_the_report_says_from_which_gap_on_effects_are_found():
+    weak = replace(SCORE, gap=1.1, verdict='none', right=False)
+    strong = replace(SCORE, gap=7.0)
+    none = replace(SCORE, kind='none', truth=('none',), verdict='none', gap=1.0)
+    cases = [weak, strong, none]
+    report = table(cases, summary(cases))
+    assert '| 0 to 1.25 | 1 |  | 1 |  |  |' in report
+    assert '| above 5 | 1 | 1 |  |  |  |' in report

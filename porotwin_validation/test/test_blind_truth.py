@@ -34,7 +34,7 @@ def test_only_the_stronger_effect_of_a_pair_is_right(tmp_path):
     stated(tmp_path, 'decay', 0.9, ['decay', 'depth'])
     score = score_case(case, tmp_path, truth)
     assert not score.right
-    assert score.both_found
+    assert score.all_found
 
 
 def test_an_effect_that_looks_the_same_as_one_left_out_is_no_wrong_name(tmp_path):

@@ -5,7 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from porotwin_validation.confidence_fit import fit_confidence_map, fit_to_scores
+from porotwin_validation.confidence_fit import (
+    IDENTITY,
+    fit_confidence_map,
+    fit_to_scores,
+    judged_map,
+    mapped,
+)
 
 
 def test_true_confidences_stay_and_too_high_ones_are_lowered():
@@ -30,6 +36,17 @@ def test_the_map_is_fitted_to_the_scores_of_blind_checks(tmp_path):
     for path in paths:
         cases = [{'confidence': 0.95, 'right': n % 2 == 0} for n in range(20)]
         path.write_text(json.dumps({'cases': cases}))
-    scale, shift = fit_to_scores(paths)
-    odds = np.log(0.95 / 0.05)
-    assert 1 / (1 + np.exp(-(scale * odds + shift))) == pytest.approx(0.5, abs=0.1)
+    found = fit_to_scores(paths)
+    assert mapped(found.fitted, [0.95])[0] == pytest.approx(0.5, abs=0.1)
+    assert found.cases == 40
+    assert found.kept == IDENTITY, 'too few cases'
+
+
+def test_a_map_is_kept_only_where_it_is_better_on_cases_that_it_has_not_seen():
+    generator = np.random.default_rng(3)
+    stated = generator.uniform(0.8, 0.99, 400)
+    wrong = judged_map(stated, generator.random(400) < 0.6)
+    assert wrong.kept == wrong.fitted != IDENTITY
+    assert wrong.error_mapped < 0.4 * wrong.error_stated
+    few = judged_map(stated[:40], generator.random(40) < 0.6)
+    assert few.kept == IDENTITY

@@ -22,22 +22,28 @@ BENCHES = {
 LONG = {
     'loop': 'porotwin_cli.bench_loop',
     'mend': 'porotwin_cli.bench_mend',
+    'physics': 'porotwin_cli.bench_physics',
     'faults': 'porotwin_cli.bench_faults',
     'calibration': 'porotwin_validation.calibration_bench',
     'scaling': 'porotwin_cli.bench_scaling',
     'decision': 'porotwin_cli.bench_decision',
 }
-"""Parts that take long or need data: measured only by name. `loop` and `mend` have tables
-of their own."""
+"""Parts that take long or need data: measured only by name."""
+
+SCENARIOS = 20
+"""Usual number of scenarios of `loop` and `mend`."""
+
+OWN_TABLES = ('loop', 'mend', 'physics')
+"""Parts whose module prints its table."""
 
 
 def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend and faults, '
-            'which take an hour or more, calibration, which needs --baseline, scaling, decision. '
-            'Default: all but these.'
+            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend, physics '
+            'and faults, which take an hour or more, calibration, which needs --baseline, scaling '
+            'and decision. Default: all but these.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
@@ -48,14 +54,22 @@ def command(
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
     seed: Annotated[
-        int, typer.Option(help='loop, mend, faults, calibration: seed of everything drawn.')
+        int,
+        typer.Option(help='loop, mend, physics, faults, calibration: seed of everything drawn.'),
     ] = 1,
     baseline: Annotated[
         Path | None,
         typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
     ] = None,
     cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
-    scenarios: Annotated[int, typer.Option(help='loop, mend: number of scenarios.', min=1)] = 20,
+    scenarios: Annotated[
+        int,
+        typer.Option(
+            help='loop, mend: number of scenarios, usually 20; physics: draws of each effect, '
+            'usually 1.',
+            min=0,
+        ),
+    ] = 0,
     maps: Annotated[
         bool,
         typer.Option(
@@ -67,7 +81,9 @@ def command(
     scheduler: Scheduler = '',
     output: Annotated[
         Path | None,
-        typer.Option(help='loop, mend: folder of its runs; one with earlier runs is continued.'),
+        typer.Option(
+            help='loop, mend, physics: folder of its runs; one with earlier runs is continued.'
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -78,6 +94,8 @@ def command(
     Example: ./porotwin bench solver
 
     Example: ./porotwin bench loop --scenarios 3 --output runs/bench
+
+    Example: ./porotwin bench physics --output runs/physics
 
     Example: ./porotwin bench faults --kills 2 --hours 0.5 --tries 50
 
@@ -91,11 +109,13 @@ def command(
     many = {'workers': workers, 'scheduler': scheduler}
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
-        'mend': {'scenarios': scenarios, 'seed': seed, 'output': output, **many},
+        'mend': {'scenarios': scenarios or SCENARIOS, 'seed': seed, 'output': output, **many},
         'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
         'loop': {
-            'scenarios': scenarios, 'seed': seed, 'output': output, 'photographs': not maps, **many,
+            'scenarios': scenarios or SCENARIOS, 'seed': seed, 'output': output,
+            'photographs': not maps, **many,
         },
+        'physics': {'scenarios': scenarios or 1, 'seed': seed, 'output': output, **many},
     }  # fmt: skip
     results: dict[str, Any] = {}
     for part in parts or list(BENCHES):
@@ -107,7 +127,7 @@ def command(
         results |= found if part == 'loop' else {part: found}
         if as_json:
             continue
-        if part in ('loop', 'mend'):
+        if part in OWN_TABLES:
             module.show(found)
         elif found:
             print_table(part, list(found[0]), [list(row.values()) for row in found])

@@ -26,6 +26,12 @@ def command(
         Path | None,
         typer.Option(help='Experiment folder with the photograph of a real rig to compose on.'),
     ] = None,
+    several: Annotated[
+        bool, typer.Option(help='Only cases with three effects, or with two of one kind.')
+    ] = False,
+    coarse: Annotated[
+        bool, typer.Option(help='Cells twice as large: about five times as quick.')
+    ] = False,
     workers: Workers = None,
     scheduler: Scheduler = '',
     as_json: Json = False,
@@ -46,6 +52,9 @@ def command(
     """
     if baseline is not None and source != 'photographs':
         raise InputError('--baseline: only with --from photographs; maps need no photograph')
+    from functools import partial
+
+    from porotwin_validation.blind_cases import KINDS, SEVERAL, draw_case
     from porotwin_validation.blind_study import blind_check
 
     with progress() as bar:
@@ -58,6 +67,7 @@ def command(
             scheduler=scheduler,
             tell=say,
             progress=lambda done, _, stage: bar.update(task, completed=done, description=stage),
+            draw=partial(draw_case, kinds=SEVERAL if several else KINDS, coarse=coarse),
             source=source,
             baseline=baseline,
         )

@@ -36,13 +36,15 @@ def command(
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
-    A photograph that cannot be used is named and left out; the others are imaged. A picture of the
-    maps lies beside the output, with the same name and the ending .png. After an interruption a
+    A photograph that cannot be used is named and left out; the others are imaged. Where the plume
+    reaches a sand that the calibration has only guessed, its core tells the factor. A picture of
+    the maps lies beside the output, with the same name and the ending .png. After an interruption a
     second call goes on.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
     from porotwin_cli.grids import grid_of
+    from porotwin_cli.many_photos import each_photo
     from porotwin_cli.map_sureness import (
         doubt_entry,
         guessed_sands,
@@ -52,12 +54,15 @@ def command(
     )
     from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import picture_beside
-    from porotwin_core.parallel import crew, in_order
+    from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
     from porotwin_imaging.calibration import load_calibration
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
-    from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
+    from porotwin_imaging.photo_to_map import concentration_map
+    from porotwin_imaging.sand_refinement import refined
+    from porotwin_recording.concentration import MapOrigin
+    from porotwin_recording.map_parts import MapParts
     from porotwin_recording.recording import open_recording
 
     picture = picture_beside(output)
@@ -75,6 +80,17 @@ def command(
         )
     memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
+    if used:
+        better = refined(
+            used,
+            rig,
+            [photo.read() for photo in baselines],
+            [(photo.time, photo.read) for photo in states],
+            recording.measured or recording.commanded,
+        )
+        used = better.calibration
+        for line in better.lines:
+            say(line)
     known_factors = used.factor_deviations if used else ()
     baseline = make_baseline(
         rig,
@@ -88,16 +104,14 @@ def command(
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     source = f'{experiment.resolve()}, {len(baselines)} baselines'
-    writing = ConcentrationWriter(output, map_grid, origin=origin, resume=source)
+    writing = MapParts(output, rig, map_grid, source=source, origin=origin)
     done = set(writing.earlier)
     left = [photo for photo in states if not done or photo.time > max(done)]
     if done:
         say(f'going on behind {len(done)} maps of an interrupted call')
     with pool, writing as writer, progress() as bar:
         task = bar.add_task('photographs', total=len(states), completed=len(states) - len(left))
-        shared = (pool.share(baseline),)
-        maps = in_order(pool, _map_or_reason, map(_read_or_reason, left), first=shared)
-        for photo, found in zip(left, maps, strict=True):
+        for photo, found in each_photo(pool, concentration_map, left, baseline):
             try:
                 if isinstance(found, InputError):
                     raise found
@@ -172,32 +186,13 @@ def _imaged_before(
     return found
 
 
-def _read_or_reason(photo: 'Photo') -> bytes | InputError:
-    """Return the bytes of a photograph, or why they cannot be read."""
-    try:
-        return _read(photo)
-    except InputError as error:
-        return error
-
-
-def _map_or_reason(baseline: Any, content: bytes | InputError) -> Any:
-    """Return the map of a photograph, or why it cannot be used."""
-    from porotwin_imaging.photo_to_map import concentration_map
-
-    if isinstance(content, InputError):
-        return content
-    try:
-        return concentration_map(content, baseline)
-    except InputError as error:
-        return error
-
-
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:
     """Return the memory of one map [B]; tell the cost of the maps if a photograph takes long."""
+    from porotwin_cli.many_photos import read_photo
     from porotwin_imaging.imaging_cost import map_cost
     from porotwin_imaging.photo_file import photo_size
 
-    cost = map_cost(rig, grid, photo_size(_read(photo)))
+    cost = map_cost(rig, grid, photo_size(read_photo(photo)))
     if cost.seconds > LONG_S:
         say(f'grid {grid}: {cost}; a coarser --grid is faster')
     return cost.memory_bytes
@@ -213,11 +208,3 @@ def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
     scale = 'calibrated' if calibrated else 'uncalibrated'
     times = [float(maps.times[index]) for index in shown]
     sheet_of_maps(picture, rig, times, [maps[index] for index in shown], f'{output.name}, {scale}')
-
-
-def _read(photo: 'Photo') -> bytes:
-    """Return the bytes of a photograph; raise InputError if the file cannot be read."""
-    try:
-        return photo.read()
-    except OSError as error:
-        raise InputError(f'cannot be read ({error.strerror})') from None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.output_files import write_rows
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core import PROGRAM
@@ -14,6 +15,7 @@ from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
     from porotwin_core.grid import Grid
+    from porotwin_core.parallel import Crew
     from porotwin_core.rig import Rig
     from porotwin_imaging.colour_change import Box
     from porotwin_imaging.phase_segmentation import PhaseMap
@@ -37,6 +39,8 @@ def command(
     water: Annotated[
         list[str] | None, typer.Option(help='Box that always shows water without CO2.')
     ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Segment photographs of CO2 with a pH indicator into water, dissolved CO2 and gas.
@@ -49,13 +53,16 @@ def command(
     --dissolved 0.9,0.4,1.1,0.5@3600
     """
     from porotwin_cli.grids import grid_of
+    from porotwin_cli.many_photos import read_photo
     from porotwin_cli.output_files import check_output
     from porotwin_cli.phase_picture import phase_sheet
     from porotwin_cli.rig_drawing import picture_beside
+    from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
+    from porotwin_imaging.imaging_cost import map_cost
     from porotwin_imaging.phase_colours import DISSOLVED, GAS, WATER
     from porotwin_imaging.phase_study import PhaseStudy
-    from porotwin_imaging.photo_file import MOST_PIXELS
+    from porotwin_imaging.photo_file import MOST_PIXELS, photo_size
     from porotwin_recording.recording import open_recording
 
     picture, table = picture_beside(output), output.with_suffix('.csv')
@@ -70,7 +77,7 @@ def command(
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
     states = [photo for photo in recording.photos if photo.role == 'state']
-    first = [photo.read() for photo in recording.photos if photo.role == 'baseline']
+    first = [read_photo(photo) for photo in recording.photos if photo.role == 'baseline']
     if not first or not states:
         raise InputError(
             f'{experiment}: needs a baseline, with the indicator but without CO2, and at least one '
@@ -81,7 +88,10 @@ def command(
         say(remark)
     study = PhaseStudy.of({photo.time: photo.read for photo in states}, baseline, boxes)
     _tell_colours(study, given=bool(dissolved or gas))
-    work = _segment(states, study, output, rig)
+    memory = map_cost(rig, map_grid, photo_size(first[0])).memory_bytes
+    pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
+    with pool:
+        work = _segment(states, study, output, rig, pool)
     rows, refused = work.rows, work.refused
     phase_sheet(picture, rig, work.shown, output.name)
     write_rows(table, rows)
@@ -132,8 +142,16 @@ class _Work:
     refused: list[str] = dataclasses.field(default_factory=list)
 
 
-def _segment(states: 'Sequence[Photo]', study: 'PhaseStudy', output: Path, rig: 'Rig') -> _Work:
+def _phases(content: bytes, study: 'PhaseStudy') -> 'PhaseMap':
+    """Return the phases in a photograph."""
+    return study.phases(content)
+
+
+def _segment(
+    states: 'Sequence[Photo]', study: 'PhaseStudy', output: Path, rig: 'Rig', pool: 'Crew'
+) -> _Work:
     """Write the maps of all photographs; return their measures."""
+    from porotwin_cli.many_photos import each_photo
     from porotwin_cli.rig_drawing import chosen_maps
     from porotwin_imaging.phase_colours import PHASES
     from porotwin_recording.phase_maps import PhaseMapWriter
@@ -143,11 +161,9 @@ def _segment(states: 'Sequence[Photo]', study: 'PhaseStudy', output: Path, rig: 
     with PhaseMapWriter(output, grid, PHASES, program=PROGRAM, colours=words) as writer:
         with progress() as bar:
             task = bar.add_task('photographs', total=len(states))
-            for number, photo in enumerate(states):
-                try:
-                    found = study.phases(photo.read())
-                except (InputError, OSError) as error:
-                    work.refused.append(f'{photo.name}: {error}')
+            for number, (photo, found) in enumerate(each_photo(pool, _phases, states, study)):
+                if isinstance(found, InputError):
+                    work.refused.append(f'{photo.name}: {found}')
                     say(work.refused[-1])
                 else:
                     writer.append(photo.time, found.phase, found.confidence)

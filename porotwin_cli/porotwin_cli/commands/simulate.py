@@ -1,6 +1,7 @@
 """./porotwin simulate: the physics-based model alone, from rig.yaml and rates.csv."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,8 @@ from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
-    from porotwin_core.grid import FloatArray
+    from porotwin_cli.free_run_errors import LateMaps
+    from porotwin_core.grid import FloatArray, Grid
     from porotwin_recording.recording import Recording
 
 SHORTEST_STEP_S = 30.0
@@ -53,7 +55,8 @@ def command(
     """Simulate an experiment from its rates.
 
     The simulation runs freely: it reads the rig and the rates of the recording, but no maps.
-    A picture of the maps lies beside the output, with the same name and the ending .png.
+    Beside the maps of a recording its error over their last 30 % is told. A picture of the maps
+    lies beside the output, with the same name and the ending .png.
 
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """
@@ -80,6 +83,7 @@ def command(
     maps = simulated_maps(
         rig, recording.schedule, moments, grid=cells, preset=preset, effects=effects
     )
+    compared = _late_maps(recording, cells, times)
     shown = chosen_maps(len(moments))
     pictured: list[FloatArray] = []
     with ConcentrationWriter(output, cells) as writer, progress() as bar:
@@ -88,9 +92,12 @@ def command(
             writer.append(time, values)
             if index in shown:
                 pictured.append(values)
+            if compared is not None:
+                compared.see(index, values)
             bar.advance(task)
     title = f'{recording.source.name}: model, preset {preset}'
     sheet_of_maps(picture, rig, [moments[index] for index in shown], pictured, title)
+    errors = compared.errors() if compared is not None else None
     if as_json:
         print_json(
             {
@@ -99,10 +106,22 @@ def command(
                 'grid': str(cells),
                 'frames': len(moments),
                 'preset': preset,
+                'errors': None if errors is None else asdict(errors),
             }
         )
-    else:
-        print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
+        return
+    print(f'{len(moments)} maps on {cells} in {output}, picture: {picture}')
+    if errors is not None:
+        print(errors)
+
+
+def _late_maps(recording: 'Recording', grid: 'Grid', times: str) -> 'LateMaps | None':
+    """Return what to compare with; None where there are no maps at these times and cells."""
+    from porotwin_cli.free_run_errors import LateMaps
+
+    if recording.maps is None or times or recording.grid != grid or len(recording.times) < 2:
+        return None
+    return LateMaps(recording)
 
 
 def _recorded_times(recording: 'Recording') -> list[float]:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from porotwin_cli.crew_options import Scheduler
 from porotwin_cli.terminal import Json, print_json, refuse_existing
 
 PAIRS_KEPT = 300
@@ -35,6 +36,7 @@ def command(
     workers: Annotated[
         int, typer.Option(help='Threads that run the model. 0: one for each core.', min=0)
     ] = 0,
+    scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
     """Train COSTA on the errors of the physics-based model.
@@ -47,38 +49,55 @@ def command(
     """
     import numpy as np
 
-    from porotwin_cli.costa_data import dataset_of, frames_of, open_all, train_on_runs, with_effects
+    from porotwin_cli.costa_data import (
+        account_of,
+        dataset_of,
+        frames_of,
+        open_all,
+        train_on_runs,
+        with_effects,
+    )
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_core.rig import load_rig
+    from porotwin_costa.data_parallel import joined
     from porotwin_costa.dataset import newest, pairs_beside
     from porotwin_costa.networks import architecture as named
     from porotwin_solver.prediction_cost import prediction_cost
 
     refuse_existing(output)
     network = named(architecture)
-    description = with_effects(load_rig(rig), effect)
+    bare = load_rig(rig)
+    description = with_effects(bare, effect)
     cells = grid_of(grid, description)
     experiments = [frames_of(recording, cells) for recording in open_all(recordings, description)]
     steps = np.concatenate([np.diff(frames.times) for frames in experiments])
     time_step = float(np.median(steps))
     cost = prediction_cost(description, cells, preset=preset, duration=time_step)
     tell_cost(cost, f'{len(steps)} predictions for the training pairs', len(steps))
-    model = train_on_runs(
-        experiments,
-        description,
-        grid=cells,
-        time_step=time_step,
-        preset=preset,
-        architecture=network,
-        epochs=epochs,
-        seed=seed,
-        workers=workers or os.cpu_count() or 1,
-    )
+    with joined() as writes:
+        model = train_on_runs(
+            experiments,
+            description,
+            grid=cells,
+            time_step=time_step,
+            preset=preset,
+            architecture=network,
+            epochs=epochs,
+            seed=seed,
+            workers=workers or os.cpu_count() or 1,
+            scheduler=scheduler,
+        )
+    if not writes:
+        return
     model.save(output)
     pairs = dataset_of(experiments, description, grid=cells, time_step=time_step, preset=preset)
     newest(pairs, PAIRS_KEPT).save(pairs_beside(output))
+    account = account_of(model, experiments, bare, description, preset)
     if as_json:
         learnt = None if model.learnt is None else model.learnt.description()
-        print_json({'output': output, 'learnt_physics': learnt, **model.provenance})
+        print_json(
+            {'output': output, 'learnt_physics': learnt, 'account': account, **model.provenance}
+        )
     else:
         print(f'{output}: {model.provenance["gate"]["says"]}')
+        print('\n'.join(account['says']))

@@ -8,9 +8,16 @@ import netCDF4
 import numpy as np
 import pytest
 from cli_examples import porotwin
+from sparse_bags import SparseBag
 
 from porotwin_core.rig import load_rig
-from porotwin_recording.concentration import ConcentrationWriter, open_maps
+from porotwin_recording import topic_names
+from porotwin_recording.concentration import open_maps
+from porotwin_recording.map_parts import MapParts
+from porotwin_recording.recording import open_recording
+
+LARGE = 20_000_000
+"""Size that every photograph of the large bag claims [B]."""
 
 
 def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> None:
@@ -27,30 +34,46 @@ def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> 
     assert np.nanmax(seen) > 0.5
 
 
-def test_image_goes_on_where_an_interrupted_call_stopped(experiment: Path, tmp_path: Path) -> None:
-    words = ('image', experiment, '--grid', '94x56', '--json', '--output')
-    whole = json.loads(porotwin(*words, tmp_path / 'whole.nc').stdout)['maps']
-    maps = open_maps(tmp_path / 'whole.nc', load_rig(experiment))
-    source = f'{experiment.resolve()}, 1 baselines'
+@pytest.fixture
+def large_bag(experiment: Path, tmp_path: Path) -> Path:
+    """The photographs of `experiment` as a bag of two files; each claims 20 MB, mostly a hole."""
+    photos = open_recording(experiment).photos
+    (tmp_path / 'large').mkdir()
+    for number, part in enumerate((photos[:4], photos[4:])):
+        bag = SparseBag(tmp_path / 'large' / f'large_{number}.mcap', load_rig(experiment))
+        for place, photo in enumerate(part, start=4 * number - 1):
+            topic = 'camera/baseline/compressed' if photo.role == 'baseline' else topic_names.IMAGE
+            bag.photograph(place, LARGE, topic=topic, content=photo.read())
+        bag.close()
+    return tmp_path / 'large'
+
+
+def test_image_of_a_large_bag_goes_on_after_a_kill(
+    experiment: Path, large_bag: Path, tmp_path: Path
+) -> None:
+    words = ('image', large_bag, '--grid', '94x56', '--json', '--output')
+    rig, output = load_rig(experiment), tmp_path / 'maps.nc'
+    whole = json.loads(porotwin(*words, tmp_path / 'whole.nc', '--workers', '1').stdout)['maps']
+    maps = open_maps(tmp_path / 'whole.nc', rig)
+    assert [entry['photo'] for entry in whole] == [f'photos/state_{n:04d}.jpg' for n in range(1, 7)]
+    source = f'{large_bag.resolve()}, 1 baselines'
     with (
         pytest.raises(KeyboardInterrupt),
-        ConcentrationWriter(
-            tmp_path / 'maps.nc', maps.grid, origin=maps.origin, resume=source
-        ) as writer,
+        MapParts(output, rig, maps.grid, source=source, origin=maps.origin) as writer,
     ):
         for time, (values, own, shared) in zip(
             maps.times[:4], maps.with_deviations(), strict=False
         ):
             writer.append(float(time), values, deviation=own, systematic=shared)
         raise KeyboardInterrupt
-    result = porotwin(*words, tmp_path / 'maps.nc')
+    result = porotwin(*words, output, '--workers', '2')
     assert result.returncode == 0, result.stderr
     assert 'going on behind 4 maps' in result.stderr
     again = json.loads(result.stdout)['maps']
     assert [entry['photo'] for entry in again] == [entry['photo'] for entry in whole]
     assert [entry['plume'] for entry in again] == [entry['plume'] for entry in whole]
-    np.testing.assert_array_equal(open_maps(tmp_path / 'maps.nc', load_rig(experiment))[:], maps[:])
-    assert not list(tmp_path.glob('*.partial'))
+    np.testing.assert_array_equal(open_maps(output, rig)[:], maps[:])
+    assert not output.with_name('maps.nc.parts').exists()
 
 
 def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_path: Path) -> None:

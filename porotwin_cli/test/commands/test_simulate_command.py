@@ -14,7 +14,11 @@ from porotwin_recording.recording import open_recording
 def test_simulate_follows_the_rig(experiment: Path, tmp_path: Path) -> None:
     result = porotwin('simulate', experiment, '--output', tmp_path / 'model.nc', '--json')
     assert result.returncode == 0, result.stderr
-    assert json.loads(result.stdout)['grid'] == '94x56'
+    answer = json.loads(result.stdout)
+    assert answer['grid'] == '94x56'
+    errors = answer['errors']
+    assert errors['blurred_error'] <= errors['error'] < 0.1
+    assert errors['noise'] < 0.05
     recording = open_recording(experiment)
     with netCDF4.Dataset(tmp_path / 'model.nc') as dataset:
         model = np.asarray(dataset['concentration'][:])

@@ -29,8 +29,8 @@ from porotwin_diagnosis.thresholds import (
 )
 
 StrengthMeasures = tuple[float, float]
-"""Two measures of how strong a member of a pair is: 1 / (held-out error that it leaves alone), and
-the relative L2 norm of the change that it makes alone in the held-out maps."""
+"""Two measures of how strong a member of a combination is: 1 / (held-out error that it leaves
+alone), and the relative L2 norm of the change that it makes alone in the held-out maps."""
 
 
 def confidence(log_odds: float) -> float:
@@ -61,22 +61,25 @@ def missing_log_odds(lack_of_fit: float) -> float:
 
 
 def order_log_odds(members: Sequence[str], findings: Findings) -> float:
-    """Return the log-odds that the first of two `members` is the stronger one.
+    """Return the log-odds that the first of the `members` is the strongest one.
 
-    The smaller ratio of the two measures of strength counts, so that the order is uncertain where
-    the effects are equally strong or where the measures disagree. Infinite where the strengths of
-    both are not known.
+    The smallest ratio of the two measures of strength counts, so that the order is uncertain where
+    effects are equally strong or where the measures disagree. Infinite where the strengths are not
+    known, or where all members are the same effect.
     """
-    strength = {fit.members[0].effect: both for fit, both in strengths(findings)}
-    if set(strength) != set(members):
+    strength = {fit.members[0].effect: both for fit, both in reversed(strengths(findings))}
+    others = [name for name in members if name != members[0]]
+    if set(strength) != set(members) or not others:
         return math.inf
-    first, second = (strength[name] for name in members)
-    ratio = min(first[0] / second[0], first[1] / second[1])
+    first = strength[members[0]]
+    ratio = min(
+        one / other for name in others for one, other in zip(first, strength[name], strict=True)
+    )
     return ORDER_LOG_ODDS + ORDER_SLOPE * max(0.0, math.log(ratio))
 
 
 def strengths(findings: Findings) -> list[tuple[Fit, StrengthMeasures]]:
-    """Return the two members of the best pair, each as a fit of its own, with their strengths."""
+    """Return the members of the best combination, each as a fit of its own, with its strengths."""
     return [
         (part, (1.0 / max(part.held_out_error, 1e-9), max(change, 1e-9)))
         for part, change in zip(findings.parts, findings.part_changes, strict=True)
@@ -111,7 +114,7 @@ def pair_log_odds(pair: Fit, names: Collection[str], findings: Findings) -> floa
     """
     others = [
         larger_misfit(fit)
-        for fit in (*findings.pairs, *findings.singles)
+        for fit in (*findings.triples, *findings.pairs, *findings.singles)
         if not any(member.effect in names for member in fit.members)
     ]
     return log_odds_against(min(others, default=math.inf), larger_misfit(pair))

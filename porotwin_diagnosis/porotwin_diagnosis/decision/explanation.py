@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from porotwin_diagnosis.decision.confidence import strengths
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.ranking import normalised_misfit, score
+from porotwin_diagnosis.search.ranking import (
+    earns_its_place,
+    lack_of_fit,
+    normalised_misfit,
+)
 from porotwin_diagnosis.thresholds import (
     INDISTINGUISHABLE,
     NO_GAP_MISFIT,
-    PAIR_GAIN,
-    SUFFICIENT_MISFIT,
-    SUFFICIENT_PAIR_MISFIT,
-    UNRESOLVED_SHARE,
 )
 
 
@@ -26,7 +26,7 @@ class Explanation:
     """The model that is kept, before it is tested on the held-out maps.
 
     Attributes:
-        model: the model without effects, the best single effect, or the best pair.
+        model: the model without effects, the best single effect, pair or triple.
         lack_of_fit: normalised misfit of the model, relative to the largest that a true model has.
             Above 1 the model misses something, and the next three attributes are empty.
         members: names of its effects, the strongest first.
@@ -55,6 +55,8 @@ def explain(findings: Findings) -> Explanation:
     members = _strongest_first(model, findings)
     if len(members) == 1:
         return Explanation(model, lack, members, _inseparable_singles(findings))
+    if len(members) > 2:
+        return Explanation(model, lack, members)
     alternatives = _inseparable_pairs(findings)
     return Explanation(
         model, lack, members, _in_place_of_first(members, alternatives), alternatives
@@ -66,31 +68,20 @@ def kept_model(findings: Findings) -> Fit:
 
     1. The model without effects, if it leaves no gap.
     2. The best single effect, if it suffices.
-    3. The best pair, if the second effect earns its place: the misfit falls below `PAIR_GAIN` of
-       the single effect's, and the held-out misfit falls too.
-    4. Otherwise the best single effect.
+    3. The best pair, if the second effect earns its place, and if it suffices.
+    4. The best triple, if there is one: its third effect has earned its place.
+    5. Otherwise the pair, or the single effect where the second one has not earned its place.
     """
-    null, best = findings.null, findings.singles[0]
+    null, kept = findings.null, findings.singles[0]
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return null
-    if not findings.pairs or lack_of_fit(best, null) <= 1.0:
-        return best
-    pair = findings.pairs[0]
-    earns_its_place = (
-        score(pair) < PAIR_GAIN * score(best) and pair.held_out_misfit < best.held_out_misfit
-    )
-    return pair if earns_its_place else best
-
-
-def lack_of_fit(model: Fit, null: Fit) -> float:
-    """Return the misfit of `model` relative to the largest misfit of a true model.
-
-    lack of fit = m / sqrt(limit^2 + (u m0)^2), with the normalised misfits m of the model and m0
-    of the model without effects, `null`. The limit is `SUFFICIENT_MISFIT` (of pairs
-    `SUFFICIENT_PAIR_MISFIT`), and u is `UNRESOLVED_SHARE`.
-    """
-    limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
-    return normalised_misfit(model) / math.hypot(limit, UNRESOLVED_SHARE * normalised_misfit(null))
+    for combinations in (findings.pairs, findings.triples):
+        if lack_of_fit(kept, null) <= 1.0 or not combinations:
+            break
+        if not earns_its_place(combinations[0], kept):
+            break
+        kept = combinations[0]
+    return kept
 
 
 def _strongest_first(model: Fit, findings: Findings) -> tuple[str, ...]:

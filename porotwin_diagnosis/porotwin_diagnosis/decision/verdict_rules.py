@@ -10,10 +10,9 @@ from porotwin_diagnosis.decision.confidence import (
     sufficient_log_odds,
 )
 from porotwin_diagnosis.decision.evidence import Evidence
-from porotwin_diagnosis.decision.explanation import lack_of_fit
 from porotwin_diagnosis.decision.probabilities import effect_probabilities
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
-from porotwin_diagnosis.search.ranking import normalised_misfit
+from porotwin_diagnosis.search.ranking import lack_of_fit, normalised_misfit
 from porotwin_diagnosis.thresholds import CONTRADICTED_CONFIDENCE, SCANT_CONFIDENCE
 
 Names = tuple[str, ...]
@@ -74,8 +73,9 @@ def _log_odds(evidence: Evidence) -> float:
 
     - No effect: that there is no gap.
     - One effect: that it is the right one, and that it is enough.
-    - A pair: that it is the right one, that one effect is not enough (a second one may stand for
-      something that the library lacks), which one is the stronger, and that the pair is enough.
+    - A pair or a triple: that it is the right one, that fewer effects are not enough (a further one
+      may stand for something that the library lacks), which one is the strongest, and that it is
+      enough.
     """
     findings, kept = evidence.findings, evidence.explanation
     if not kept.members:
@@ -84,9 +84,10 @@ def _log_odds(evidence: Evidence) -> float:
     enough = sufficient_log_odds(kept.lack_of_fit)
     if len(kept.members) == 1:
         return min(single_log_odds(same, effect_probabilities(findings)), enough)
+    fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     return min(
         pair_log_odds(kept.model, same, findings),
-        missing_log_odds(lack_of_fit(findings.singles[0], findings.null)),
+        missing_log_odds(lack_of_fit(fewer, findings.null)),
         order_log_odds(kept.members, findings),
         enough,
     )

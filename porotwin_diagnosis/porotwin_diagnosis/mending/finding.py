@@ -9,6 +9,7 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_solver.effects import EFFECTS, effect
 from porotwin_solver.effects.definition.effect import Scope
 from porotwin_solver.effects.definition.words import plain
@@ -134,15 +135,14 @@ def finding_of(summary: dict[str, Any], report: str = '') -> Finding:
         KeyError: an entry is missing.
         InputError: an effect is unknown, or has another parameter.
     """
-    rows = {row['name']: row for row in summary['effects']}
     named = [
         EffectDescription(
-            name=name,
-            parameters=effect(name).checked(
-                {key: entry['value'] for key, entry in rows[name]['parameters'].items()}
+            name=row['name'],
+            parameters=effect(row['name']).checked(
+                {key: entry['value'] for key, entry in row['parameters'].items()}
             ),
         )
-        for name in summary['combination']
+        for row in named_rows(summary, summary['combination'])
     ]
     errors = summary['error']
     return Finding(

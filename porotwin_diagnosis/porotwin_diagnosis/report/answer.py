@@ -1,7 +1,7 @@
 """The first screen of the report: the cause, where it acts, how much it is, how sure that is."""
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
@@ -10,6 +10,7 @@ from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.markup import percent
+from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, phrase, spoken
 from porotwin_diagnosis.search.ranking import misfit_beyond_noise
 from porotwin_diagnosis.thresholds import SCANT_CONFIDENCE, WORSENED
@@ -62,11 +63,11 @@ def _named(result: Diagnosis, summary: Summary) -> str:
     verdict = result.verdict
     same = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.inseparable]
     names = ' or '.join(map(_together, [verdict.members, *same]))
-    means = ', and '.join(meaning(name, summary) for name in verdict.members)
+    means = ', and '.join(meanings(verdict.members, summary))
     if same:
         names += f', which {these(result)} cannot separate'
     if not verdict.alternatives:
-        means = ', or '.join([means, *(meaning(name, summary) for name in verdict.inseparable)])
+        means = ', or '.join([means, *meanings(verdict.inseparable, summary)])
     return f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means}'
 
 
@@ -105,7 +106,7 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     """Say which effects were tried, and the error that remains with the best of them."""
     findings, errors = result.evidence.findings, summary['error']
     tried = len({fit.members[0].effect for fit in findings.screened})
-    pairs = ', and none of their best pairs,' if findings.pairs else ''
+    pairs = ', and none of their best combinations,' if findings.pairs else ''
     best, after = label(result.verdict.model), percent(errors['after'])
     shift = misplaced_fronts(result, result.verdict.model)
     remaining = f'as if fronts were {shift} off'
@@ -177,14 +178,19 @@ def _where(result: Diagnosis, summary: Summary) -> str:
         return _hot_spots(result)
     same = () if verdict.alternatives else verdict.inseparable
     names = (*verdict.members, *same)
-    places = [_place_of(name, result, summary) for name in names]
+    places = _places_of(names, result, summary)
     if len(set(places)) == 1:
         return places[0]
     lines = zip(names, places, strict=True)
     return '<br>'.join(f'{spoken(name)}: {place}' for name, place in lines)
 
 
-def _place_of(name: str, result: Diagnosis, summary: Summary) -> str:
+def _places_of(names: Sequence[str], result: Diagnosis, summary: Summary) -> list[str]:
+    rows = named_rows(summary, names)
+    return [_place_of(name, row, result) for name, row in zip(names, rows, strict=True)]
+
+
+def _place_of(name: str, row: Mapping[str, Any], result: Diagnosis) -> str:
     if EFFECTS[name].is_of_camera:
         return (
             'Nowhere in the rig: this is an effect of the camera. “Where it arises” means nothing '
@@ -192,7 +198,7 @@ def _place_of(name: str, result: Diagnosis, summary: Summary) -> str:
         )
     if name == NUMERICAL:
         return 'In the model, at every front.'
-    values = {key: entry['value'] for key, entry in _row(name, summary)['parameters'].items()}
+    values = {key: entry['value'] for key, entry in row['parameters'].items()}
     if EFFECTS[name].has_place:
         return f'At x = {values["x"]:.3f} m, z = {values["z"]:.3f} m.'
     if 'well' in values:
@@ -289,15 +295,9 @@ def these(result: Diagnosis) -> str:
     return 'this recording' if len(result.recordings) == 1 else 'these recordings'
 
 
-def meaning(name: str, summary: Summary) -> str:
-    """Return the meaning of effect `name` with its fitted parameters, in words."""
-    return phrase(name, _row(name, summary)['parameters'])
-
-
-def _row(name: str, summary: Summary) -> Mapping[str, Any]:
-    """Return the row of effect `name` in diagnosis.json."""
-    row: Mapping[str, Any] = next(row for row in summary['effects'] if row['name'] == name)
-    return row
+def meanings(names: Sequence[str], summary: Summary) -> list[str]:
+    """Return the meanings of the effects `names` with their fitted parameters, in words."""
+    return [phrase(row['name'], row['parameters']) for row in named_rows(summary, names)]
 
 
 def label(fit: Fit) -> str:

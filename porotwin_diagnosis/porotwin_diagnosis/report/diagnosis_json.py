@@ -16,6 +16,7 @@ from porotwin_diagnosis.decision.verdict import NUMERICAL
 from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.gap_map import Phase, Spot
+from porotwin_diagnosis.report.named_rows import occurrence, with_occurrences
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import overall_misfit, score
 from porotwin_diagnosis.thresholds import INTERVAL_DEVIATIONS
@@ -206,18 +207,18 @@ def _effects(result: Diagnosis) -> list[dict[str, Any]]:
     verdict, errors = result.verdict, errors_of(result.held_out)
     best = _best_fits(result.evidence.findings)
     probabilities = stated_probabilities(verdict, list(best))
-    rows: dict[str, dict[str, Any]] = {
-        name: {
+    rows: dict[tuple[str, int], dict[str, Any]] = {
+        (name, 0): {
             'name': name,
             'probability': round(probabilities[name], 4),
-            'parameters': _parameters(fit, name),
+            'parameters': _parameters(fit, name, 0),
             **_errors_alone(fit, errors, result.evidence.findings),
         }
         for name, fit in best.items()
     }
-    for name in verdict.members:
-        alone = rows[name] if name in best else {}
-        rows[name] = alone | _member_row(name, result, errors)
+    for name, number in with_occurrences(verdict.members):
+        alone = rows[name, 0] if name in best else {}
+        rows[name, number] = alone | _member_row(name, number, result, errors)
     return sorted(
         rows.values(),
         key=lambda row: (
@@ -239,17 +240,19 @@ def _best_fits(findings: Findings) -> dict[str, Fit]:
     return best
 
 
-def _member_row(name: str, result: Diagnosis, errors: Errors) -> dict[str, Any]:
-    """Return the entries of a named effect that replace the entries of its fit alone."""
+def _member_row(name: str, number: int, result: Diagnosis, errors: Errors) -> dict[str, Any]:
+    """Return the entries of a named effect that replace the entries of its fit alone.
+
+    `number` counts the members of the same name.
+    """
     verdict, findings = result.verdict, result.evidence.findings
     if name == NUMERICAL:
         return _numerical_row(result, errors)
     row: dict[str, Any] = {}
     if len(verdict.model.members) > 1:  # the order of the members is decided by these fits
-        for part in findings.parts:
-            if part.members[0].effect == name:
-                row = _errors_alone(part, errors, findings)
-    row['parameters'] = _parameters(verdict.model, name)
+        parts = [part for part in findings.parts if part.members[0].effect == name]
+        row = _errors_alone(parts[number], errors, findings) if number < len(parts) else {}
+    row['parameters'] = _parameters(verdict.model, name, number)
     if len(verdict.model.members) == 1:
         row |= {'error_after': errors.after, 'gap_closed': errors.gap_closed}
     return row
@@ -293,27 +296,28 @@ def _errors_alone(fit: Fit, errors: Errors, findings: Findings) -> dict[str, flo
     }
 
 
-def _parameters(fit: Fit, name: str) -> dict[str, Any]:
-    """Return the parameters of member `name`, with their 90 % intervals where they are known."""
-    for member, scaled, deviations in fit.member_parameters:
-        if member.effect != name:
-            continue
-        found: dict[str, Any] = {}
-        for key, value in member.fixed.items():
-            found[key] = {'value': value}
-            if not isinstance(value, str):
-                unit = EFFECTS[name].parameters[key].unit
-                found[key] |= {'low': None, 'high': None, 'unit': unit}
-        for parameter, at, deviation in zip(member.parameters, scaled, deviations, strict=True):
-            low, high = None, None
-            if deviation > 0 and math.isfinite(deviation):
-                low = parameter.value(float(at) - INTERVAL_DEVIATIONS * float(deviation))
-                high = parameter.value(float(at) + INTERVAL_DEVIATIONS * float(deviation))
-            found[parameter.name] = {
-                'value': parameter.value(float(at)),
-                'low': low,
-                'high': high,
-                'unit': parameter.unit,
-            }
-        return found
-    return {}
+def _parameters(fit: Fit, name: str, number: int) -> dict[str, Any]:
+    """Return the parameters of a member with their 90 % intervals, where they are known.
+
+    It is member `number` of those with the effect `name`.
+    """
+    mine = [one for one in fit.member_parameters if one.candidate.effect == name]
+    member, scaled, deviations = occurrence(mine, number, name)
+    found: dict[str, Any] = {}
+    for key, value in member.fixed.items():
+        found[key] = {'value': value}
+        if not isinstance(value, str):
+            unit = EFFECTS[name].parameters[key].unit
+            found[key] |= {'low': None, 'high': None, 'unit': unit}
+    for parameter, at, deviation in zip(member.parameters, scaled, deviations, strict=True):
+        low, high = None, None
+        if deviation > 0 and math.isfinite(deviation):
+            low = parameter.value(float(at) - INTERVAL_DEVIATIONS * float(deviation))
+            high = parameter.value(float(at) + INTERVAL_DEVIATIONS * float(deviation))
+        found[parameter.name] = {
+            'value': parameter.value(float(at)),
+            'low': low,
+            'high': high,
+            'unit': parameter.unit,
+        }
+    return found

@@ -29,6 +29,7 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
         'screened': [_fit_json(fit) for fit in findings.screened],
         'singles': [_fit_json(fit) for fit in findings.singles],
         'pairs': [_fit_json(fit) for fit in findings.pairs],
+        'triples': [_fit_json(fit) for fit in findings.triples],
         'parts': [_fit_json(fit) for fit in findings.parts],
         'part_changes': findings.part_changes,
         'distances': findings.distances,
@@ -61,7 +62,7 @@ def read_evidence(path: Path) -> Evidence:
 
 def _read_findings(content: dict[str, Any]) -> Findings:
     def fits(name: str) -> list[Fit]:
-        return [_read_fit(fit) for fit in content[name]]
+        return [_read_fit(fit) for fit in content.get(name, ())]
 
     return Findings(
         null=_read_fit(content['null']),
@@ -74,6 +75,7 @@ def _read_findings(content: dict[str, Any]) -> Findings:
         distances=content['distances'],
         pair_distances=content['pair_distances'],
         runs=content['runs'],
+        triples=fits('triples'),
     )
 
 

@@ -49,8 +49,8 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
     note = (
         '<p>Every effect in the table was fitted to the first 70 % of the recording. Without any '
         f'effect the error of the held-out part is {percent(before)}{_joint_error(result, summary)}'
-        '. Probabilities follow from the misfit at the fronts of the whole recording. Both members '
-        'of a pair have the probability of the pair. The remainder to 100 % is for causes that the '
+        '. Probabilities follow from the misfit at the fronts of the whole recording. All members '
+        'of a combination have its probability. The remainder to 100 % is for causes that the '
         'library lacks.</p>'
     )
     return note + table(head, rows, {4, 5})
@@ -80,9 +80,9 @@ def tried_pairs(result: Diagnosis, summary: Summary) -> str:
 
     rows = [
         [label(fit), percent(error(fit)), f'{max(misfit_beyond_noise(fit)):.2f}']
-        for fit in (findings.singles[0], *findings.pairs)
+        for fit in (findings.singles[0], *findings.pairs, *findings.triples)
     ]
-    note = '<p>The best single effect, and the pairs that reached the final judgement:</p>'
+    note = '<p>The best single effect, and the combinations that reached the final judgement:</p>'
     return note + table(['effects', 'error with them', 'misfit beyond noise'], rows, {1, 2})
 
 

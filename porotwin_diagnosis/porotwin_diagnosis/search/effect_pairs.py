@@ -134,8 +134,8 @@ def exchanged_pairs(
         for member, scaled, _ in best.member_parameters:
             levels.progress(f'another effect beside {member.label}', 0.65)
             base = levels.screening.evaluate((member,), scaled)
-            partners = _partners(levels, space, base, screened, all_partners=False)
-            found |= _fitted_pairs(levels, base, partners, pairs.keys() | found.keys())
+            partners = best_partners(levels, space, base, screened)
+            found |= combined_fits(levels, base, partners, pairs.keys() | found.keys())
         last = min(found.values(), key=score, default=best)
         if score(last) >= score(best):
             break
@@ -164,8 +164,11 @@ def _screened_pairs(
     pairs: Pairs = {}
     for index, base in enumerate(bases):
         levels.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
-        partners = _partners(levels, space, base, screened, all_partners=index < with_all_partners)
-        pairs |= _fitted_pairs(levels, base, partners, pairs.keys())
+        every = index < with_all_partners
+        partners = best_partners(
+            levels, space, base, screened, one_parameter=every, with_places=every
+        )
+        pairs |= combined_fits(levels, base, partners, pairs.keys())
     pairs |= _relocated(levels, pairs)
     pairs |= exchanged_pairs(levels, space, pairs, screened)
     return sorted(
@@ -191,17 +194,17 @@ def _relocated(levels: Levels, pairs: Mapping[frozenset[str], Fit]) -> Pairs:
             base = levels.screening.evaluate((kept.candidate,), kept.scaled)
             starts = place_starts(levels, moved.candidate.effect, beside=base)
             for start in starts[:RELOCATED_PAIRS]:
-                for key, fit in _fitted_pairs(levels, base, [start], ()).items():
+                for key, fit in combined_fits(levels, base, [start], ()).items():
                     found[key] = min(fit, found.get(key, pair), key=score)
     return found
 
 
-def _fitted_pairs(
+def combined_fits(
     levels: Levels, base: Fit, partners: Sequence[Candidate], known: Collection[frozenset[str]]
 ) -> Pairs:
     """Return the fits of `base` with each of `partners` on the screening cells.
 
-    Pairs that are `known` already, and fits with a leak at a pumping well, are left out.
+    Combinations that are `known` already, and fits with a leak at a pumping well, are left out.
     """
     chosen: dict[frozenset[str], Candidate] = {}
     for partner in partners:
@@ -221,26 +224,46 @@ def _fitted_pairs(
     return {key: fit for key, fit in pairs if fit.is_feasible and not levels.has_leak_at_well(fit)}
 
 
-def _partners(
-    levels: Levels, space: SearchSpace, base: Fit, screened: Sequence[Fit], *, all_partners: bool
+def best_partners(
+    levels: Levels,
+    space: SearchSpace,
+    base: Fit,
+    screened: Sequence[Fit],
+    *,
+    one_parameter: bool = False,
+    with_places: bool = False,
 ) -> list[Candidate]:
     """Return the partners of `base`, by the share of its residual that they explain.
 
-    With `all_partners`, these include all effects with one parameter that belong to no well, and
-    effects with a place, at the place that fits best together with `base`.
+    Args:
+        levels: the levels of the recordings.
+        space: effects of the search.
+        base: one effect, or several.
+        screened: fits of single effects on the screening cells.
+        one_parameter: include all effects with one parameter that belong to no well.
+        with_places: include effects with a place, at the place that fits best beside `base`.
     """
     partners = [
         candidate
         for rank, candidate in enumerate(_by_linear_gain(levels, base, screened))
         if rank < PAIR_PARTNERS
         or candidate.effect in TRIED_IN_EVERY_PAIR
-        or (all_partners and len(candidate.parameters) == 1 and 'well' not in candidate.fixed)
+        or (one_parameter and len(candidate.parameters) == 1 and 'well' not in candidate.fixed)
     ]
-    if all_partners:
-        for effect in space.local_effects:
-            if effect != base.members[0].effect:
-                partners.extend(place_starts(levels, effect, beside=base)[:1])
+    for effect in space.local_effects if with_places else ():
+        partners.extend(place_starts(levels, effect, beside=base)[:1])
     return partners
+
+
+def may_join(candidate: Candidate, members: Sequence[Candidate]) -> bool:
+    """Return whether `candidate` without a place may be fitted beside `members`.
+
+    An effect is there once, but two wells may have the same effect.
+    """
+    return all(
+        candidate.effect != member.effect or candidate.fixed.get('well') != member.fixed.get('well')
+        for member in members
+    )
 
 
 def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[Candidate]:
@@ -255,7 +278,7 @@ def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[
     others = [
         candidate
         for candidate in candidates
-        if candidate.effect != base.members[0].effect and not has_place(candidate.effect)
+        if may_join(candidate, base.members) and not has_place(candidate.effect)
     ]
 
     def gain(candidate: Candidate) -> float:

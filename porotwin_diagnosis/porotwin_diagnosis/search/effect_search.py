@@ -5,7 +5,8 @@ cells.
 2. Refinement: the best fits are fitted again on the cells of the recording.
 3. Judgement: the best of those are fitted on fine cells, then again with the multifidelity
    correction and the point spread that suit them (`levels`).
-4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`).
+4. Pairs: if no single effect closes the gap, pairs go through the same stages (`effect_pairs`), and
+   if no pair closes it, a third effect is added to the best one (`third_effect`).
 
 If the model without effects surely leaves no gap, the search ends early: effects without a place
 are screened, and the best one is judged.
@@ -41,6 +42,7 @@ from porotwin_diagnosis.search.single_effects import (
     screened_singles,
     search_space,
 )
+from porotwin_diagnosis.search.third_effect import judged_triples
 from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
     EXPLAINED_MISFIT,
@@ -54,6 +56,13 @@ class SearchResult(NamedTuple):
 
     findings: Findings
     levels: Levels
+
+
+class SearchStep(NamedTuple):
+    """The levels that are in use, and the findings so far."""
+
+    levels: Levels
+    findings: Findings
 
 
 def search_effects(
@@ -89,11 +98,7 @@ def search_effects(
     levels = levels.corrected_at(null)
     findings = Findings(levels.null(), screened_null, screened, singles)
     if normalised_misfit(singles[0]) > EXPLAINED_MISFIT:
-        levels, pairs = _found_pairs(levels, space, findings)
-        findings = replace(findings, pairs=pairs)
-        if pairs:
-            levels = levels.corrected_at(pairs[0])
-    findings = replace(findings, parts=_parts(levels, findings.pairs))
+        levels, findings = _with_combinations(levels, space, findings)
     levels, singles = fitted_again_alone(levels, findings)
     findings = replace(findings, singles=singles)
     return SearchResult(_with_distances(levels, findings), levels)
@@ -113,6 +118,17 @@ def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judge
     best = close_to_best(first_of_each_effect(screened))[:REFINED_FITS]
     refined = levels.refined(best, 0.3)
     return levels.judged_again(levels.judged(refined, 0.4), null, 0.48)
+
+
+def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:
+    """Return `findings` with pairs, triples and the members of the best combination."""
+    levels, pairs = _found_pairs(levels, space, findings)
+    findings = replace(findings, pairs=pairs)
+    levels, triples = judged_triples(levels, space, findings)
+    best = [*triples, *pairs][:1]
+    for fit in best:
+        levels = levels.corrected_at(fit)
+    return SearchStep(levels, replace(findings, triples=triples, parts=_parts(levels, best)))
 
 
 def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -136,12 +152,12 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     return Judgement(levels, pairs)
 
 
-def _parts(levels: Levels, pairs: Sequence[Fit]) -> list[Fit]:
-    """Return the members of the best pair, each judged alone with its parameters in the pair."""
+def _parts(levels: Levels, best: Sequence[Fit]) -> list[Fit]:
+    """Return the members of the `best` combination, each judged alone with its parameters there."""
     return [
         levels.judging.evaluate((member,), scaled)
-        for pair in pairs[:1]
-        for member, scaled, _ in pair.member_parameters
+        for combination in best
+        for member, scaled, _ in combination.member_parameters
     ]
 
 

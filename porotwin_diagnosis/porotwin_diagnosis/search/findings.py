@@ -18,10 +18,11 @@ class Findings:
         pairs: judged fits of pairs, the most plausible first.
         distances: whitened distances [-] of the predictions of `singles` from the first one.
         pair_distances: whitened distances [-] of the predictions of `pairs` from the first one.
-        parts: members of the best pair, each alone with its parameters in the pair.
+        parts: members of the best triple or else pair, each alone with its parameters there.
         part_changes: relative L2 norm [-] of the change that each of `parts` makes in the held-out
             maps.
         runs: number of simulations that were made.
+        triples: judged fits of three effects that explain clearly more than the best pair.
     """
 
     null: Fit
@@ -34,3 +35,4 @@ class Findings:
     parts: Sequence[Fit] = ()
     part_changes: Sequence[float] = ()
     runs: int = 0
+    triples: Sequence[Fit] = ()

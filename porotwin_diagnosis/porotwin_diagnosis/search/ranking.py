@@ -22,9 +22,13 @@ from porotwin_diagnosis.model.effect_traits import misfit_allowance
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.thresholds import (
     CLOSE_TO_BEST,
+    COMBINATION_GAIN,
     NOISE_UNCERTAINTY,
     PENALTY_PER_PARAMETER,
+    SUFFICIENT_MISFIT,
+    SUFFICIENT_PAIR_MISFIT,
     TIE,
+    UNRESOLVED_SHARE,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
 
@@ -64,6 +68,29 @@ def overall_misfit(fitted: float, held_out: float) -> float:
 def larger_misfit(fit: Fit) -> float:
     """Return the larger of the misfits [-] of the fitted and the held-out part."""
     return max(fit.fitted_misfit, fit.held_out_misfit)
+
+
+def lack_of_fit(model: Fit, null: Fit) -> float:
+    """Return the misfit of `model` relative to the largest misfit of a true model.
+
+    lack of fit = m / sqrt(limit^2 + (u m0)^2), with the normalised misfits m of the model and m0
+    of the model without effects, `null`. The limit is `SUFFICIENT_MISFIT` (of several effects
+    `SUFFICIENT_PAIR_MISFIT`), and u is `UNRESOLVED_SHARE`.
+    """
+    limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
+    return normalised_misfit(model) / math.hypot(limit, UNRESOLVED_SHARE * normalised_misfit(null))
+
+
+def earns_its_place(more: Fit, fewer: Fit) -> bool:
+    """Return whether a further effect earns its place in the judged fit `more`.
+
+    More effects always fit better. The score must fall below `COMBINATION_GAIN` of that of the fit
+    with `fewer` effects, and the held-out misfit must fall too.
+    """
+    return (
+        score(more) < COMBINATION_GAIN * score(fewer)
+        and more.held_out_misfit < fewer.held_out_misfit
+    )
 
 
 def feasible(fits: Sequence[Fit]) -> list[Fit]:

@@ -1,0 +1,81 @@
+"""How far a free run lies from the maps of a recording, and how much of it the camera makes.
+
+A camera blurs fronts over a part of a cell. A sharp front beside a blurred one makes an error that
+no better model removes, so the error is told with the model blurred as well.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from porotwin_core.grid import FloatArray, relative_error
+from porotwin_diagnosis.data.noise import blurred, noise_floor
+from porotwin_diagnosis.data.noise_estimation import measure_noise, measure_point_spread_width
+from porotwin_diagnosis.data.observed_maps import evenly_spread
+from porotwin_diagnosis.data.sample import HELD_OUT_SHARE, TRACER_PRESENT
+from porotwin_recording.recording import Recording
+
+MOST_FRAMES = 60
+"""Most frames that are compared; their noise is that of the sand, the same in all."""
+
+
+@dataclass(frozen=True)
+class FreeRunErrors:
+    """Relative L2 errors over the last 30 % of a recording.
+
+    Attributes:
+        error: of the model as it is.
+        blurred_error: of the model, blurred as the maps are.
+        blur_cells: width of that blur [cells], chosen for the least error.
+        noise: what the noise of the maps alone makes, beside a perfect model with that blur.
+    """
+
+    error: float
+    blurred_error: float
+    blur_cells: float
+    noise: float
+
+    def __str__(self) -> str:
+        """Return the errors in words."""
+        return (
+            f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
+            f'{self.error:.1%}; with fronts blurred over {self.blur_cells:.2f} cells as in the '
+            f'maps {self.blurred_error:.1%}, of which the noise makes {self.noise:.1%}'
+        )
+
+
+@dataclass
+class LateMaps:
+    """The compared frames of a recording, and the simulated maps at their times."""
+
+    recording: Recording
+    _simulated: dict[int, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        times = self.recording.times
+        begin = times[0] + (1.0 - HELD_OUT_SHARE) * (times[-1] - times[0])
+        chosen = evenly_spread(np.flatnonzero(times >= begin), MOST_FRAMES)
+        self._wanted = {int(number) for number in chosen}
+
+    def see(self, number: int, simulated: FloatArray) -> None:
+        """Keep the simulated map of frame `number` if it is compared."""
+        if number in self._wanted:
+            self._simulated[number] = simulated
+
+    def errors(self) -> FreeRunErrors | None:
+        """Return the errors of the maps that were seen; None if they show no tracer."""
+        maps = self.recording.maps
+        assert maps is not None
+        observed = np.stack([maps[number] for number in self._simulated]).astype(float)
+        if not np.nanmax(observed, initial=0.0) > TRACER_PRESENT:
+            return None
+        predicted = np.stack(list(self._simulated.values()))
+        noise = measure_noise(observed)
+        width = measure_point_spread_width(observed, predicted, noise)
+        spread = blurred(predicted, width)
+        return FreeRunErrors(
+            relative_error(predicted, observed),
+            relative_error(spread, observed),
+            width,
+            noise_floor(noise, spread, observed),
+        )

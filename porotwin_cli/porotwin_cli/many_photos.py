@@ -1,0 +1,57 @@
+"""Work on many photographs by the workers of a crew: in order, and few in memory at a time."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from porotwin_core.errors import InputError
+from porotwin_core.parallel import Crew, in_order
+from porotwin_recording.photos import Photo
+
+Known = TypeVar('Known')
+Found = TypeVar('Found')
+
+
+def each_photo(
+    pool: Crew, work: Callable[[bytes, Known], Found], photos: Sequence[Photo], known: Known
+) -> Iterator[tuple[Photo, Found | InputError]]:
+    """Yield every photograph with `work(bytes of the file, known)`, or why there is no result.
+
+    Args:
+        pool: the workers.
+        work: a function of a module, which a worker elsewhere can import.
+        photos: the photographs.
+        known: what all of them share; every worker gets it once.
+    """
+    shared = (work, pool.share(known))
+    results = in_order(pool, _done_or_reason, map(_read_or_reason, photos), first=shared)
+    yield from zip(photos, results, strict=True)
+
+
+def read_photo(photo: Photo) -> bytes:
+    """Return the bytes of a photograph.
+
+    Raises:
+        InputError: its file cannot be read.
+    """
+    try:
+        return photo.read()
+    except OSError as error:
+        raise InputError(f'cannot be read ({error.strerror})') from None
+
+
+def _read_or_reason(photo: Photo) -> bytes | InputError:
+    try:
+        return read_photo(photo)
+    except InputError as error:
+        return error
+
+
+def _done_or_reason(
+    work: Callable[[bytes, Any], Found], known: Any, content: bytes | InputError
+) -> Found | InputError:
+    if isinstance(content, InputError):
+        return content
+    try:
+        return work(content, known)
+    except InputError as error:
+        return error

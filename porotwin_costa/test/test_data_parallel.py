@@ -1,0 +1,66 @@
+"""Two processes on gloo learn what one process learns."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from porotwin_costa.data_parallel import joined, own_part
+from porotwin_costa.networks import architecture
+from porotwin_costa.training import train
+from porotwin_costa.training_settings import TrainingSettings
+
+SETTINGS = TrainingSettings(epochs=2, batch_size=5, window=12)
+"""The last batch has an odd number of samples, so that the processes have unequal parts."""
+
+LEARN = """
+import json, sys, torch
+from pathlib import Path
+from test_data_parallel import SETTINGS
+from porotwin_costa.data_parallel import joined
+from porotwin_costa.dataset import load_dataset
+from porotwin_costa.networks import architecture
+from porotwin_costa.training import train
+torch.set_num_threads(1)
+with joined() as writes:
+    model = train(load_dataset(Path(sys.argv[1])), architecture('local'), SETTINGS, seed=3)
+if writes:
+    model.save(Path(sys.argv[2]))
+print(json.dumps(writes))
+"""
+
+
+def test_alone_a_process_learns_from_everything_and_writes() -> None:
+    with joined() as writes:
+        assert writes
+        assert own_part(torch.arange(5)).tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.slow
+def test_two_processes_learn_the_weights_of_one(dataset, tmp_path: Path) -> None:
+    from porotwin_costa.corrective_model import CorrectiveModel
+
+    one = train(dataset, architecture('local'), SETTINGS, seed=3)
+    dataset.save(tmp_path / 'pairs')
+    with socket.create_server(('127.0.0.1', 0)) as free:
+        port = free.getsockname()[1]
+    team = {'MASTER_ADDR': '127.0.0.1', 'MASTER_PORT': str(port), 'WORLD_SIZE': '2'}
+    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    processes = [
+        subprocess.Popen(
+            [sys.executable, '-c', LEARN, tmp_path / 'pairs', tmp_path / 'model'],
+            env={**os.environ, **team, 'RANK': str(rank), 'PYTHONPATH': path},
+            stdout=subprocess.PIPE,
+        )
+        for rank in (0, 1)
+    ]
+    wrote = [json.loads(process.communicate()[0]) for process in processes]
+    assert wrote == [True, False]
+    both = CorrectiveModel.load(tmp_path / 'model').network.state_dict()
+    for name, weights in one.network.state_dict().items():
+        assert torch.allclose(both[name], weights, rtol=1e-3, atol=1e-5), name

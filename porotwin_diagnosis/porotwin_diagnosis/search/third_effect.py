@@ -1,0 +1,54 @@
+"""A third effect beside the best pair, where the pair leaves more than a true one may.
+
+The partners of the pair are found like those of a single effect: by the part of its residual that
+their linear response explains, and that its own parameters cannot imitate. Only a triple that earns
+its place is returned.
+"""
+
+from collections.abc import Sequence
+
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.effect_pairs import best_partners, combined_fits
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.levels import Judgement, Levels
+from porotwin_diagnosis.search.ranking import (
+    close_to_best,
+    earns_its_place,
+    lack_of_fit,
+    normalised_misfit,
+    score,
+)
+from porotwin_diagnosis.search.single_effects import SearchSpace
+from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, REFINED_TRIPLES
+
+
+def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
+    """Return the judged triples that explain clearly more than the best of the pairs.
+
+    The result is empty where the best pair suffices, or leaves so much that it is hardly part of
+    the truth. Then the levels are unchanged.
+
+    Raises:
+        InputError: the model cannot run with one of the fits.
+    """
+    pairs = findings.pairs
+    if not pairs or lack_of_fit(pairs[0], findings.null) <= 1.0:
+        return Judgement(levels, [])
+    if normalised_misfit(pairs[0]) > EXCHANGE_MISFIT:
+        return Judgement(levels, [])
+    levels.progress(f'a third effect beside {pairs[0].label}', 0.88)
+    screened = _screened_triples(levels, space, pairs[0], findings.screened)
+    refined = levels.refined(close_to_best(screened)[:REFINED_TRIPLES], 0.88)
+    judged = levels.judged(refined, 0.89)
+    again = levels.judged_again(judged, findings.null, 0.9)
+    kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0])]
+    return Judgement(again.levels if kept else levels, kept)
+
+
+def _screened_triples(
+    levels: Levels, space: SearchSpace, pair: Fit, screened: Sequence[Fit]
+) -> list[Fit]:
+    """Return fits of `pair` with a third effect on the screening cells, the best score first."""
+    base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
+    partners = best_partners(levels, space, base, screened, with_places=True)
+    return sorted(combined_fits(levels, base, partners, ()).values(), key=score)

@@ -1,0 +1,35 @@
+"""A third effect is looked for only beside a pair that is probably part of the truth."""
+
+from dataclasses import replace
+
+import pytest
+from diagnosis_examples import candidate, fit_of, sample_of
+
+from porotwin_diagnosis.search.effect_pairs import may_join
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.levels import make_levels
+from porotwin_diagnosis.search.single_effects import SearchSpace
+from porotwin_diagnosis.search.third_effect import judged_triples
+from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, SUFFICIENT_PAIR_MISFIT
+
+NOTHING = SearchSpace((), ())
+
+
+@pytest.mark.parametrize('misfit', [0.9 * SUFFICIENT_PAIR_MISFIT, 1.1 * EXCHANGE_MISFIT, None])
+def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails(quiet, misfit):
+    levels = make_levels([sample_of(quiet)], progress=lambda _stage, _share: None)
+    null, single = fit_of(misfit=9.0), fit_of('rate', misfit=5.0)
+    pairs = [] if misfit is None else [fit_of('rate', 'leak', misfit=misfit)]
+    findings = Findings(null, null, [single], [single], pairs)
+    assert judged_triples(levels, NOTHING, findings) == (levels, [])
+    assert levels.simulations == 0
+
+
+def test_an_effect_joins_another_one_or_itself_at_another_well(quiet):
+    samples = [sample_of(quiet)]
+    rate, porosity = candidate(samples, 'rate injector'), candidate(samples, 'porosity')
+    other = replace(rate, fixed={'well': 'another'})
+    assert may_join(porosity, [rate])
+    assert may_join(other, [rate, porosity])
+    assert not may_join(rate, [porosity, rate])
+    assert not may_join(porosity, [porosity])
