@@ -1,6 +1,7 @@
 """The dose of plans with all secrets known."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from porotwin_cli.bench_loop_scenarios import LoopScenario, PumpFault, demo_scen
 CELL_M = 0.04
 
 
-def late(**changes: object) -> LoopScenario:
+def late(**changes: Any) -> LoopScenario:
     """Return the demo's last minutes."""
     return replace(demo_scenario(), start=2700.0, end=3900.0, **changes)
 
