@@ -7,6 +7,7 @@ where it stopped. All figures follow from the seed, except the wall-clock times.
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -118,19 +119,19 @@ def run(
     """
     settings = settings or (LoopSettings() if photographs else LoopSettings.quick())
     folder = _folder(output and output.resolve(), {'seed': seed, **asdict(settings)})
-    crew = {'task_bytes': RUN_BYTES, 'workers': workers, 'scheduler': scheduler}
+    do = partial(do_jobs, task_bytes=RUN_BYTES, workers=workers, scheduler=scheduler)
     draws = [
         DrawJob(number, seed, folder / f'drawn_{number + 1:02d}.json')
         for number in range(0 if drawn else scenarios)
     ]
-    do_jobs(draws, seconds_per_job=SECONDS_PER_DRAW, **crew)
+    do(draws, seconds_per_job=SECONDS_PER_DRAW)
     chosen = list(drawn) or [draw.scenario() for draw in draws]
     jobs = [
         LoopJob(scenario, name, settings, folder / f'{scenario.name}_{name}.json')
         for scenario in chosen
         for name in runs
     ]
-    do_jobs(jobs, seconds_per_job=SECONDS_PER_RUN, **crew)
+    do(jobs, seconds_per_job=SECONDS_PER_RUN)
     figures = {
         scenario.name: {
             job.run: LoopFigures(**json.loads(job.file.read_text(encoding='utf-8')))

@@ -45,15 +45,16 @@ TRIAL_CELL_M = 0.02
 LEAST_FREE_ML_MIN = 150.0
 """Least dose without control [ml min]: the tracer is in the zone for a good part of the time."""
 
-LEAST_BEST_ML_MIN = 5.0
+LEAST_BEST_ML_MIN = 10.0
 """Least dose of the best plan [ml min]: below, ratios of doses compare errors of the maps."""
 
-MOST_BEST = 0.25
-"""Greatest dose of the best plan, relative to no control: above, the wells are in wrong places, and
-a laboratory would move them."""
+BEST_RANGE = (0.02, 0.25)
+"""Dose of the best plan, relative to no control; 0.026 in the paper's experiment. Below, the zone
+is far from the plume, and any controller would do. Above, the wells are in wrong places, and a
+laboratory would move them."""
 
 MOST_HELD = 0.5
-"""The same for the best constant rates of one or more wells."""
+"""Greatest dose of constant rates that the search begins with, relative to no control."""
 
 LEAST_CONSTANT = 1.3
 """Least dose of the best constant rates, relative to the best plan. It is 1.7 in the paper's
@@ -312,11 +313,12 @@ def is_worth_controlling(scenario: LoopScenario) -> bool:
     if free < LEAST_FREE_ML_MIN:
         return False
     held = min(constant[1:], key=dose.dose)
-    if not LEAST_BEST_ML_MIN <= dose.dose(held) <= MOST_HELD * free:
+    least = max(LEAST_BEST_ML_MIN, BEST_RANGE[0] * free)
+    if not least <= dose.dose(held) <= MOST_HELD * free:
         return False
     first = min((plan for plan in switched if _goes_on(plan, held)), key=dose.dose, default=held)
     best = improved(dose, min(held, first, key=dose.dose), piece=PIECE_S)
-    if not LEAST_BEST_ML_MIN <= dose.dose(best) <= MOST_BEST * free or not _uses_wells(dose, best):
+    if not least <= dose.dose(best) <= BEST_RANGE[1] * free or not _uses_wells(dose, best):
         return False
     held = improved(dose, held, piece=dose.duration)
     return dose.dose(held) >= LEAST_CONSTANT * dose.dose(best)

@@ -38,7 +38,10 @@ PRODUCER_DELIVERY = 0.99
 
 @dataclass(frozen=True)
 class PumpFault:
-    """A pump that delivers a `share` of its rate, from `start` to `end` [s]; 0: nothing."""
+    """A pump that delivers a `share` of its rate, from `start` to `end` [s]; 0: nothing.
+
+    A pause of the injection is one of the injector's pump.
+    """
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan='constants')  # a fault may have no end
 
@@ -46,6 +49,12 @@ class PumpFault:
     share: float
     start: float = 0.0
     end: float = math.inf
+
+    def __str__(self) -> str:
+        """Return the fault in words."""
+        if self.share > 0.0:
+            return f'{self.well} at {self.share:.2f}'
+        return f'{self.well} stops' if math.isinf(self.end) else f'{self.well} pauses'
 
 
 @dataclass(frozen=True)
@@ -85,7 +94,7 @@ class LoopScenario:
         parts = [
             f'{control.objective.name}, {len(control.wells)} control wells',
             *(effect.name for effect in self.effects),
-            *(f'{fault.well} at {fault.share:.2f}' for fault in self.faults),
+            *dict.fromkeys(map(str, self.faults)),
             str(self.operator),
         ]
         return ', '.join(parts)

@@ -54,7 +54,12 @@ def test_the_virtual_rig_knows_what_is_hidden_and_the_rig_does_not() -> None:
 
 def test_pauses_of_the_injection_are_metered_and_known_before_the_rig_is_tried() -> None:
     seen: list[LoopScenario] = []
-    scenario = draw_scenario(1, 1, accept=lambda one: not seen.append(one))
+
+    def first(one: LoopScenario) -> bool:
+        seen.append(one)
+        return True
+
+    scenario = draw_scenario(1, 1, accept=first)
     (pause,) = [fault for fault in seen[0].faults if fault.well == 'injector']
     assert pause.share == 0.0
     assert pause in scenario.faults

@@ -132,7 +132,7 @@ class PlanController:
         if self.end is not None and now >= self.end:
             return self._kept(state, previous)
         horizon = self._horizon(now)
-        task = _Task(self, state, previous, now, horizon, dict(delivery or {}))
+        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}))
         elapsed = now - self.last.time
         remembered = self.last.plan if 0.0 <= elapsed < math.inf else None
         first = remembered is None
@@ -147,6 +147,16 @@ class PlanController:
             evaluations=task.evaluations,
             plan=task.steps(chosen),
         )
+
+    def _expected(self, delivery: Mapping[str, float]) -> dict[str, float]:
+        """Return the share of its rate that each pump will deliver.
+
+        A fixed well that stands still is planned as running: a pause of the injection ends.
+        """
+        return {
+            name: 1.0 if name in self.limits.fixed and share < DEAD_PUMP else share
+            for name, share in delivery.items()
+        }
 
     def _kept(self, state: FloatArray, previous: WellRates) -> Decision:
         """Return the rates in force: at the end of the experiment no order is worth its cost."""
@@ -291,7 +301,8 @@ class _Task:
                 joined = plan.without_change(number, self._before).stages()
                 joined = joined.executable(self._limits, self._previous, self._interval)
                 joined_cost = self._try(joined)
-                if joined_cost <= cost:
+                fewer = joined.orders(self._before) < plan.orders(self._before)
+                if fewer and joined_cost <= cost:
                     plan, cost = joined, joined_cost
                     break
             else:

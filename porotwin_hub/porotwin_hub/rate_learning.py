@@ -52,6 +52,17 @@ RELATED_BLOCKS = 4.0
 METER_SHARE = 0.5
 """Weight of a new measurement in the factor by a meter."""
 
+METER_JUMP = 0.3
+"""A factor that differs by more is taken as it is: the pump has stopped, or runs again."""
+
+LATE_MEASUREMENTS = 6
+"""Measurements after a new command during which a rate that does not change tells nothing: a person
+may be late. After that the pump is at fault."""
+
+IDLE_SHARE = 0.05
+"""Share of the way back to 1 that the factor of a well at rest goes per measurement: a pump may
+have been mended, or a person may have refused an order."""
+
 LEAST_METERED, MOST_METERED = 0.02, 2.0
 """Range of measured over commanded rate that is believed [-]; a pump that stands counts as the
 least, so that it can be told apart from one that was told to stand."""
@@ -67,9 +78,17 @@ class PumpFactor(NamedTuple):
     deviation: float
 
 
+class _Unset(NamedTuple):
+    """A command that may not be set yet: the rate `measured` before it [m^3/s], and the number of
+    measurements that are still waited for."""
+
+    measured: float
+    left: int
+
+
 class _Moment(NamedTuple):
     """A state at `time` [s], the systematic deviation of its photograph (nz, nx) [-], and the rates
-    until the next one."""
+    until the next one, as far as meters tell what was delivered."""
 
     time: float
     estimate: Estimate
@@ -102,6 +121,8 @@ class RateLearner:
         self.interrupt()
         self._learnt = -math.inf
         self._commanded: dict[str, float] = {}
+        self._measured: dict[str, float] = {}
+        self._unset: dict[str, _Unset] = {}
         self._metered = dict.fromkeys(self._wells, 1.0)
         self._mean = np.zeros(len(self._wells))
         self._covariance = np.eye(len(self._wells)) * PRIOR_DEVIATION**2
@@ -138,15 +159,39 @@ class RateLearner:
     def meter(self, measured: WellRates, commanded: WellRates) -> None:
         """Compare `measured` rates with the ones `commanded` meanwhile [m^3/s].
 
-        A well whose command has just changed tells nothing: a person may set its pump late.
+        A well whose command has changed tells nothing until its rate changes, or some measurements
+        have come: a person may set its pump late.
         """
         for well in self._wells:
             wanted = commanded.get(well, WellRate()).rate
             before, self._commanded[well] = self._commanded.get(well), wanted
-            if well not in measured or abs(wanted) < LEAST_COMMANDED or wanted != before:
+            if well not in measured:
                 continue
-            share = min(max(measured[well].rate / wanted, LEAST_METERED), MOST_METERED)
-            self._metered[well] += METER_SHARE * (share - self._metered[well])
+            rate = measured[well].rate
+            last, self._measured[well] = self._measured.get(well, rate), rate
+            if wanted != before:
+                self._unset[well] = _Unset(last, LATE_MEASUREMENTS if before is not None else 0)
+            elif abs(wanted) < LEAST_COMMANDED:
+                self._metered[well] += IDLE_SHARE * (1.0 - self._metered[well])
+            elif not self._is_late(well, rate):
+                self._compare(well, rate / wanted)
+
+    def _is_late(self, well: str, rate: float) -> bool:
+        """Return whether the command of a `well` that pumps `rate` [m^3/s] may not be set yet."""
+        waiting = self._unset.get(well)
+        if waiting is None:
+            return False
+        if waiting.left == 0 or abs(rate - waiting.measured) > SAME_RATE:
+            del self._unset[well]
+            return False
+        self._unset[well] = waiting._replace(left=waiting.left - 1)
+        return True
+
+    def _compare(self, well: str, measured_share: float) -> None:
+        """Take a measured over commanded rate into the factor of a `well`."""
+        share = min(max(measured_share, LEAST_METERED), MOST_METERED)
+        change = share - self._metered[well]
+        self._metered[well] += change if abs(change) > METER_JUMP else METER_SHARE * change
 
     def learn(
         self,
@@ -171,7 +216,11 @@ class RateLearner:
         if not periods:
             self.interrupt()
         if self._past:
-            self._past[-1] = self._past[-1]._replace(periods=periods)
+            metered = tuple(
+                period._replace(rates=delivered(period.rates, self._metered, closed=self._closed))
+                for period in periods
+            )
+            self._past[-1] = self._past[-1]._replace(periods=metered)
         due = bool(self._past) and time - max(self._learnt, self._past[0].time) >= PERIOD_S
         if due and time - self._past[0].time >= LEAST_WINDOW_S:
             self._update(physics, time, estimate, seen)
@@ -189,7 +238,8 @@ class RateLearner:
             return self._blocks.means(values, known)
 
         def expected(state: FloatArray, log_factors: FloatArray) -> FloatArray:
-            factors = self._with(log_factors)
+            shares = map(math.exp, log_factors)
+            factors = dict(zip(self._wells, shares, strict=True))
             for start, end, rates in periods:
                 pumped = delivered(rates, factors, closed=self._closed)
                 state = physics.predict(state, pumped, end - start)

@@ -258,14 +258,13 @@ class Twin:
         """Return `known` rates as the pumps were told; measured ones teach the rate factors."""
         if self._learner is None:
             return list(known)
-        told = [
-            item if item.is_open else item._replace(rates=self._learner.told(item.rates))
-            for item in known
-        ]
         for item in known:
             if not item.is_open:
                 self._learner.meter(item.rates, commanded)
-        return told
+        return [
+            item if item.is_open else item._replace(rates=self._learner.told(item.rates))
+            for item in known
+        ]
 
     def _judge(self, cycle: Cycle) -> None:
         """Compare the observation with its forecast, or with one made now for its time."""

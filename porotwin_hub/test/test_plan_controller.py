@@ -13,7 +13,7 @@ from hub_examples import LIMITS, ToyModel
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import RateStep, WellRates
+from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_hub.controller import Controller, WithSubstitute
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.objective import WeightedTracer
@@ -139,6 +139,21 @@ def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> Non
     assert all(control_ml_h(step.rates)[0] == 0.0 for step in decision.plan)
     most = max(rates['control3'].rate for rates in model.rates)
     assert most == pytest.approx(0.5 * FULL)
+
+
+def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:
+    model = TwoStages()
+    safe = LIMITS.safe()
+    beyond = {**safe, 'control1': WellRate(5.0 * FULL), 'producer': WellRate(-6.0 * FULL)}
+    decision = controller(model).decide(ToyModel(), STATE, beyond)
+    assert LIMITS.violations(decision.rates) == []
+    assert model.calls < 500
+
+
+def test_a_pause_of_the_injection_is_planned_to_end() -> None:
+    model = TwoStages()
+    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), delivery={'injector': 0.02})
+    assert {rates['injector'].rate for rates in model.rates} == {LIMITS.fixed['injector'].rate}
 
 
 def test_an_answer_is_there_when_the_time_is_over() -> None:

@@ -100,6 +100,52 @@ def test_a_meter_tells_at_once() -> None:
     assert measured['in'].rate == pytest.approx(RATE, rel=0.02)
 
 
+def test_a_pump_that_stops_and_one_that_runs_again_are_believed_at_once() -> None:
+    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    learner.meter(TOLD, TOLD)
+    learner.meter({**TOLD, 'in': WellRate()}, TOLD)
+    assert learner.factors['in'].factor < 0.05
+    learner.meter(TOLD, TOLD)
+    assert learner.factors['in'].factor == 1.0
+    assert learner.told(TOLD) == TOLD
+
+
+def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is() -> None:
+    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    off = {**TOLD, 'push': WellRate()}
+    learner.meter(off, off)
+    for _ in range(4):
+        learner.meter(off, TOLD)
+    assert learner.factors['push'].factor == 1.0
+    for _ in range(4):
+        learner.meter(off, TOLD)
+    assert learner.factors['push'].factor < 0.05
+
+
+def test_a_pump_at_rest_is_tried_again_after_a_while() -> None:
+    learner = RateLearner(tuple(TOLD), GRID, closed=False)
+    off = {**TOLD, 'push': WellRate()}
+    for _ in range(2):
+        learner.meter(off, TOLD)
+    assert learner.factors['push'].factor < 0.05
+    for _ in range(30):
+        learner.meter(off, off)
+    assert learner.factors['push'].factor > 0.7
+
+
+def test_a_metered_pause_teaches_nothing_about_the_time_before_it() -> None:
+    learner, model = RateLearner(tuple(TOLD), GRID, closed=False), Fronts()
+    for time in range(0, 901, 60):
+        pumped = TOLD if time <= 600 else {**TOLD, 'in': WellRate()}
+        learner.meter(pumped, TOLD)
+        told = {name: learner.told({name: well})[name] for name, well in pumped.items()}
+        shown = fronts(0.06 + 1e-4 * min(time, 600), 0.05 + 1e-4 * time)
+        periods = (RatePeriod(time - 60.0, float(time), told),) if time else ()
+        learner.learn(model, float(time), estimate(shown), seen(shown), periods)
+    learner.meter(TOLD, TOLD)
+    assert learner.factors['in'].factor == pytest.approx(1.0, abs=0.03)
+
+
 def test_a_changed_command_is_not_compared_with_its_meter() -> None:
     learner = RateLearner(tuple(TOLD), GRID, closed=False)
     learner.meter({'in': WellRate(0.5 * RATE, 1.0)}, TOLD)
