@@ -98,9 +98,9 @@ def test_image_leaves_out_photographs_that_cannot_be_used(experiment: Path, tmp_
 
 
 def test_image_does_not_replace_its_input(experiment: Path) -> None:
-    rig = experiment / 'rig.yaml'
-    before = rig.read_bytes()
-    result = porotwin('image', experiment, '--output', rig)
+    maps = experiment / 'concentration.nc'
+    before = maps.read_bytes()
+    result = porotwin('image', experiment, '--output', maps)
     assert result.returncode == 2
     assert 'is a file of the input' in result.stderr
-    assert rig.read_bytes() == before
+    assert maps.read_bytes() == before
