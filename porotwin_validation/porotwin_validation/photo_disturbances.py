@@ -93,7 +93,7 @@ def _camera(
     def change(light: Linear) -> Linear:
         rows, columns = light.shape[:2]
         move = cv2.getRotationMatrix2D((columns / 2, rows / 2), degrees, zoom)
-        move[:, 2] += (across_px, down_px)
+        move[:, 2] += np.array([across_px, down_px])
         return np.asarray(cv2.warpAffine(light, move, (columns, rows), flags=cv2.INTER_CUBIC))
 
     return change
