@@ -82,7 +82,7 @@ SECONDS_PER_RUN = 180.0
 
 @dataclass(frozen=True)
 class PhysicsFigures:
-    """What one training reached; errors are relative L2 norms against the noisy maps [-].
+    """The figures of one training; errors are relative L2 norms against the noisy maps [-].
 
     Attributes:
         alone: mean error of the free run of the model alone, over the judged frames.
@@ -92,7 +92,7 @@ class PhysicsFigures:
         worst_ratio: largest ratio of the two at any judged frame, after 0.01 is added to both.
         floor: error of the maps themselves, by noise and blur.
         learnt: the learnt physics; None without.
-        gate: what the gate decided.
+        gate: the decision of the gate.
         training_s: processor time of the training [s].
         inference_ms: median time of one correction, with the run of the learnt physics [ms].
     """
