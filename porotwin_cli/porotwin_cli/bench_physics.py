@@ -37,10 +37,10 @@ from porotwin_validation.blind_cases import SMALL, small_schedule
 from porotwin_validation.blind_effects import drawn
 
 RECORDED = (94, 56)
-"""Columns and rows of the recordings, to which the camera's noise is added: cells of 10 mm."""
+"""Columns and rows of the recordings: cells of 10 mm, with the noise of a camera."""
 
 GRID = (62, 37)
-"""Columns and rows that COSTA works on: cells of 15 mm, three times those of `train` for this rig.
+"""Columns and rows of the maps for COSTA: cells of 15 mm; `train` takes 5 mm for this rig.
 A training takes about a tenth of the time."""
 
 INTERVAL_S = 60.0
