@@ -12,6 +12,9 @@ from porotwin_cli import commands
 from porotwin_cli.terminal import WorkFailed, say, show_warnings
 from porotwin_core.errors import InputError
 
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it: 128 and the number of the signal."""
+
 HELP_OPTIONS = ('-h', '--help')
 
 
@@ -65,6 +68,10 @@ def main() -> None:
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
         print(f'porotwin: {error}', file=sys.stderr)
         sys.exit(1)
+    except SystemExit as end:  # typer turns Ctrl-C into a status without a word
+        if end.code == INTERRUPTED:
+            say('porotwin: interrupted')
+        raise
     except KeyboardInterrupt:
-        print('porotwin: interrupted', file=sys.stderr)
-        sys.exit(130)
+        say('porotwin: interrupted')
+        sys.exit(INTERRUPTED)

@@ -149,6 +149,7 @@ class PhysicsJob:
             preset=preset,
             architecture=architecture(self.network),
             seed=SEED,
+            workers=1,  # other trainings run beside this one
             curriculum=() if self.network == 'paper' else CURRICULUM,
         )
         trained = time.process_time() - begun

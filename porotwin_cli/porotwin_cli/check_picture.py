@@ -139,7 +139,8 @@ def _role_handles(rig: Rig) -> list[Line2D]:
         Line2D([], [], color=ZONE_STYLES[kind][0], label=f'zone: {kind}')
         for kind in dict.fromkeys(zone.kind for zone in control_zones(rig))
     ]
-    handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
+    if not rig.closed:
+        handles.append(Line2D([], [], color=OPEN, lw=4, label='open side'))
     return handles
 
 

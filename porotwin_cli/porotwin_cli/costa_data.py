@@ -1,7 +1,6 @@
 """Training of COSTA from recordings: the one place where it meets the solver."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -110,19 +109,19 @@ def train_on_runs(
     architecture: Architecture,
     epochs: int = 0,
     seed: int,
-    workers: int = 1,
+    workers: int | None = None,
     scheduler: str = '',
     curriculum: Sequence[Stage] = CURRICULUM,
 ) -> CorrectiveModel:
     """Return a model trained on single steps and through free runs, with a progress display.
 
-    `dataset_of` and `train_from_runs` explain the arguments. The workers of the Dask `scheduler`
-    prepare the pairs, if there is one.
+    `dataset_of` and `train_from_runs` explain the arguments. So many `workers`, or those of the
+    Dask `scheduler`, make free runs and prepare the pairs; see `porotwin_core.parallel.crew`.
 
     Raises:
         InputError: too few maps, or the model cannot run.
     """
-    with crew(scheduler=scheduler) if scheduler else nullcontext() as pool, progress() as bar:
+    with crew(workers=workers, scheduler=scheduler, threads=True) as pool, progress() as bar:
         solvers = SolverOnGrids(rig, preset)
         data = Experiments(rig, grid, experiments, time_step, preset, solvers, pool)
         task = bar.add_task('training COSTA', total=None)
@@ -131,7 +130,6 @@ def train_on_runs(
             architecture,
             seed=seed,
             epochs=epochs,
-            workers=workers,
             curriculum=curriculum,
             progress=lambda state: bar.update(
                 task, total=state.epochs, completed=state.epoch, description='training the network'

@@ -39,8 +39,8 @@ class FreeRunErrors:
         """Return the errors in words."""
         return (
             f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
-            f'{self.error:.1%}; with fronts blurred over {self.blur_cells:.2f} cells as in the '
-            f'maps {self.blurred_error:.1%}, of which the noise makes {self.noise:.1%}'
+            f'{self.error:.1%}; with fronts blurred as in the maps (--blur {self.blur_cells:.2f}) '
+            f'{self.blurred_error:.1%}, of which the noise makes {self.noise:.1%}'
         )
 
 

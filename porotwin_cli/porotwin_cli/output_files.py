@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, check_writable, write_error
 
 
 def check_output(output: Path, *inputs: Path | None) -> None:
@@ -18,12 +18,13 @@ def check_output(output: Path, *inputs: Path | None) -> None:
 
     Raises:
         InputError: `output` is an input, would replace a file of one, is a folder, or lies in a
-            folder that does not exist.
+            folder that does not exist or may not be written.
     """
     if output.is_dir():
         raise InputError(f'{output}: is a folder; name a file in it')
     if not output.parent.is_dir():
         raise InputError(f'{output}: there is no folder {output.parent}; make it, or name another')
+    check_writable(output)
     if not output.exists():
         return
     for path in inputs:
@@ -48,7 +49,8 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write the rows of a table, at least one, as CSV.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: the file may not be written there.
+        OSError: the disk is full or fails.
     """
     try:
         with path.open('w', newline='', encoding='utf-8') as file:
@@ -56,4 +58,4 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
             writer.writeheader()
             writer.writerows(rows)
     except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+        raise write_error(path, error) from None

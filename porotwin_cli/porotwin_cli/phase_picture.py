@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
-from porotwin_cli.rig_drawing import DPI, PANEL_WIDTH, UNSEEN
+from porotwin_cli.rig_drawing import DPI, PANEL_WIDTH, UNSEEN, draw_interfaces, draw_wells
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_imaging.phase_colours import PHASES
@@ -46,6 +46,8 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
         axis.imshow(
             _doubt(found), origin='lower', extent=extent, cmap=ListedColormap([DOUBT]), alpha=0.6
         )
+        draw_wells(axis, rig)
+        draw_interfaces(axis, rig)
         axis.set_title(f'{time / 60.0:.4g} min')
         axis.set_xlabel('x [m]')
         axis.set_ylabel('z [m]')

@@ -1,8 +1,11 @@
 """Checks a rig or a recording: odd and impossible values, and the cost of a prediction."""
 
 import io
+import itertools
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +18,7 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
+from porotwin_core.units import to_ml_h
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.geometry import Geometry
@@ -25,6 +29,7 @@ from porotwin_recording.odd_recording import remarks_about_maps, remarks_about_r
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_solver.effects import apply_effects
+from porotwin_solver.engine import BALANCE_TOLERANCE
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import nominal_physics
 from porotwin_solver.prediction_cost import (
@@ -32,6 +37,9 @@ from porotwin_solver.prediction_cost import (
     prediction_cost,
     slowness_of_this_machine,
 )
+
+LITTLE_INJECTED = 0.01
+"""Injected volume over the pore volume below which nothing can be seen of an experiment [-]."""
 
 Kind = Literal['rig', 'experiment folder', 'bag']
 
@@ -100,6 +108,7 @@ def check(
         remarks += remarks_about_grid(cells, rig)
     if not any(remark.refused for remark in remarks):
         remarks += _uses(rig, cells)
+        remarks += [] if data is None else _pumped(data)
         photograph, pixels = _photographs(rig, data)
         remarks += pixels
     runs = not any(remark.refused for remark in remarks)
@@ -146,6 +155,36 @@ def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
             use()
         except InputError as error:
             yield _as_remark(key, error)
+
+
+def pumped_in(data: RecordedData) -> tuple[float, float]:
+    """Return the volume that all wells inject [m^3] and the last time of the recording [s]."""
+    rows = () if data.commanded is None else data.commanded.rows
+    times = [row.time for row in rows] + [photo.time for photo in data.photos]
+    end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
+    volume, last, running = 0.0, 0.0, dict.fromkeys(data.rig.wells, 0.0)
+    for row in rows:
+        volume += (row.time - last) * math.fsum(running.values())
+        last, running[row.well] = row.time, max(row.rate.rate, 0.0)
+    return volume + (end - last) * math.fsum(running.values()), end
+
+
+def _pumped(data: RecordedData) -> Iterator[Remark]:
+    """Yield the remarks about the rates of all wells together."""
+    running: dict[str, float] = {}
+    rows = data.commanded.rows if data.commanded else ()
+    for time, changes in itertools.groupby(rows, attrgetter('time')):
+        running |= {row.well: row.rate.rate for row in changes}
+        net = math.fsum(running.values())
+        if data.rig.closed and abs(net) > BALANCE_TOLERANCE * math.fsum(map(abs, running.values())):
+            why = f'the rates add up to {to_ml_h(net):.6g} ml/h, but all sides are closed'
+            remedy = 'balance injection and production, or open a side in rig.yaml'
+            yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
+            break
+    volume, pores = pumped_in(data)[0], data.rig.pore_volume
+    if 0.0 < volume < LITTLE_INJECTED * pores:
+        why = f'all wells inject {volume * 1e6:.3g} ml, {volume / pores:.2%} of the pore volume'
+        yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')
 
 
 def _cost(rig: Rig, grid: Grid, preset: str, interval: float) -> PredictionCost | None:

@@ -61,6 +61,16 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
         concentration, origin='lower', extent=extent, cmap=SAND_TO_TRACER, vmin=0.0, vmax=1.0
     )
     draw_zones(axis, rig)
+    draw_wells(axis, rig)
+    draw_interfaces(axis, rig)
+    axis.set_xlim(0.0, rig.width_m)
+    axis.set_ylim(0.0, rig.height_m)
+    axis.set_xlabel('x [m]')
+    axis.set_ylabel('z [m]')
+
+
+def draw_wells(axis: Axes, rig: Rig) -> None:
+    """Draw the wells of `rig` on `axis`, with their names."""
     for name, well in rig.wells.items():
         axis.plot(well.x_m, well.z_m, 'o', mfc='white', mec='black', ms=5)
         axis.annotate(
@@ -71,11 +81,6 @@ def draw_map(axis: Axes, rig: Rig, concentration: FloatArray) -> None:
             fontsize=7,
             path_effects=[withStroke(linewidth=1.5, foreground='white')],
         )
-    _draw_interfaces(axis, rig)
-    axis.set_xlim(0.0, rig.width_m)
-    axis.set_ylim(0.0, rig.height_m)
-    axis.set_xlabel('x [m]')
-    axis.set_ylabel('z [m]')
 
 
 def draw_zones(axis: Axes, rig: Rig) -> None:
@@ -89,7 +94,7 @@ def draw_zones(axis: Axes, rig: Rig) -> None:
             axis.plot(*outline.T, color=colour, lw=1.2)
 
 
-def _draw_interfaces(axis: Axes, rig: Rig) -> None:
+def draw_interfaces(axis: Axes, rig: Rig) -> None:
     """Draw the interfaces between the sands of `rig`."""
     if not rig.sands:
         return
@@ -109,10 +114,14 @@ def picture_beside(output: pathlib.Path) -> pathlib.Path:
     """Return the path of the picture that belongs to the file `output`.
 
     Raises:
-        InputError: `output` itself is called like a picture.
+        InputError: `output` is not called like a NetCDF file. Two outputs that differ in their
+            ending would have one picture.
     """
-    if output.suffix == '.png':
-        raise InputError(f'{output}: the maps need a NetCDF file; name one, such as maps.nc')
+    if output.suffix != '.nc':
+        raise InputError(
+            f'{output}: maps are written as NetCDF; give a name that ends in .nc, such as '
+            f'{output.with_suffix(".nc").name}'
+        )
     return output.with_suffix('.png')
 
 

@@ -12,12 +12,25 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, check_writable
 
 Json = Annotated[bool, typer.Option('--json', help='Print one JSON object on standard output.')]
+
+LINE_EACH_S = 30.0
+"""Time between two lines of progress where no terminal can show a bar [s]."""
+
+STAGE_AFTER_S = 5.0
+"""The same for a new stage of the work [s]: short work prints no line."""
 
 PIPE_WIDTH = 120
 """Width of tables that go into a pipe or file [characters], so that no column is cut."""
@@ -63,14 +76,48 @@ def show_warnings() -> None:
 
 def progress() -> AbstractContextManager[Progress]:
     """Return a progress display with an estimate of the remaining time, on standard error."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        return _ProgressLines(console=console, transient=True)
     return Progress(
         TextColumn('{task.description}'),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
+        console=console,
         transient=True,
     )
+
+
+class _ProgressLines(Progress):
+    """Progress in a file: a line each half minute, and for a new stage after some seconds."""
+
+    _told_s = 0.0
+    _stage = ''
+
+    def start(self) -> None:
+        """Begin; the first line comes after the first interval."""
+        self._told_s = self.get_time()
+        super().start()
+
+    def update(self, task_id: TaskID, **changes: Any) -> None:
+        """Change a task, and print a line if it is time."""
+        super().update(task_id, **changes)
+        self._tell(task_id)
+
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        """Advance a task, and print a line if it is time."""
+        super().advance(task_id, advance)
+        self._tell(task_id)
+
+    def _tell(self, task_id: TaskID) -> None:
+        task = next(task for task in self.tasks if task.id == task_id)
+        passed = self.get_time() - self._told_s
+        if passed < (LINE_EACH_S if task.description == self._stage else STAGE_AFTER_S):
+            return
+        self._told_s, self._stage = self.get_time(), task.description
+        left = '' if not task.time_remaining else f', {duration_in_words(task.time_remaining)} left'
+        say(f'{task.description}: {task.percentage:.0f} %{left}')
 
 
 def print_json(result: dict[str, Any]) -> None:
@@ -101,10 +148,11 @@ def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[objec
 
 
 def refuse_existing(path: Path) -> None:
-    """Check that `path` does not exist, so that nothing is overwritten.
+    """Check that `path` does not exist, so that nothing is overwritten, and may be written.
 
     Raises:
-        InputError: `path` exists.
+        InputError: `path` exists, or its folder may not be written.
     """
     if path.exists():
         raise InputError(f'{path} exists already; name another output or remove it')
+    check_writable(path)

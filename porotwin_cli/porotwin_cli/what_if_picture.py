@@ -20,6 +20,11 @@ from porotwin_solver.quantities import PLUME_THRESHOLD
 PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
 """Colours of the two plans; told apart also by those who see no red or green."""
 
+EXPLANATION = (
+    'Maps: mean of all siblings at the end. Solid: its outline. Dotted: one standard deviation '
+    'less and more. Dashed: outline now. Hatched: the zone.'
+)
+
 
 def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     """Draw both forecasts beside each other."""
@@ -36,8 +41,15 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
         zone.plot(minutes, median, color=colour, label=f'{name}, with the 90 % band')
         reached.plot(minutes[1:], 100.0 * outlook.zone_reached, color=colour, label=name)
     if len(study.seen_times) > 1:
-        seen = study.seen_times / 60.0, study.seen_tracer * ML
-        zone.plot(*seen, 'k.', ms=3, label='photographs, with their noise')
+        zone.errorbar(
+            study.seen_times / 60.0,
+            study.seen_tracer * ML,
+            study.seen_deviation * ML,
+            fmt='k.',
+            ms=3,
+            lw=0.5,
+            label='photographs, with their standard deviation',
+        )
     if np.isnan(study.seen_tracer[0]):
         zone.text(0.5, 0.5, NO_ZONE, ha='center', transform=zone.transAxes)
     zone.set_ylabel('tracer in the zone [ml]')
@@ -49,6 +61,7 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
         axis.legend(fontsize=8)
     for axis, (name, outlook, colour) in zip(maps, plans, strict=True):
         _draw_plume(axis, study, name, outlook, colour)
+    figure.supxlabel(EXPLANATION, fontsize=9)
     figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
@@ -66,4 +79,4 @@ def _draw_plume(axis: Axes, study: WhatIfStudy, name: str, outlook: Outlook, col
         linewidths=0.8,
     )  # fmt: skip
     end = (study.start + outlook.map_times[-1]) / 60.0
-    axis.set_title(f'{name}, {end:.4g} min; dashed: at {study.start / 60.0:.4g} min')
+    axis.set_title(f'{name}, at {end:.1f} min')

@@ -37,6 +37,7 @@ MOST_PHOTOGRAPHS = 200
 
 SAME_MOMENT_S = 1.0
 """A photograph that was taken so much later is still from the moment itself [s]."""
+
 NO_ZONE = 'no zone in this objective: nothing says where tracer must not be'
 """Told in place of the tracer in the zone."""
 
@@ -58,6 +59,7 @@ class WhatIfStudy:
         proposed: the outlook under the proposed plan.
         seen_times: times of later photographs [s]; they were not learnt from.
         seen_tracer: tracer in the zone on these photographs [m^3]; NaN without a zone.
+        seen_deviation: standard deviation of `seen_tracer` [m^3]; 0 where the maps tell none.
         objections: limits that the proposal breaks, one line each.
         rate_factors: share that each pump delivers, and its standard deviation [-].
         seconds: wall-clock time of both forecasts [s].
@@ -72,6 +74,7 @@ class WhatIfStudy:
     proposed: Outlook
     seen_times: FloatArray
     seen_tracer: FloatArray
+    seen_deviation: FloatArray
     objections: tuple[str, ...]
     rate_factors: dict[str, tuple[float, float]]
     seconds: float
@@ -113,8 +116,10 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
     rates = {}
     for pair in pairs.split(','):
         well, equals, number = (part.strip() for part in pair.partition('='))
-        if well not in rig.wells:
+        if well and well not in rig.wells:
             raise InputError(f"rates '{text}': well '{well}' is unknown; {', '.join(rig.wells)}")
+        if well in rates:
+            raise InputError(f"rates '{text}': names {well} twice; give it one rate")
         try:
             rate = from_ml_h(float(number))
         except ValueError:
@@ -144,8 +149,8 @@ def study_what_if(
     Args:
         recording: with maps and rates.
         start: when the plans part [s].
-        steps: the proposed changes; their times count from `start`. Wells without a change keep
-            their rates, and the producer balances them. Until the first one both plans agree.
+        steps: the proposed changes; their times count from `start`. Wells without a change follow
+            the plan of the recording, and the producer balances them.
         executor: runs the siblings.
         cells: of the grid of the siblings, which is never finer than that of the maps.
         horizon: how far to look ahead of `start` [s]; None: to the end of the recording, but at
@@ -186,8 +191,8 @@ def study_what_if(
         RateStep(low - begin, rates) for low, _, rates in commanded.intervals(begin, begin + ahead)
     ]
     producer = recording.rig.control.producer if recording.rig.control is not None else None
-    proposed = proposed_plan(later_steps(steps, start - begin), present[0].rates, producer)
-    objections = _objections(recording.rig, proposed)
+    proposed = proposed_plan(later_steps(steps, start - begin), present, producer)
+    objections = _objections(recording.rig, proposed, present)
     for line in objections:
         objected(line)
     maps = recording.grid
@@ -203,6 +208,9 @@ def study_what_if(
     zone = ZoneMeasure.of(recording.rig, maps)
     assert recording.maps is not None
     seen = [zone.tracer(np.nan_to_num(recording.maps[n])) for n in later]
+    # the systematic errors of neighbouring cells are alike: their sum over the zone counts in full
+    common = recording.maps.systematic
+    doubt = [zone.tracer(np.nan_to_num(common[n])) if common is not None else 0.0 for n in later]
     return WhatIfStudy(
         rig=recording.rig,
         grid=grid,
@@ -213,6 +221,7 @@ def study_what_if(
         proposed=outlooks[1],
         seen_times=np.array([times[n] for n in later]),
         seen_tracer=np.array(seen),
+        seen_deviation=np.array(doubt),
         objections=objections,
         rate_factors=family.rate_factors(),
         seconds=seconds,
@@ -280,10 +289,15 @@ def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
     return found._replace(random=seen.random, systematic=seen.systematic)
 
 
-def _objections(rig: Rig, plan: Sequence[RateStep]) -> tuple[str, ...]:
-    """Return the limits of `rig` that a plan breaks; none without a control section."""
+def _objections(rig: Rig, plan: Sequence[RateStep], present: Sequence[RateStep]) -> tuple[str, ...]:
+    """Return the limits of `rig` that a plan breaks and the `present` one does not.
+
+    There are none without a control section. Somebody may stop a fixed well by hand, which no
+    setpoint may do.
+    """
     if rig.control is None:
         return ()
     limits = Limits.of(rig)
+    broken = {line for step in present for line in limits.violations(step.rates)}
     lines = [line for step in plan for line in limits.violations(step.rates)]
-    return tuple(dict.fromkeys(lines))
+    return tuple(line for line in dict.fromkeys(lines) if line not in broken)

@@ -5,11 +5,13 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 from cli_examples import porotwin
 from typer.testing import CliRunner
 
+import porotwin_cli.app
 from porotwin_cli import commands
-from porotwin_cli.app import HELP_OPTIONS, app, command_modules, make_app
+from porotwin_cli.app import HELP_OPTIONS, INTERRUPTED, app, command_modules, make_app
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 
@@ -100,3 +102,19 @@ def test_bad_input_is_one_line_and_status_2(arguments: list[str], named: str) ->
     assert named in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert result.stdout == ''
+
+
+def test_an_interrupt_ends_with_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    stopped = typer.Typer()
+    stopped.command()(interrupted)
+    monkeypatch.setattr(porotwin_cli.app, 'app', stopped)
+    monkeypatch.setattr(sys, 'argv', ['porotwin'])
+    with pytest.raises(SystemExit) as end:
+        porotwin_cli.app.main()
+    assert end.value.code == INTERRUPTED
+    assert capsys.readouterr().err.strip() == 'porotwin: interrupted'

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from porotwin_cli.terminal import print_json, print_table, refuse_existing, say
+from porotwin_cli import terminal
+from porotwin_cli.terminal import print_json, print_table, progress, refuse_existing, say
 from porotwin_core.errors import InputError
 
 
@@ -32,3 +33,20 @@ def test_existing_files_are_refused(tmp_path: Path) -> None:
     refuse_existing(tmp_path / 'new')
     with pytest.raises(InputError, match='exists already'):
         refuse_existing(tmp_path)
+
+
+def test_progress_in_a_file_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress() as bar:  # short work prints nothing
+        bar.advance(bar.add_task('short', total=2))
+    assert capsys.readouterr().err.strip() == ''
+    for name in ('LINE_EACH_S', 'STAGE_AFTER_S'):
+        monkeypatch.setattr(terminal, name, 0.0)
+    with progress() as bar:
+        task = bar.add_task('fits', total=4)
+        bar.advance(task)
+        bar.update(task, completed=3.0, description='report')
+    lines = capsys.readouterr().err.split('\n')
+    assert [line for line in lines if line.startswith('fits: 25 %')]
+    assert [line for line in lines if line.startswith('report: 75 %')]

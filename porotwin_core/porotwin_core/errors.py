@@ -1,4 +1,15 @@
-"""The error of wrong input, the only one that a user is meant to read."""
+"""Errors that a user is meant to read: wrong input, and files that cannot be written."""
+
+import errno
+import os
+import shutil
+from pathlib import Path
+
+FULL_BYTES = 1_000_000
+"""Free space below which a disk counts as full [B]: libraries tell no reason for a failed write."""
+
+MAY_NOT = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
+"""Faults of writing that another path mends."""
 
 
 class InputError(ValueError):
@@ -7,3 +18,44 @@ class InputError(ValueError):
     The message is one line with the thing, its value and the remedy. Commands print it and exit
     with status 2; nodes log it and go on.
     """
+
+
+def write_error(path: Path, error: Exception) -> Exception:
+    """Return the error to raise because the output `path` cannot be written.
+
+    Args:
+        path: the output that the user named.
+        error: of the operating system, or of a library, which may not know the reason.
+
+    Returns:
+        An InputError if another path is the remedy; an OSError if the disk is full or fails.
+    """
+    number = error.errno if isinstance(error, OSError) else None
+    if number in MAY_NOT:
+        return InputError(
+            f'{path}: cannot be written ({os.strerror(number or 0)}); name an output where you may '
+            'write'
+        )
+    reason = os.strerror(number) if number and number > 0 else str(error)
+    if number in (errno.ENOSPC, errno.EDQUOT) or _is_full(path):
+        return OSError(f'{path}: no space left on its disk; remove something or name another')
+    return OSError(f'{path}: cannot be written ({reason}); look at its disk, or name another')
+
+
+def check_writable(path: Path) -> None:
+    """Check that a file `path`, or a new folder of this name, may be written.
+
+    Raises:
+        InputError: its folder, or the file itself, may not be written.
+    """
+    for place in (path.parent, path):
+        if place.exists() and not os.access(place, os.W_OK):
+            raise write_error(path, PermissionError(errno.EACCES, ''))
+
+
+def _is_full(path: Path) -> bool:
+    folder = next((one for one in path.absolute().parents if one.is_dir()), Path('/'))
+    try:
+        return shutil.disk_usage(folder).free < FULL_BYTES
+    except OSError:
+        return False

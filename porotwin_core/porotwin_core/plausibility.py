@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from porotwin_core.units import DARCY, GRAVITY, ML_H
 
-MOST_GUESSES = 2
+MOST_GUESSES = 3
 """Most other units that a remark asks for."""
 
 Interval = tuple[float, float]
@@ -84,7 +84,7 @@ class PlausibleRange:
 WATER_WEIGHT = 998.0 * GRAVITY / 1.0e-3
 """Hydraulic conductivity over permeability for water at 20 degrees C [1/(m s)]."""
 
-LENGTHS = (('mm', 1e-3), ('cm', 1e-2))
+LENGTHS = (('mm', 1e-3), ('cm', 1e-2), ('inches', 0.0254))
 """Other units of lengths."""
 
 WIDTH = PlausibleRange(

@@ -79,7 +79,8 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'depth_m': float('inf')}, 'finite'),
         ({'width_mm': 934}, "did you mean 'width_m'"),
         ({'name': ''}, 'name'),
-        ({'wells.wall': {'x_m': 0.0, 'z_m': 0.2}}, "'wall'"),
+        ({'wells.wall': {'x_m': 0.0, 'z_m': 0.2}}, 'on the edge: x_m must be above 0 and below'),
+        ({'wells.top': {'x_m': 0.3, 'z_m': 0.562}}, 'below 0.562; move it into the sand'),
         (
             {'wells.far': {'x_m': 23.5, 'z_m': 23.5}},
             'was this in mm, (0.0235, 0.0235) m or in cm, (0.235, 0.235) m?',
@@ -135,6 +136,14 @@ def test_an_impossible_value_is_refused_on_one_line(change: dict[str, Any], name
         ({'permeability_m2': 3e-8}, 'permeability_m2'),
         ({'depth_m': 0.3}, 'the model is flat'),
         ({'wells.INJECTOR': {'x_m': 0.5, 'z_m': 0.3}}, 'capital letters'),
+        (
+            {
+                'wells.w\u00e9': {'x_m': 0.5, 'z_m': 0.3},
+                'wells.we\u0301': {'x_m': 0.6, 'z_m': 0.3},
+            },
+            'coding of accents',
+        ),
+        ({'width_m': 16.0}, 'was this in cm or inches?'),
         ({'wells.wall': {'x_m': 0.001, 'z_m': 0.2}}, 'reaches into the wall 0.001 m away'),
         ({'wells.near': {'x_m': 0.24, 'z_m': 0.235}}, "overlaps 'injector'"),
         ({'wells.wide': {'x_m': 0.4, 'z_m': 0.4, 'radius_m': 0.06}}, 'a tenth of the rig'),

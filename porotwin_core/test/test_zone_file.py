@@ -90,7 +90,8 @@ def test_a_rig_with_a_picture_survives_a_message_and_a_file(rig: Rig, tmp_path: 
     ('pixels', 'message'),
     [
         (np.zeros((60, 90)), 'shows no zone'),
-        (np.full((60, 90), 255), 'all of it is bright'),
+        (np.full((1, 1), 255), 'such as 500 x '),
+        (np.full((60, 90), 255), 'at least half bright everywhere'),
         (top_left_corner(90, 60), '60 x 90 pixels do not have the shape of the rig'),
     ],
 )

@@ -6,7 +6,7 @@ are finite differences of free runs.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver
 from porotwin_core.levenberg_marquardt import Bounds, minimise
 from porotwin_core.map_blocks import Blocks
+from porotwin_core.parallel import Crew
 from porotwin_costa.frames import Frames
 from porotwin_costa.physics_parts import PhysicsPart, physics_of
 
@@ -76,38 +77,36 @@ def fit(
     start: FloatArray,
     *,
     iterations: int,
-    workers: int,
+    pool: Crew,
 ) -> FloatArray:
     """Return the scaled values of all unknowns of `parts` with the least sum of squares.
 
-    The iteration begins at `start`; `workers` threads make the free runs.
+    The iteration begins at `start`; the workers of `pool` make the free runs.
     """
+    shared = [pool.share(one) for one in comparisons]
     unknowns = [unknown for part in parts for unknown in part.unknowns]
     priors = np.array([unknown.prior for unknown in unknowns])
+    highest = np.array([unknown.high for unknown in unknowns])
 
     def residuals(values: FloatArray) -> list[FloatArray]:
         physics = physics_of(parts, values)
-        with ThreadPoolExecutor(workers) as pool:
-            found = list(pool.map(lambda one: one.errors(physics), comparisons))
+        found = list(pool.map(Comparison.errors, shared, repeat(physics)))
         return [*found, values / priors]
 
     def slopes(values: FloatArray, here: Sequence[FloatArray]) -> list[FloatArray]:
-        def column(task: tuple[int, int]) -> FloatArray:
-            index, number = task
-            moved = values.copy()
-            moved[index] += 1.0 if values[index] < unknowns[index].high - 1.0 else -1.0
-            errors = comparisons[number].errors(physics_of(parts, moved))
-            return (here[number] - errors) / (moved[index] - values[index])
-
-        tasks = [(i, n) for n in range(len(comparisons)) for i in range(len(values))]
-        with ThreadPoolExecutor(workers) as pool:
-            columns = list(pool.map(column, tasks))
+        steps = np.where(values < highest - 1.0, 1.0, -1.0)
+        moved = [physics_of(parts, values + move) for move in np.diag(steps)]
         size = len(values)
-        stacks = [np.stack(columns[n * size : (n + 1) * size]) for n in range(len(comparisons))]
+        each = [one for one in shared for _ in range(size)]
+        errors = list(pool.map(Comparison.errors, each, moved * len(shared)))
+        stacks = [
+            np.stack([(mine - errors[n * size + i]) / steps[i] for i in range(size)])
+            for n, mine in enumerate(here[: len(shared)])
+        ]
         return [*stacks, -np.diag(1.0 / priors)]
 
     bounds = Bounds(
         np.array([unknown.low for unknown in unknowns]),
-        np.array([unknown.high for unknown in unknowns]),
+        highest,
     )
     return minimise(residuals, slopes, start, bounds, iterations=iterations)

@@ -6,8 +6,8 @@ falls as well. So a part that only imitates noise or numerics is left out.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver
+from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
 from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
@@ -137,7 +138,7 @@ def learn_physics(
     experiments: Sequence[Frames],
     solver_on: SolverOn,
     *,
-    workers: int = 1,
+    pool: Crew,
     say: SayFn = lambda _: None,
 ) -> LearntPhysics:
     """Return the physics that free runs from the start of each experiment need to follow it.
@@ -147,7 +148,7 @@ def learn_physics(
         grid: the grid of all maps.
         experiments: the maps to learn from; a fourth at least is kept to judge.
         solver_on: returns a solver on a grid, which runs the model with any physics.
-        workers: threads that make free runs.
+        pool: its workers make the free runs.
         say: told every decision.
 
     Raises:
@@ -161,7 +162,7 @@ def learn_physics(
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
-    search = PartSearch(maker, share, workers)
+    search = PartSearch(maker, share, pool)
     alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         found = search.with_one_more(best.learnt)
@@ -179,7 +180,7 @@ def learn_physics(
     parts, start = best.learnt
     whole = share if coarse == grid else Share.of(experiments, grid, solver_on)
     everything = [*whole.fitted, *whole.kept]
-    values = fit(parts, everything, start, iterations=LAST_ITERATIONS, workers=workers)
+    values = fit(parts, everything, start, iterations=LAST_ITERATIONS, pool=pool)
     return physics_of(parts, values)
 
 
@@ -200,13 +201,18 @@ def no_finer(grid: Grid, columns: int) -> Grid:
     return Grid(*cells, grid.width, grid.height)
 
 
+def _errors_together(runs: Sequence[Comparison], physics: LearntPhysics) -> FloatArray:
+    """Return the errors of all `runs` with `physics`, flat."""
+    return np.concatenate([one.errors(physics) for one in runs])
+
+
 @dataclass(frozen=True)
 class PartSearch:
     """Looks for one more part that brings free runs closer to the frames of `share`."""
 
     maker: PartMaker
     share: Share
-    workers: int
+    pool: Crew
 
     def with_one_more(self, known: Learnt) -> PhysicsTrial:
         """Return the best trial of `known` with one more part, refitted.
@@ -224,7 +230,7 @@ class PartSearch:
     def _fitted(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
         """Return `known` with one more part, all of them fitted together."""
         parts, start = (*known.parts, part), np.concatenate([known.values, part.first])
-        values = fit(parts, self.share.fitted, start, iterations=ITERATIONS, workers=self.workers)
+        values = fit(parts, self.share.fitted, start, iterations=ITERATIONS, pool=self.pool)
         learnt = Learnt(parts, values)
         try:
             return PhysicsTrial(learnt, *self.share.cost(learnt.physics))
@@ -246,16 +252,14 @@ class PartSearch:
         physics = known.physics
         light = replace(physics, density_difference=0.0)
         runs = sorted(self.share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
-        errors = np.concatenate([one.errors(physics) for one in runs])
-        base = np.concatenate([one.errors(light) for one in runs])
+        errors, base = _errors_together(runs, physics), _errors_together(runs, light)
 
         parts = [make(x, z, sign) for x, z in self.maker.places() for sign in (1.0, -1.0)]
-
-        def explained(part: PhysicsPart) -> float:
-            moved = part.apply(light, *part.values(part.first))
-            change = np.concatenate([one.errors(moved) for one in runs]) - base
-            return max(-float(change @ errors), 0.0) ** 2 / (float(change @ change) + 1.0)
-
-        with ThreadPoolExecutor(self.workers) as pool:
-            found = list(pool.map(explained, parts))
-        return [parts[n] for n in np.argsort(found)[::-1][:TRIED_PLACES]]
+        moved = [part.apply(light, *part.values(part.first)) for part in parts]
+        changed = self.pool.map(_errors_together, repeat(self.pool.share(runs)), moved)
+        explained = []
+        for there in changed:
+            change = there - base
+            along = max(-float(change @ errors), 0.0)
+            explained.append(along**2 / (float(change @ change) + 1.0))
+        return [parts[n] for n in np.argsort(explained)[::-1][:TRIED_PLACES]]

@@ -1,12 +1,12 @@
 """Training from observed maps: physics, network, free runs, gate."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.dataset import Dataset, join_datasets
@@ -24,7 +24,7 @@ class Experiments:
     """Maps to learn from, and the model that COSTA corrects.
 
     `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme. The workers
-    of `pool` prepare the pairs, an experiment each; None: this process does. For a pool of other
+    of `pool` make free runs, and prepare the pairs, an experiment each. For a pool of other
     processes, `solver_on` must be picklable.
     """
 
@@ -34,7 +34,7 @@ class Experiments:
     time_step: float
     preset: str
     solver_on: SolverOn
-    pool: Executor | None = None
+    pool: Crew
 
     def pairs(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
         """Return the training pairs of `frames` for the model with `learnt` physics.
@@ -42,23 +42,32 @@ class Experiments:
         Raises:
             InputError: no pair can be used.
         """
-        if self.pool is None or len(frames) < 2:
-            return self._pairs_here(frames, learnt)
-        alone = replace(self, frames=(), pool=None)
-        waiting = [self.pool.submit(alone.pairs, [one], learnt) for one in frames]
-        return join_datasets([one.result() for one in waiting])
+        settings = (self.rig, self.grid, self.time_step, self.preset, self.solver_on, learnt)
+        waiting = [self.pool.submit(_pairs_of, one, *settings) for one in frames]
+        usable = [one.result() for one in waiting if not isinstance(one.exception(), InputError)]
+        return join_datasets(usable or [waiting[0].result()])
 
-    def _pairs_here(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
-        model = self.solver_on(self.grid).model(learnt)
-        return build_dataset(
-            frames,
-            self.rig,
-            grid=self.grid,
-            time_step=self.time_step,
-            predict=model.predict,
-            residual=model.residual,
-            preset=self.preset,
-        )
+
+def _pairs_of(
+    frames: Frames,
+    rig: Rig,
+    grid: Grid,
+    time_step: float,
+    preset: str,
+    solver_on: SolverOn,
+    learnt: LearntPhysics,
+) -> Dataset:
+    """Return the training pairs of one experiment."""
+    model = solver_on(grid).model(learnt)
+    return build_dataset(
+        [frames],
+        rig,
+        grid=grid,
+        time_step=time_step,
+        predict=model.predict,
+        residual=model.residual,
+        preset=preset,
+    )
 
 
 def train_from_runs(
@@ -67,7 +76,6 @@ def train_from_runs(
     *,
     seed: int,
     epochs: int = 0,
-    workers: int = 1,
     curriculum: Sequence[Stage] = CURRICULUM,
     progress: ProgressFn = lambda _: None,
     say: Callable[[str], None] = lambda _: None,
@@ -80,7 +88,6 @@ def train_from_runs(
         seed: of weights, samples and roll-outs.
         epochs: passes over the single steps; 0: as suits the network. Fewer passes than usual
             shorten the roll-outs in proportion.
-        workers: threads that make free runs.
         curriculum: stages of the roll-outs; empty: single steps only.
         progress: called after every epoch.
         say: told every decision.
@@ -101,7 +108,7 @@ def train_from_runs(
             experiments.grid,
             experiments.frames,
             experiments.solver_on,
-            workers=workers,
+            pool=experiments.pool,
             say=say,
         )
     dataset = experiments.pairs(experiments.frames, learnt)

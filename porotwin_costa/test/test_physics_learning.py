@@ -6,13 +6,17 @@ from toy_solver import SPEED, MovingTracers, moving_frames
 
 from porotwin_core.errors import InputError
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.parallel import ThreadCrew
 from porotwin_costa.physics_learning import learn_physics, no_finer
 
 
-def _learn(rig, grid, speed, starts=(0.2, 0.3)):
+def _learn(rig, grid, speed, starts=(0.2, 0.3), workers=1):
     frames = [moving_frames(grid, 30, speed=speed, at=at) for at in starts]
     said = []
-    learnt = learn_physics(rig, grid, frames, lambda _: MovingTracers(), say=said.append)
+    with ThreadCrew(workers) as pool:
+        learnt = learn_physics(
+            rig, grid, frames, lambda _: MovingTracers(), pool=pool, say=said.append
+        )
     return learnt, said
 
 
@@ -22,6 +26,7 @@ def test_a_slower_tracer_is_learnt_as_sorption(rig, grid, starts):
     assert np.exp(-learnt.log_retardation) == pytest.approx(0.8, rel=0.02)
     assert 'learnt sorption' in said[0]
     assert not learnt.patches
+    assert _learn(rig, grid, 0.8 * SPEED, starts, workers=2) == (learnt, said)
 
 
 def test_nothing_is_learnt_where_nothing_is_missing(rig, grid):
@@ -31,8 +36,9 @@ def test_nothing_is_learnt_where_nothing_is_missing(rig, grid):
 
 
 def test_two_maps_are_too_few(rig, grid):
-    with pytest.raises(InputError, match='three consecutive maps'):
-        learn_physics(rig, grid, [moving_frames(grid, 2)], lambda _: MovingTracers())
+    few = [moving_frames(grid, 2)]
+    with ThreadCrew(1) as pool, pytest.raises(InputError, match='three consecutive maps'):
+        learn_physics(rig, grid, few, lambda _: MovingTracers(), pool=pool)
 
 
 def test_parts_are_chosen_on_a_coarse_grid(rig):

@@ -141,16 +141,16 @@ def _sand_line(evidence: CalibrationEvidence) -> str:
     if len(evidence.sands) == 1:
         return 'sands: one'
     words = ', '.join(
-        f'{one.factor:.2f} +- {one.factor * one.deviation:.2f} ({one.source})'
-        for one in evidence.sands
+        f'sand {number} {one.factor:.2f} +- {one.factor * one.deviation:.2f} ({one.source})'
+        for number, one in enumerate(evidence.sands)
     )
-    guessed = sum(one.source == 'prior' for one in evidence.sands)
+    guessed = [str(n) for n, one in enumerate(evidence.sands) if one.source == 'prior']
     warning = (
-        f'; {guessed} not reached by the plume: their factors are guesses from their brightness'
+        f'; sand {", ".join(guessed)} not reached by the plume: guessed from their brightness'
         if guessed
         else ''
     )
-    return f'sands: {len(evidence.sands)}, factors {words}{warning}'
+    return f'sands: {len(evidence.sands)} (grey levels of sands.png), factors {words}{warning}'
 
 
 def _stock_line(evidence: CalibrationEvidence) -> str:

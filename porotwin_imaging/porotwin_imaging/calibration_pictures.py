@@ -253,9 +253,7 @@ def _response(axes: Any, fit: CalibrationFit) -> None:
         label='cells of the plumes',
     )
     axes.axvline(1.0, color='grey', linewidth=0.8, linestyle=':')
-    axes.set_xlabel(
-        f'signal relative to that of stock, {level:.3f} ({_ANCHORED[fit.evidence.anchor]})'
-    )
+    axes.set_xlabel(f'signal relative to stock, {level:.3f} ({_ANCHORED[fit.evidence.anchor]})')
     axes.set_ylabel('concentration: 0 water, 1 tracer stock')
     axes.set_title('from signal to concentration; most cells of the plumes must lie at stock, 1')
     axes.legend(loc='upper left')

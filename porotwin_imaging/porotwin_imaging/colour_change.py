@@ -211,6 +211,8 @@ def box_of(text: str, name: str) -> Box:
             'photograph in seconds after an @, such as 0.2,0.1,0.4,0.3@1800'
         ) from None
     numbers = (left, bottom, right, top, 0.0 if when is None else when)
-    if not (all(map(math.isfinite, numbers)) and left < right and bottom < top):
+    if not all(map(math.isfinite, numbers)):
+        raise InputError(f"{name} '{text}': all its numbers must be finite; write metres")
+    if not (left < right and bottom < top):
         raise InputError(f"{name} '{text}': left must be below right, and bottom below top")
     return Box(left, bottom, right, top, when)

@@ -21,6 +21,8 @@ Mask = NDArray[np.bool_]
 
 _SPECK = (2, 2)
 """Places smaller than this are noise [cells]."""
+_TOLD_SHARE = 5e-4
+"""Smaller shares of the sand, some cells at a wire, are left out without a remark [-]."""
 _REACH = (5, 5)
 """Cells across the surroundings that are left out as well."""
 
@@ -62,9 +64,8 @@ def without_foreign_signal(
         return visible, []
     left_out = cv2.dilate(foreign.astype(np.uint8), np.ones(_REACH, np.uint8)) > 0
     lost = float((left_out & visible).sum() / count)
-    return visible & ~left_out, [
-        f'{100 * lost:.1f} % of the sand has a colour that tracer cannot make: left out'
-    ]
+    remark = f'{100 * lost:.1f} % of the sand has a colour that tracer cannot make: left out'
+    return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
 
 
 def _another_colour(smooth: Array, colour: TracerColour, settings: ForeignSignalSettings) -> Mask:

@@ -25,6 +25,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from porotwin_imaging.cell_sums import tile_of
 from porotwin_imaging.response_family import concentration_of
 from porotwin_imaging.settings import DEFAULTS, FrontSettings
+from porotwin_imaging.tracer_signal import LEAST_RATIO, Contrast
 
 Array = NDArray[Any]
 
@@ -86,7 +87,8 @@ class FrontPhotographs:
         signals: signal relative to stock [-], each (nz, nx), NaN where hidden.
         pore_volume: pore volume of the cells [m^3], 0 where the factor of the sand is not known.
         chosen: numbers of the photographs that are compared.
-        absorbance: absorbance of stock; 0 if the signal is no absorbance [-].
+        contrast: kind of the signal.
+        stock: signal of tracer stock [-]: its absorbance, or the share of light that it takes.
         pixels_per_cell: pixels of the file across a cell.
         samples_across: samples of the photograph across a cell.
     """
@@ -94,7 +96,8 @@ class FrontPhotographs:
     signals: Sequence[Array]
     pore_volume: Array
     chosen: Sequence[int]
-    absorbance: float
+    contrast: Contrast
+    stock: float
     pixels_per_cell: float
     samples_across: int
 
@@ -180,7 +183,7 @@ def _photographed(maps: Sequence[Array], seen: FrontPhotographs, volume: Array) 
             blurred = cv2.GaussianBlur(finer, (0, 0), width)
             for layer, bend in enumerate(_BENDS):
                 signal = _response(blurred, float(bend))
-                cells = _of_cells(signal, width, points, seen.absorbance)
+                cells = _of_cells(signal, width, points, seen)
                 found[layer, row, column] = _volumes(cells, volume[place])
     return found
 
@@ -212,19 +215,27 @@ def _response(concentration: Array, bend: float) -> Array:
     return np.asarray(found, np.float32)
 
 
-def _of_cells(signal: Array, width: float, points: int, absorbance: float) -> Array:
+def _of_cells(signal: Array, width: float, points: int, seen: FrontPhotographs) -> Array:
     """Return the signal that cells of `points` points show, as `cell_sums` averages them.
 
     Lens and file blur grey levels, tiles of a cell average light, and cells average logarithms.
     """
     rows, columns = (size // points for size in signal.shape)
-    if absorbance == 0.0:
-        blurred = cv2.GaussianBlur(signal, (0, 0), width)
-        return cv2.resize(blurred, (columns, rows), interpolation=cv2.INTER_AREA)
-    grey = cv2.GaussianBlur(np.exp(-absorbance / _TONE * signal), (0, 0), width)
+    light = _light(signal, seen)
+    grey = cv2.GaussianBlur(light ** np.float32(1.0 / _TONE), (0, 0), width)
     parts = points // tile_of(points)
     tiles = cv2.resize(grey**_TONE, (columns * parts, rows * parts), interpolation=cv2.INTER_AREA)
-    return cv2.resize(-np.log(tiles) / absorbance, (columns, rows), interpolation=cv2.INTER_AREA)
+    logs = cv2.resize(np.log(tiles), (columns, rows), interpolation=cv2.INTER_AREA)
+    if seen.contrast == 'absorbance':
+        return np.asarray(-logs / seen.stock)
+    return np.asarray((1.0 - np.exp(logs)) / seen.stock)
+
+
+def _light(signal: Array, seen: FrontPhotographs) -> Array:
+    """Return the light relative to the baseline of a map of relative signal."""
+    if seen.contrast == 'absorbance':
+        return np.asarray(np.exp(-seen.stock * signal), np.float32)
+    return np.asarray(np.maximum(1.0 - seen.stock * signal, LEAST_RATIO), np.float32)
 
 
 def _interpolated(table: Array, settings: FrontSettings) -> tuple[Array, Array, Array, Array]:

@@ -12,12 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from porotwin_core.errors import InputError
 from porotwin_imaging.cell_sums import BlockSums
 from porotwin_imaging.foreign_signal import without_foreign_signal
 from porotwin_imaging.light_check import exposure_remarks, lit_as_baseline, refuse_unknown_light
 from porotwin_imaging.light_drift import LightDrift, light_drift
 from porotwin_imaging.local_light import local_light
-from porotwin_imaging.settings import DEFAULTS, ImagingSettings
+from porotwin_imaging.settings import DEFAULTS, ForeignSignalSettings, ImagingSettings
 from porotwin_imaging.tone_change import tone_change
 from porotwin_imaging.tracer_colour import TracerColour, colour_in
 
@@ -26,8 +27,9 @@ Mask = NDArray[np.bool_]
 
 _MOST_BLOCKS = 400
 """Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
-_TONE_ERROR = 0.02
-"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]."""
+_TONE_ERRORS = {'curve': 0.02, 'haze': 0.06}
+"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Haze
+also hides how unevenly dye darkens the grains, so that stock looks 5 % too pale."""
 _LEAST_LIGHT = 1e-4
 """Linear light of the baseline is raised to this before it divides [-]."""
 _LEAST_SHARE = 0.3
@@ -86,7 +88,7 @@ def corrected_light(
         log_ratio = tone.undone(log_ratio, _light(sums, share.shape))
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
-        variance = (_TONE_ERROR * log_ratio.mean(axis=2)) ** 2
+        variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
     drift = light_drift(log_ratio, np.where(visible, share, 0.0), checker_gain, settings.light)
     refuse_unknown_light(log_ratio, visible, drift, chart_seen=checker_gain is not None)
     residual = blocks - drift.channels - _resized(drift.shape, seen.shape)[..., None]
@@ -101,6 +103,7 @@ def corrected_light(
     comparable, foreign = without_foreign_signal(
         residual, comparable, colour, settings.foreign_signal
     )
+    _refuse_much_left_out(seen, comparable, settings.foreign_signal)
     left_out = _resized((seen & ~comparable).astype(np.float32), visible.shape) > 0
     return CorrectedLight(
         log_ratio=drift.removed_from(log_ratio),
@@ -110,6 +113,17 @@ def corrected_light(
         remarks=remarks,
         left_out=[*bright, *foreign],
     )
+
+
+def _refuse_much_left_out(seen: Mask, comparable: Mask, settings: ForeignSignalSettings) -> None:
+    """Raise InputError if reflections and other colours hide too much of the sand together."""
+    lost = float((seen & ~comparable).sum() / max(1, seen.sum()))
+    if lost > settings.most_left_out:
+        raise InputError(
+            f'photograph is brighter than its baseline, or has colours that tracer cannot make, on '
+            f'or near {100 * lost:.0f} % of the sand: another fluid, gas, or another light; use a '
+            'baseline and a calibration of this fluid and light'
+        )
 
 
 def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:

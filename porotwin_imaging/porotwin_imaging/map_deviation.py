@@ -28,8 +28,9 @@ from porotwin_imaging.settings import DEFAULTS, NoiseSettings
 
 Array = NDArray[Any]
 
-_LARGEST_FAINT = 3.0
-"""Values above this many standard deviations are tracer, not clean sand."""
+_LARGEST_FAINT = 4.5
+"""Values above this many standard deviations are tracer, not clean sand: noise of grains has wide
+tails."""
 _LEVELS = 4096
 """Steps of concentration in the table of errors: from one to the next they change by less than
 1e-4."""
@@ -74,7 +75,8 @@ def map_deviation(
     table = _CalibrationErrors.of(calibration)
 
     def band(values: Array, noise: Array, light_error: Array, factor: Array) -> tuple[Array, Array]:
-        random = (noise**2 + light_error**2).astype(np.float32)
+        left = np.float32(settings.remaining_noise) * noise
+        random = (left**2 + light_error**2).astype(np.float32)
         random += _clean_or_faint(values, random)
         known = np.isfinite(values)
         filled = np.where(known, values, np.float32(0.0))

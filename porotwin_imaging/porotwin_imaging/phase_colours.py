@@ -43,6 +43,8 @@ _READILY = 0.1
 _FULL_PERCENTILE, _FULL_SHARE = 90.0, 0.6
 """Cells with at least this share of the colour at the percentile show it in full [-]."""
 _SMALLEST_DIVISOR = 1e-6
+_DARKER = 0.05
+"""Change of a channel that is darker beyond the drift of the lamps [log]."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,11 @@ class PhaseColours:
     def phases(self) -> tuple[int, ...]:
         """The phases that have a colour, in ascending order."""
         return tuple(int(number) for number in np.unique(self.phase))
+
+    def darken_only(self) -> bool:
+        """Return whether all colours are darker than water in every channel, as those of a dye."""
+        change = np.median(self.change, axis=0)[1:]
+        return bool(len(change) and (change < -_DARKER).all())
 
     def words(self) -> list[str]:
         """Return each colour but water in words, as its median over the sands."""

@@ -41,7 +41,7 @@ _MOST_DEVIATIONS = 2.0
 
 
 @dataclass(frozen=True)
-class Refined:
+class RefinedCalibration:
     """A calibration with the factors that an experiment tells.
 
     Attributes:
@@ -60,7 +60,7 @@ def refined(
     photographs: Sequence[Photograph],
     schedule: Schedule | None,
     settings: ImagingSettings = DEFAULTS,
-) -> Refined:
+) -> RefinedCalibration:
     """Return the calibration with better factors for sands whose factor was a guess.
 
     Args:
@@ -78,12 +78,12 @@ def refined(
     guessed = np.array(calibration.factor_deviations) > settings.fronts.surest_factor
     chosen = _with_stock(photographs, schedule)
     if calibration.sands is None or not guessed.any() or not chosen:
-        return Refined(calibration)
+        return RefinedCalibration(calibration)
     grid = calibration_grid(rig, settings.calibration)
     baseline = make_baseline(rig, grid, baselines, calibration=calibration, settings=settings)
     signals = [signal for _, read in chosen if (signal := _signal(read, baseline)) is not None]
     if not signals:
-        return Refined(calibration)
+        return RefinedCalibration(calibration)
     labels = cv2.resize(calibration.sands, grid.shape[::-1], interpolation=cv2.INTER_NEAREST)
     found = _levels(signals, np.ascontiguousarray(labels[::-1]), calibration, settings)
     return _with_levels(calibration, found, settings)
@@ -150,7 +150,7 @@ def _level_of_stock(calibration: Calibration) -> float:
 
 def _with_levels(
     calibration: Calibration, levels: dict[int, SandLevel], settings: ImagingSettings
-) -> Refined:
+) -> RefinedCalibration:
     """Return the calibration with the mean of guess and core, weighted by their variances."""
     factors, deviations = list(calibration.factors), list(calibration.factor_deviations)
     lines = []
@@ -170,4 +170,4 @@ def _with_levels(
             'of stock has reached it'
         )
     better = replace(calibration, factors=tuple(factors), factor_deviations=tuple(deviations))
-    return Refined(better, tuple(lines))
+    return RefinedCalibration(better, tuple(lines))

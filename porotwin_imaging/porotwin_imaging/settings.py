@@ -222,6 +222,8 @@ class ForeignSignalSettings:
     """Hue relative to the hue of tracer that darkens as much [-] (0.5)."""
     most_share: float = 0.15
     """Share of the sand above which a photograph is refused [-]."""
+    most_left_out: float = 0.25
+    """The same for these changes, reflections and the surroundings of both together [-]."""
 
 
 @dataclass(frozen=True)
@@ -290,13 +292,16 @@ class NoiseSettings:
     """Neighbouring samples that share one error, because JPEG and interpolation smear it."""
     fewest_samples_across: int = 5
     """Samples in each direction needed to estimate the scatter; smaller cells are pooled."""
-    place_error: float = 3e-4
-    """Standard deviation of the place of a cell relative to the width of the rig [-]: the lines of
-    a laser grid on the large FluidFlower, imaged with the published curvature, deviate by 1.0 mm on
-    2.8 m. Corners that a person reads from a photograph to half a pixel of 1600 are as good."""
-    blur_cells: float = 0.25
+    remaining_noise: float = 0.77
+    """Noise of a map relative to the noise that is propagated through its steps [-]. Samples share
+    less of it than assumed. Fitted to composed photographs, as are the next two."""
+    place_error: float = 1.5e-4
+    """Standard deviation of the place of a cell relative to the width of the rig [-]: a quarter of
+    a pixel of 1600, for alignment and exact corners. On the large FluidFlower, the lines of a laser
+    grid deviate by 1.0 mm on 2.8 m, 3.6e-4."""
+    blur_cells: float = 0.21
     """Standard deviation of the blur of a front that is left in a map, or that was taken back too
-    much [cells]: 1.3 px on composed photographs with 5.5 px per cell."""
+    much [cells]: 1.2 px on composed photographs with 5.5 px per cell."""
     credible: tuple[float, float] = (-0.5, 1.5)
     """Concentrations are clipped to this range before denoising [-]. Values beyond it are noise of
     a single cell and must not spread."""

@@ -11,6 +11,7 @@ from scipy.special import erfc
 
 from porotwin_imaging.front_response import FrontPhotographs, fit_fronts
 from porotwin_imaging.response_family import concentration_of
+from porotwin_imaging.tracer_signal import Contrast
 
 Array = NDArray[Any]
 
@@ -18,7 +19,8 @@ CELLS, POINTS = (60, 60), 4
 RADII = (9.0, 13.0, 18.0, 22.0)
 """Radii of the plumes [cells]."""
 CELL_M = 0.007
-ABSORBANCE = 1.3
+STOCK = 0.8
+"""Signal of tracer stock [-]."""
 
 
 def plume(radius: float, dispersivity_m: float) -> Array:
@@ -33,25 +35,34 @@ def model(factor: float, dispersivity_m: float) -> list[Array]:
     return [plume(radius * np.sqrt(factor), dispersivity_m) for radius in RADII]
 
 
-def photographs(bend: float, *, dispersivity_m: float = 0.0, factor: float = 1.0) -> Any:
+def photographs(
+    bend: float,
+    *,
+    dispersivity_m: float = 0.0,
+    factor: float = 1.0,
+    contrast: Contrast = 'absorbance',
+) -> FrontPhotographs:
     """Return photographs with a blur of 1 px before and after the response."""
     signals = np.linspace(0, 1, 1001)
     taken = []
     for true in model(factor, dispersivity_m):
         blurred = cv2.GaussianBlur(true, (0, 0), 1.0)
         signal = np.interp(blurred, concentration_of('exponential', signals, bend), signals)
-        light = cv2.GaussianBlur(np.exp(-ABSORBANCE * signal), (0, 0), 1.0)
-        cells = cv2.resize(-np.log(light) / ABSORBANCE, CELLS, interpolation=cv2.INTER_AREA)
+        kept = np.exp(-STOCK * signal) if contrast == 'absorbance' else 1 - STOCK * signal
+        light = cv2.GaussianBlur(kept, (0, 0), 1.0)
+        logs = cv2.resize(np.log(light), CELLS, interpolation=cv2.INTER_AREA)
+        cells = -logs if contrast == 'absorbance' else 1 - np.exp(logs)
         noise = np.random.default_rng(3).normal(0.0, 0.01, CELLS)
-        taken.append(cells + noise)
-    return FrontPhotographs(taken, np.ones(CELLS), (0, 1, 2, 3), ABSORBANCE, POINTS, POINTS)
+        taken.append(cells / STOCK + noise)
+    return FrontPhotographs(taken, np.ones(CELLS), (0, 1, 2, 3), contrast, STOCK, POINTS, POINTS)
 
 
+@pytest.mark.parametrize('contrast', ['absorbance', 'difference'])
 @pytest.mark.parametrize(
     ('bend', 'dispersivity_m', 'factor'), [(-0.1, 0.0, 1.0), (0.06, 0.0, 0.92), (-0.04, 1e-3, 1.0)]
 )
-def test_fronts_tell_bend_and_blur_for_any_sand(bend, dispersivity_m, factor) -> None:
-    seen = photographs(bend, dispersivity_m=dispersivity_m, factor=factor)
+def test_fronts_tell_bend_and_blur_for_any_sand(bend, dispersivity_m, factor, contrast) -> None:
+    seen = photographs(bend, dispersivity_m=dispersivity_m, factor=factor, contrast=contrast)
     found = fit_fronts(seen, model, factor)
     assert found is not None
     assert abs(found.bend - bend) < 0.02

@@ -13,10 +13,13 @@ from porotwin_imaging.settings import DEFAULTS
 
 GRID = Grid(30, 20, 0.3, 0.2)
 EXACT = Calibration(scale_error=0.0)
+LEFT = DEFAULTS.noise.remaining_noise
+"""Noise of a map relative to the propagated one."""
 
 
 def even(value: float, noise: float = 0.0) -> SmoothedMap:
-    return SmoothedMap(np.full(GRID.shape, value), np.full(GRID.shape, noise))
+    """Return an even map with `noise` left."""
+    return SmoothedMap(np.full(GRID.shape, value), np.full(GRID.shape, noise / LEFT))
 
 
 def test_an_even_map_with_an_exact_calibration_has_its_noise() -> None:
@@ -56,6 +59,6 @@ def test_faint_values_may_be_clean_sand() -> None:
 def test_hidden_cells_have_no_deviation_and_spoil_no_others() -> None:
     values = np.full(GRID.shape, 0.5)
     values[:5] = np.nan
-    found = map_deviation(SmoothedMap(values, 0.01 + 0 * values), 0.0, EXACT, GRID)
+    found = map_deviation(SmoothedMap(values, 0.01 / LEFT + 0 * values), 0.0, EXACT, GRID)
     np.testing.assert_array_equal(np.isnan(found.total), np.isnan(values))
     np.testing.assert_allclose(found.total[5:], 0.01)

@@ -190,6 +190,7 @@ class _Collector:
         self.rig_fault = 'holds no rig description'
         self.segments = [Segment()]
         self._rate_faults: list[str] = []
+        self._copies = 0
         self._add: dict[str, Callable[[BagMessage, Location], None]] = {
             topic_names.RIG: self._add_rig,
             topic_names.SETPOINT: self._add_setpoint,
@@ -209,6 +210,11 @@ class _Collector:
                 self._add[names[message.topic]](message, location)
             except InputError as error:  # one wrong message costs that message
                 faults.setdefault(message.topic, []).append(str(error))
+        if self._copies:
+            self.bag.remark(
+                f'{self.bag.path}: {self._copies} maps and photographs are in it twice, with one '
+                'time of recording, and are read once; does its folder hold two copies of one bag?'
+            )
         for topic, lines in faults.items():
             self.bag.remark(
                 f"{self.bag.path}: {len(lines)} messages of '{topic}' left out: {lines[0]}"
@@ -263,7 +269,9 @@ class _Collector:
             self.segments += self.segments[-1].restarted(stamp, starts=starts)
 
     def _add_state(self, message: BagMessage, location: Location) -> None:
-        self.segments[-1].add_map(stamp_of(message.data), location)
+        stamp = stamp_of(message.data)
+        self._copies += location.number > 0 and stamp in self.segments[-1].maps
+        self.segments[-1].add_map(stamp, location)
 
     def _add_photo(self, message: BagMessage, location: Location) -> None:
         self._add_image(message, location, 'state')
@@ -275,6 +283,7 @@ class _Collector:
         begin = image_begin(message.data)
         key = PhotoKey(role, stamp_of(message.data), zlib.crc32(begin))
         suffix = _SUFFIXES.get(begin[4:6], '.img')
+        self._copies += location.number > 0 and key in self.segments[-1].photos
         self.segments[-1].photos[key] = LocatedPhoto(location, suffix)
 
 

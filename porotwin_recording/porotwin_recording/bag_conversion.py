@@ -30,7 +30,7 @@ from porotwin_core.conversions import (
     rates_to_msg,
     rig_to_msg,
 )
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.wells import Schedule, WellRate
 from porotwin_msgs.msg import (
     CleanState,
@@ -45,6 +45,7 @@ from porotwin_recording.bag_reader import BagReader
 from porotwin_recording.bag_records import TopicQos
 from porotwin_recording.bag_writer import BagWriter
 from porotwin_recording.experiment_folder import Progress, write_folder
+from porotwin_recording.one_writer import one_writer
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import open_recording
@@ -165,14 +166,11 @@ def export_bag(
 @contextmanager
 def _complete_or_absent(target: Path) -> Iterator[Path]:
     """Yield a temporary path that is renamed to `target` at the end, or removed after an error."""
-    if target.exists():
-        raise InputError(f'{target}: exists already; name another or remove it')
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = tempfile.TemporaryDirectory(prefix=f'.{target.name}-', dir=target.parent)
-    except OSError as error:
-        raise InputError(f'{target}: cannot be written ({error.strerror})') from None
-    with temporary as folder:
+    with (
+        one_writer(target),
+        _told_of(target),
+        tempfile.TemporaryDirectory(prefix=f'.{target.name}-', dir=target.parent) as folder,
+    ):
         path = Path(folder, target.name)
         yield path
         path.rename(target)
@@ -185,16 +183,28 @@ def _kept_after_interrupt(target: Path, source: str) -> Iterator[Path]:
     A kill or an interrupt leaves it. It is yielded again, with its photographs, if `source` is the
     same.
     """
-    if target.exists():
-        raise InputError(f'{target}: exists already; name another or remove it')
-    path, mark = (target.with_name(f'.{target.name}.{kind}') for kind in ('partial', 'source'))
+    with one_writer(target), _told_of(target):
+        yield from _kept(target, source)
+
+
+@contextmanager
+def _told_of(target: Path) -> Iterator[None]:
+    """Raise faults of the disk as faults of `target`, but not those of other files."""
     try:
-        if not mark.is_file() or mark.read_text(encoding='utf-8') != source:
-            shutil.rmtree(path, ignore_errors=True)
-        path.mkdir(parents=True, exist_ok=True)
-        mark.write_text(source, encoding='utf-8')
+        yield
     except OSError as error:
-        raise InputError(f'{target}: cannot be written ({error.strerror})') from None
+        begun = str(target.with_name(f'.{target.name}'))
+        if error.errno is None or not str(error.filename or begun).startswith(begun):
+            raise
+        raise write_error(target, error) from None
+
+
+def _kept(target: Path, source: str) -> Iterator[Path]:
+    path, mark = (target.with_name(f'.{target.name}.{kind}') for kind in ('partial', 'source'))
+    if not mark.is_file() or mark.read_text(encoding='utf-8') != source:
+        shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(parents=True, exist_ok=True)
+    mark.write_text(source, encoding='utf-8')
     for file in path.iterdir():
         if file.is_file():
             file.unlink()

@@ -94,11 +94,13 @@ def find_recordings(root: Path) -> Iterator[Path]:
     the parts of one bag. Other .mcap files are bags of their own.
 
     Raises:
-        InputError: there is no such folder.
+        InputError: there is no such folder, or a file is no bag.
     """
     if not root.exists():
         raise InputError(f'{root}: no such folder; name one with recordings')
     if root.is_file():
+        if not root.name.endswith(('.mcap', f'.mcap{COMPRESSED}')):
+            raise InputError(f'{root}: is no recording; name a folder with recordings, or a bag')
         yield root
         return
     for place, folders, names in os.walk(root):

@@ -1,7 +1,7 @@
 """Tracer maps of an experiment folder: `concentration.nc`, read and written map by map."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import repeat
 from pathlib import Path
@@ -11,7 +11,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 
@@ -319,7 +319,7 @@ class ConcentrationWriter:
         try:
             self._dataset = netCDF4.Dataset(self._partial, 'w')
         except OSError as error:
-            raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+            raise write_error(path, error) from None
         self._define_coordinates()
         self._define_concentration()
         self._define_origin(origin)
@@ -380,6 +380,7 @@ class ConcentrationWriter:
 
         Raises:
             InputError: the shape is not the one of the grid, or `time` does not increase.
+            OSError: the disk is full or fails.
         """
         deviations = {'deviation': deviation, 'systematic': systematic}
         known = {name: values for name, values in deviations.items() if values is not None}
@@ -400,10 +401,13 @@ class ConcentrationWriter:
             unseen = np.isnan(values)
             values = np.clip(np.where(unseen, 0, values), 0, (PACKED_NAN - 1) * PACKED_STEP)
             values = np.ma.array(values, mask=unseen)
-        self._dataset.variables['concentration'][number] = values
-        for name, values in known.items():
-            self._deviations(name)[number] = np.asarray(values, dtype=np.float32)
-        self._dataset.variables['time'][number] = time
+        try:
+            self._dataset.variables['concentration'][number] = values
+            for name, values in known.items():
+                self._deviations(name)[number] = np.asarray(values, dtype=np.float32)
+            self._dataset.variables['time'][number] = time
+        except (OSError, RuntimeError) as error:
+            raise write_error(self.path, error) from None
         self._last = time
 
     def _deviations(self, name: str) -> netCDF4.Variable:
@@ -424,13 +428,22 @@ class ConcentrationWriter:
         return variable
 
     def close(self) -> None:
-        """Complete the file and rename it to its final name."""
-        self._dataset.close()
-        self._partial.replace(self.path)
+        """Complete the file and rename it to its final name.
+
+        Raises:
+            OSError: the disk is full or fails.
+        """
+        try:
+            self._dataset.close()
+            self._partial.replace(self.path)
+        except (OSError, RuntimeError) as error:
+            self._partial.unlink(missing_ok=True)
+            raise write_error(self.path, error) from None
 
     def discard(self) -> None:
         """Remove what was written."""
-        self._dataset.close()
+        with suppress(OSError, RuntimeError):
+            self._dataset.close()
         self._partial.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:

@@ -13,15 +13,16 @@ import shutil
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
 from porotwin_core import PROGRAM
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.units import to_ml_h
+from porotwin_recording.one_writer import one_writer
 from porotwin_recording.recording import Recording
 
 Format = Literal['zarr', 'netcdf']
@@ -36,7 +37,7 @@ _FIELDS = {
     'systematic': ('part of the standard deviation that is the same at all times', '1'),
 }
 
-ZLIB_LEVEL = 4
+ZLIB_LEVEL: Final = 4
 """Level of the compression, from 1 (fastest) to 9 (smallest)."""
 
 MAPS_AT_ONCE = 16
@@ -66,13 +67,22 @@ def export_dataset(
         progress: receives the progress.
 
     Raises:
-        InputError: `target` exists or cannot be written, or the recording holds no maps.
+        InputError: `target` exists, may not be written or is being written, or the recording holds
+            no maps.
+        OSError: the disk is full or fails.
     """
     if target.exists():
         raise InputError(f'{target}: exists already; name another or remove it')
     begun = _Begun(recording, target, kind)
+    with one_writer(target):
+        _export(begun, recording, target, kind, progress)
+
+
+def _export(
+    begun: '_Begun', recording: Recording, target: Path, kind: Format, progress: Progress | None
+) -> None:
+    """Write all maps, and give the export its name."""
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.closing(begun.maps()) as written:
             for first, maps in _blocks(recording, begun.done):
                 written.write(first, maps)
@@ -85,7 +95,7 @@ def export_dataset(
         begun.remove()
     except (OSError, RuntimeError) as error:
         begun.remove()
-        raise InputError(f'{target}: cannot be written ({error})') from None
+        raise write_error(target, error) from None
 
 
 class _NetcdfMaps:
@@ -146,7 +156,10 @@ class _ZarrMaps:
         """Every file is closed."""
 
 
-_MAPS = {'netcdf': _NetcdfMaps, 'zarr': _ZarrMaps}
+_MAPS: dict[Format, type[_NetcdfMaps] | type[_ZarrMaps]] = {
+    'netcdf': _NetcdfMaps,
+    'zarr': _ZarrMaps,
+}
 
 
 class _Begun:
@@ -185,7 +198,7 @@ class _Begun:
             count, source = self._mark.read_text(encoding='utf-8').split(' ', 1)
             if source != self._source or not self.path.exists():
                 return None
-            found, done = _MAPS[self._kind](self.path), int(count)
+            done, found = int(count), _MAPS[self._kind](self.path)
             first = max(0, done - MAPS_AT_ONCE)
             if found.holds(first, _maps_between(self._recording, first, done)):
                 self.done = done
@@ -198,7 +211,9 @@ class _Begun:
     def note(self, done: int) -> None:
         """Note that so many maps are on the disk."""
         self.done = done
-        self._mark.write_text(f'{done} {self._source}', encoding='utf-8')
+        new = self._mark.with_suffix('.new')
+        new.write_text(f'{done} {self._source}', encoding='utf-8')
+        new.replace(self._mark)  # a kill may come at any moment
 
     def remove(self) -> None:
         """Remove what is left of the export."""

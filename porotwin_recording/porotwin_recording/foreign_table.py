@@ -3,7 +3,7 @@
 import csv
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -61,15 +61,21 @@ class ForeignTable:
             )
         return found
 
-    def numbers(self, title: str) -> list[float]:
+    def numbers(self, title: str, needed: Sequence[bool] = ()) -> list[float]:
         """Return the numbers of a column.
+
+        Args:
+            title: of the column.
+            needed: whether a row must have a number; elsewhere an empty word is 0. Empty: all must.
 
         Raises:
             InputError: a word is no number; the message names the line.
         """
         words = self.columns[title]
+        rows = zip(words, needed or [True] * len(words), strict=True)
         return [
-            self._number(word, f'{self.path}:{row}', title) for row, word in enumerate(words, 2)
+            self._number(word, f'{self.path}:{row}', title) if word or must else 0.0
+            for row, (word, must) in enumerate(rows, 2)
         ]
 
     def _number(self, word: str, where: str, title: str) -> float:

@@ -35,7 +35,8 @@ def moments(
     """Return the times in `words`, and the assumptions that were made, one line each.
 
     Times without a zone are those of one clock that nobody set in between; with `zone` they follow
-    its summer time. They are returned as if they were UTC, so that differences are right.
+    its summer time, and a time that does not exist there or occurs twice is refused. They are
+    returned as if they were UTC, so that differences are right.
 
     Args:
         words: dates with times, all written alike.
@@ -44,7 +45,7 @@ def moments(
         zone: time zone, such as Europe/Oslo; empty: none.
 
     Raises:
-        InputError: a word is no time, or the words can be read in two ways.
+        InputError: a word is no time, is none in its zone, or can be read in two ways.
     """
     matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
     for number, (word, match) in enumerate(zip(words, matches, strict=True), 2):
@@ -65,7 +66,16 @@ def moments(
             if zone
             else f'{where}: times without a zone, taken as one clock; --time-zone names one'
         )
-    return [_moment(match, day_first, zone, where) for match in found], told
+    return [
+        _moment(match, day_first, zone, f'{where}:{number}')
+        for number, match in enumerate(found, 2)
+    ], told
+
+
+def names_zone(words: Sequence[str]) -> bool:
+    """Return whether one of the times in `words` names its zone, such as Z or +02:00."""
+    matches = (_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words)
+    return any(match is not None and match['zone'] is not None for match in matches)
 
 
 def _is_day_first(
@@ -118,12 +128,33 @@ def _moment(match: re.Match[str], day_first: bool, zone: str, where: str) -> dat
         return datetime.fromisoformat(f'{moment.isoformat()}{written}').astimezone(UTC)
     if not zone:
         return moment.replace(tzinfo=UTC)
+    return _in_zone(moment, zone, where)
+
+
+def _in_zone(moment: datetime, zone: str, where: str) -> datetime:
+    """Return a local time as UTC.
+
+    Raises:
+        InputError: the zone is not known, or its clocks show the time never or twice.
+    """
     try:
-        return moment.replace(tzinfo=ZoneInfo(zone)).astimezone(UTC)
-    except (ZoneInfoNotFoundError, ValueError):
+        local = moment.replace(tzinfo=ZoneInfo(zone))
+    except (ZoneInfoNotFoundError, ValueError, OSError):
         raise InputError(
             f"--time-zone '{zone}' is not known; write one such as Europe/Oslo"
         ) from None
+    first, second = (local.replace(fold=fold).astimezone(UTC) for fold in (0, 1))
+    if first == second:
+        return first
+    if first > second:  # the clocks jumped over it
+        raise InputError(
+            f"{where}: '{moment}' does not exist in {zone}: the clocks were set forward; correct "
+            'the time, or leave --time-zone out if nobody set this clock'
+        )
+    raise InputError(
+        f"{where}: '{moment}' occurs twice in {zone}: the clocks were set back; write its zone, "
+        f'such as {local.isoformat(" ")}, or leave --time-zone out if nobody set this clock'
+    )
 
 
 def _clock(text: str | None, half: str | None) -> tuple[int, int, float]:

@@ -38,6 +38,12 @@ NAMES = {
 MOST_STOCK = 1.3
 """Largest concentration of noisy maps [-]; larger values are in another unit."""
 
+LEAST_NOISE = 0.3
+"""Concentration below 0 [-] that noise does not reach."""
+
+REAL_KINDS = 'biuf'
+"""Kinds of arrays that hold real numbers: truth values, integers and floats."""
+
 PERCENT = 100.0
 
 
@@ -150,10 +156,27 @@ def _shares(
     Raises:
         InputError: the values are in another unit, and nothing says which value is the stock.
     """
+    if answers.stock is not None and not 0.0 < answers.stock < np.inf:
+        raise InputError(f'--stock {answers.stock:g}: give a finite number above 0, such as 100')
+    if values.dtype.kind not in REAL_KINDS:
+        raise InputError(f'{path}: its maps are of the type {values.dtype}; write real numbers')
     floats = np.asarray(values, dtype=np.float32)
-    if not np.isfinite(floats).any():
+    if np.isnan(floats).all():
         raise InputError(f'{path}: all values of its maps are missing')
-    largest = float(np.nanmax(floats))
+    infinite = int(np.isinf(floats).sum())
+    if infinite:
+        raise InputError(
+            f'{path}: {infinite} values of its maps are infinite, or too large for 32 bits; '
+            'write NaN where there is no value'
+        )
+    least, largest = float(np.nanmin(floats)), float(np.nanmax(floats))
+    if largest <= 0.0 and least < 0.0:
+        raise InputError(
+            f'{path}: concentrations lie between {least:.3g} and {largest:.3g}, none is above 0; '
+            'correct their sign: 0 is water, 1 is tracer stock'
+        )
+    if least < -LEAST_NOISE * (answers.stock or 1.0):
+        told.append(f'{path}: concentrations go down to {least:.3g}, although 0 is water')
     if answers.stock is None and largest > MOST_STOCK:
         percent = 'for percent ' if largest <= MOST_STOCK * PERCENT else ''
         raise InputError(
@@ -236,16 +259,15 @@ def _netcdf(path: Path) -> _Arrays:
     address = f'file://{path.resolve()}#mode=zarr,file' if path.is_dir() else str(path)
     try:
         with contextlib.closing(netCDF4.Dataset(address)) as dataset:
-            dataset.set_auto_mask(False)
+            dataset.set_auto_mask(not path.is_dir())  # zarr fills with 0, which is no gap
             names = {q: _chosen(path, list(dataset.variables), q) for q in NAMES}
             maps = dataset.variables[str(names['concentration'])]
             dimensions = _dimensions(path, maps)
             order = [_axis(path, dimensions, quantity) for quantity in ('time', 'z', 'x')]
             found = {q: dataset.variables[name] for q, name in names.items() if name}
             units = {q: str(getattr(each, 'units', '')).lower() for q, each in found.items()}
-            values = np.ma.filled(np.ma.masked_invalid(maps[:]), np.nan)
             return _Arrays(
-                np.transpose(values, order),
+                np.transpose(_without_gaps(maps[:]), order),
                 np.asarray(found['time'][:]),
                 np.asarray(found['x'][:]) if 'x' in found else None,
                 np.asarray(found['z'][:]) if 'z' in found else None,
@@ -253,6 +275,13 @@ def _netcdf(path: Path) -> _Arrays:
             )
     except (OSError, RuntimeError) as error:
         raise InputError(f'{path}: cannot be read ({error}); write NetCDF or zarr v2') from None
+
+
+def _without_gaps(values: NDArray[Any]) -> NDArray[Any]:
+    """Return `values` with NaN for what is masked."""
+    if not np.ma.is_masked(values):
+        return np.asarray(values)
+    return np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
 
 
 def _dimensions(path: Path, variable: Any) -> list[str]:

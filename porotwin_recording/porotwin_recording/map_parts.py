@@ -12,7 +12,7 @@ from typing import Self
 
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Rig
 from porotwin_recording.concentration import (
@@ -76,7 +76,7 @@ class MapParts:
                 self._folder.mkdir()
                 mark.write_text(source, encoding='utf-8')
         except OSError as error:
-            raise InputError(f'{self.path}: cannot be written ({error.strerror})') from None
+            raise write_error(self.path, error) from None
 
     def _files(self) -> list[Path]:
         """Return the complete parts in their order."""

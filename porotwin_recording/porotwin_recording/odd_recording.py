@@ -29,6 +29,7 @@ def remarks_about_recording(data: RecordedData) -> Iterator[Remark]:
     yield from _end(data)
     yield from _times(data)
     yield from _photographs(data)
+    yield from _beside_the_pumps(data)
 
 
 def remarks_about_maps(data: RecordedData) -> Iterator[Remark]:
@@ -93,6 +94,34 @@ def _times(data: RecordedData) -> Iterator[Remark]:
         if one > 0 and low * other < one * MINUTE_S < high * other:
             why = f'its times end at {one:g} s, {what} at {other:g} s'
             yield Remark(key, '', why, 'were its times in minutes? write seconds')
+
+
+def _beside_the_pumps(data: RecordedData) -> Iterator[Remark]:
+    """Yield a remark if the photographs do not fit to the times at which the pumps ran."""
+    if data.commanded is None:
+        return
+    rows = data.commanded.rows
+    pumping = [row.time for row in rows if row.rate.rate]
+    if not pumping or not data.photos:
+        return
+    tracer = [row.time for row in rows if row.rate.rate > 0 and row.rate.concentration > 0]
+    late = [
+        photo.time
+        for photo in data.photos
+        if photo.role == 'baseline' and tracer and photo.time > tracer[0]
+    ]
+    if late:
+        why = f'rates.csv injects tracer from {tracer[0]:g} s on, before this baseline'
+        yield Remark('imaging.csv', f'{late[0]:g} s', why, 'compare both clocks, and the roles')
+    seen = [photo.time for photo in data.photos if photo.role == 'state']
+    begin, end = pumping[0], rows[-1].time
+    stand = not any(rate.rate for rate in data.commanded.at(end).values())
+    if seen and (max(seen) < begin or (stand and min(seen) > end)):
+        why = (
+            f'the photographs are from {min(seen):.0f} to {max(seen):.0f} s, the pumps run from '
+            f'{begin:g} to {end:g} s'
+        )
+        yield Remark('imaging.csv', '', why, 'compare the clocks of camera and pumps')
 
 
 def _photographs(data: RecordedData) -> Iterator[Remark]:

@@ -1,6 +1,7 @@
 """Maps of phases on disk: a NetCDF file with a number for each phase, by the CF conventions."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, Self
 
@@ -8,7 +9,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, write_error
 from porotwin_core.grid import Grid
 
 NO_PHASE = 255
@@ -30,6 +31,7 @@ class PhaseMapWriter:
 
     Raises:
         InputError: the file cannot be created.
+        OSError: the disk is full, when the file is made, or in `append` and at the end.
     """
 
     def __init__(
@@ -50,7 +52,7 @@ class PhaseMapWriter:
         try:
             self._dataset = netCDF4.Dataset(self._partial, 'w')
         except OSError as error:
-            raise InputError(f'{path}: cannot be written ({error.strerror})') from None
+            raise write_error(path, error) from None
         self._dataset.setncatts(
             {'Conventions': 'CF-1.11', 'program': program, 'colours': '; '.join(colours)}
         )
@@ -100,16 +102,25 @@ class PhaseMapWriter:
             )
         self._last = time
         number = len(self._dataset.dimensions['time'])
-        self._dataset.variables['phase'][number] = phase
-        self._dataset.variables['confidence'][number] = confidence
-        self._dataset.variables['time'][number] = time
+        try:
+            self._dataset.variables['phase'][number] = phase
+            self._dataset.variables['confidence'][number] = confidence
+            self._dataset.variables['time'][number] = time
+        except (OSError, RuntimeError) as error:
+            raise write_error(self._path, error) from None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._dataset.close()
-        if kind is None:
-            self._partial.replace(self._path)
-        else:
+        if kind is not None:
+            with suppress(OSError, RuntimeError):
+                self._dataset.close()
             self._partial.unlink(missing_ok=True)
+            return
+        try:
+            self._dataset.close()
+            self._partial.replace(self._path)
+        except (OSError, RuntimeError) as error:
+            self._partial.unlink(missing_ok=True)
+            raise write_error(self._path, error) from None

@@ -21,7 +21,7 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_recording.csv_table import number_text, write_table
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import Decimal, ForeignTable, read_foreign_table
-from porotwin_recording.foreign_time import DateOrder, moments
+from porotwin_recording.foreign_time import DateOrder, moments, names_zone
 from porotwin_recording.foreign_units import rate_factor, unit_in
 from porotwin_recording.photos import HEADER, IMAGING_FILE, Photo
 from porotwin_recording.recorded_data import RecordedData
@@ -84,6 +84,7 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
         rows = _injections(folder / INJECTION_PROTOCOL, rig, answers, told)
     if not photographs and not rows:
         raise InputError(f'{folder}: has neither {IMAGING_PROTOCOL} nor {INJECTION_PROTOCOL}')
+    _check_clocks(folder, answers)
     begin = min([row.start for row in rows] or [moment for moment, _ in photographs])
     photos = _with_roles(photographs, begin, told)
     schedule = _schedule(rows, begin) if rows else None
@@ -91,6 +92,24 @@ def import_protocols(folder: Path, target: Path, rig: Rig, answers: ProtocolAnsw
     _place(target, photos)
     told.append(f'time zero is {begin:%Y-%m-%d %H:%M:%S}' + (' UTC' * bool(answers.time_zone)))
     return told
+
+
+def _check_clocks(folder: Path, answers: ProtocolAnswers) -> None:
+    """Check that the times of both protocols can be compared.
+
+    Raises:
+        InputError: one names its zone, and nothing says the zone of the other.
+    """
+    paths = [folder / IMAGING_PROTOCOL, folder / INJECTION_PROTOCOL]
+    if answers.time_zone or not all(path.is_file() for path in paths):
+        return
+    tables = [read_foreign_table(path, answers.decimal) for path in paths]
+    zoned = [any(names_zone(words) for words in table.columns.values()) for table in tables]
+    if zoned[0] != zoned[1]:
+        raise InputError(
+            f'{paths[zoned[0]]}: its times name no zone, those of {paths[zoned[1]].name} do; '
+            'give --time-zone, such as Europe/Oslo, the zone of the times that name none'
+        )
 
 
 # --- photographs --------------------------------------------------------------------------------
@@ -221,7 +240,7 @@ def _injections(
     ends = _moments(table, table.needed('end', 'stop'), answers, told)
     wells = _wells(table, rig, told)
     rates = _rates(table, rig, answers, told)
-    shares = _concentrations(table, answers, told)
+    shares = _concentrations(table, rates, answers, told)
     rows = []
     for number, values in enumerate(zip(starts, ends, wells, rates, shares, strict=True), 2):
         start, end, well, rate, share = values
@@ -298,10 +317,13 @@ def _rates(table: ForeignTable, rig: Rig, answers: ProtocolAnswers, told: list[s
     ]
 
 
-def _concentrations(table: ForeignTable, answers: ProtocolAnswers, told: list[str]) -> list[float]:
+def _concentrations(
+    table: ForeignTable, rates: list[float], answers: ProtocolAnswers, told: list[str]
+) -> list[float]:
+    """Return the concentrations; a row that does not inject needs none."""
     title = table.find('concentration')
     if title is not None:
-        return table.numbers(title)
+        return table.numbers(title, [rate > 0 for rate in rates])
     if answers.concentration is None:
         told.append(
             f'{table.path}: no column concentration: every injection is taken as tracer stock; '

@@ -94,7 +94,7 @@ def open_recording(
     """Return the recording at `path`: an experiment folder, a rosbag2 folder or an .mcap file.
 
     Args:
-        path: the recording.
+        path: the recording; the rig.yaml of an experiment folder means the folder.
         rig: a rig, or the path of a rig.yaml, that replaces the one of the recording.
         segment: number of the experiment in a bag that holds several, from 1; see `read_bag`.
 
@@ -106,6 +106,8 @@ def open_recording(
         rig = load_rig(rig)
     if not path.exists():
         raise InputError(f'{path}: no such recording; name an experiment folder or an MCAP bag')
+    if path.name == RIG_FILE and path.is_file():  # the folder is meant
+        path = path.parent
     is_folder = path.is_dir() and ((path / RIG_FILE).is_file() or not is_bag(path))
     if is_folder and segment not in (None, 1):
         raise InputError(f'{path}: a folder holds one experiment; leave the segment away')

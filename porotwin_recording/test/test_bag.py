@@ -1,5 +1,6 @@
 """Tests of the experiment in a bag: a live bag is read, and its faults are named."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -230,3 +231,13 @@ def test_a_wrong_rig_description_is_named_and_a_rig_yaml_replaces_it(
     with pytest.raises(InputError, match=r'wells\.in\.radius_m = -1\.0.*name its rig\.yaml'):
         open_recording(tmp_path / 'run.mcap')
     assert open_recording(tmp_path / 'run.mcap', rig=rig_file).times.tolist() == [0.0]
+
+
+def test_two_copies_of_a_bag_in_one_folder_are_told(tmp_path: Path) -> None:
+    folder = tmp_path / 'twice'
+    folder.mkdir()
+    write_states(folder / 'a.mcap', [(10, 0.1), (20, 0.2)])
+    shutil.copyfile(folder / 'a.mcap', folder / 'b.mcap')
+    data = open_recording(folder)
+    assert len(data.maps) == 2
+    assert any('2 maps and photographs are in it twice' in line for line in data.remarks)

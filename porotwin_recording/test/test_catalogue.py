@@ -119,3 +119,9 @@ def test_broken_recordings_have_their_fault_in_one_line(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='no such folder'):
         list(find_recordings(tmp_path / 'nowhere'))
+
+
+def test_a_file_that_is_no_bag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / 'maps.nc').touch()
+    with pytest.raises(InputError, match='is no recording; name a folder'):
+        list(find_recordings(tmp_path / 'maps.nc'))

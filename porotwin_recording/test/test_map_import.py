@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 from recording_examples import bench_experiment, bench_rig
@@ -113,3 +114,51 @@ def test_maps_of_another_rig_and_broken_files_are_refused(
     for name, reason in (('broken.npz', 'not readable as npz'), ('new.zarr', 'zarr_format=2')):
         with pytest.raises(InputError, match=reason):
             imported(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ('change', 'stock', 'fault'),
+    [
+        (lambda maps: np.where(maps > 0.5, np.inf, maps), None, r'\d+ values .* are infinite'),
+        (lambda maps: np.where(maps > 0.5, np.inf, maps), np.inf, '--stock inf: give a finite'),
+        (lambda maps: maps, 0.0, '--stock 0: give a finite number above 0'),
+        (lambda maps: maps, -1.0, '--stock -1: give'),
+        (lambda maps: -maps, None, 'none is above 0; correct their sign'),
+        (lambda maps: maps + 1j, None, 'of the type complex.*; write real numbers'),
+        (lambda maps: maps.astype(str), None, 'of the type .*; write real numbers'),
+    ],
+)
+def test_values_that_are_no_concentrations_are_refused(
+    tmp_path: Path, recording: Recording, change, stock: float | None, fault: str
+) -> None:
+    maps = np.nan_to_num(recording.concentration)
+    np.savez(tmp_path / 'maps.npz', maps=change(maps), time_s=recording.times)
+    with pytest.raises(InputError, match=fault):
+        imported(tmp_path / 'maps.npz', MapAnswers(first_row='bottom', stock=stock))
+    assert not (tmp_path / 'made_of_npz').exists()
+
+
+def test_values_far_below_zero_are_told(tmp_path: Path, recording: Recording) -> None:
+    maps = np.nan_to_num(recording.concentration)
+    maps[0, 0, 0] = -0.8
+    np.savez(tmp_path / 'maps.npz', maps=maps, time_s=recording.times)
+    _, told = imported(tmp_path / 'maps.npz', MapAnswers(first_row='bottom'))
+    assert any('go down to -0.8' in line for line in told)
+
+
+def test_infinite_values_of_netcdf_are_refused_and_its_gaps_kept(
+    tmp_path: Path, recording: Recording
+) -> None:
+    for name, value, kind in (('gaps', -9.0, 'i2'), ('infinite', np.inf, 'f4')):
+        with netCDF4.Dataset(tmp_path / f'{name}.nc', 'w') as dataset:
+            for axis, length in zip(('time', 'z', 'x'), recording.concentration.shape, strict=True):
+                dataset.createDimension(axis, length)
+            dataset.createVariable('time', 'f8', ('time',))[:] = recording.times
+            dataset['time'].units = 's'
+            maps = dataset.createVariable('c', kind, ('time', 'z', 'x'), fill_value=-9)
+            maps[:] = np.where(recording.concentration > 0.5, value, 1.0)
+    answers = MapAnswers(first_row='bottom')
+    found, _ = imported(tmp_path / 'gaps.nc', answers)
+    assert np.array_equal(np.isnan(found.concentration), recording.concentration > 0.5)
+    with pytest.raises(InputError, match='are infinite'):
+        imported(tmp_path / 'infinite.nc', answers)

@@ -97,3 +97,16 @@ def test_photographs_that_do_not_fit_are_named(photos: tuple[Photo, ...], named:
 def test_maps_that_are_no_concentrations_are_named(value: float, named: str) -> None:
     (remark,) = remarks_about_maps(recording(value=value))
     assert named in str(remark)
+
+
+@pytest.mark.parametrize(
+    ('photos', 'named'),
+    [
+        ((photo(60.0, 'a.jpg', 'baseline'), photo(90.0, 'b.jpg')), 'is 60 s: .* injects tracer'),
+        ((BASELINE, photo(2588340.0, 'b.jpg')), 'photographs are from 2588340 .* clocks of camera'),
+        ((BASELINE, photo(-1e5, 'b.jpg')), 'the pumps run from 0 to 1800 s'),
+    ],
+)
+def test_photographs_that_miss_the_pumps_are_odd(photos: tuple[Photo, ...], named: str) -> None:
+    found = list(remarks_about_recording(replace(recording(), maps=None, photos=photos)))
+    assert any(re.search(named, str(remark)) for remark in found), found

@@ -142,3 +142,26 @@ def test_photographs_that_are_not_there_are_counted(folder: Path) -> None:
     recording, told = imported(folder, replace(PLAIN, concentration=1.0))
     assert len(recording.photos) == 2
     assert any("1 of 3 photographs are not there and left out, the first is '8'" in t for t in told)
+
+
+def test_protocols_of_which_only_one_names_its_zone_are_refused(folder: Path) -> None:
+    text = INJECTION.replace(':00,', ':00Z,')
+    (folder / 'injection_protocol.csv').write_text(text)
+    with pytest.raises(InputError, match=r'imaging_protocol.csv: .* no zone, .*--time-zone'):
+        imported(folder)
+    recording, _ = imported(folder, replace(PLAIN, time_zone='Europe/Oslo'))
+    assert [p.time for p in recording.photos] == [-7260.0, -7170.0, -7140.0]
+
+
+def test_a_producing_row_needs_no_concentration(folder: Path) -> None:
+    lines = [
+        line + end
+        for line, end in zip(INJECTION.splitlines(), (',concentration', ',0.5', ','), strict=True)
+    ]
+    (folder / 'injection_protocol.csv').write_text('\n'.join(lines))
+    recording, _ = imported(folder)
+    assert recording.schedule.at(70.0)['in'].concentration == 0.5
+    (folder / 'injection_protocol.csv').write_text('\n'.join(lines).replace(',0.5', ','))
+    (folder.parent / 'experiment').rename(folder.parent / 'other')
+    with pytest.raises(InputError, match=r"csv:2: concentration is ''; write a number"):
+        imported(folder)

@@ -52,3 +52,8 @@ def test_without_measurements_the_commanded_rates_count_as_delivered() -> None:
             bench_rig(), commanded=commanded, measured=measured, source=Path('run')
         )
         assert recording.delivered == commanded
+
+
+def test_the_rig_file_of_a_folder_means_the_folder(tmp_path: Path) -> None:
+    write_folder(tmp_path / 'monday', bench_experiment())
+    assert open_recording(tmp_path / 'monday' / 'rig.yaml').source == tmp_path / 'monday'

@@ -104,7 +104,8 @@ def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
     """
     if not 0.0 < horizon <= LONGEST_HORIZON_S:
         raise InputError(
-            f'horizon {horizon:g} s: must lie between 0 and {LONGEST_HORIZON_S:g} s; correct it'
+            f'horizon {horizon:g} s: must be above 0 and at most {LONGEST_HORIZON_S:g} s; '
+            'correct it'
         )
     for step in steps:
         refuse_too_great(step.rates, rig)
@@ -116,20 +117,25 @@ def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
 
 
 def proposed_plan(
-    steps: Sequence[RateStep], present: WellRates, producer: str | None
+    steps: Sequence[RateStep], present: Sequence[RateStep], producer: str | None
 ) -> tuple[RateStep, ...]:
-    """Return the plan of a proposal: wells that are not named keep their `present` rates.
+    """Return the plan of a proposal beside the `present` plan.
 
-    A `producer` without a step takes out all that the other wells inject. Before the first step
-    the present rates hold.
+    A well that no step has named yet follows the present plan. A named one keeps its proposed rate
+    until the next step that names it. A `producer` without a step takes out all that the other
+    wells inject, as soon as a rate differs from the present plan.
     """
     named = {name for step in steps for name in step.rates}
-    plan = [] if steps and steps[0].start == 0.0 else [RateStep(0.0, present)]
-    held: dict[str, WellRate] = dict(present)
-    for step in steps:
-        held = {**held, **step.rates}
-        if producer is not None and producer not in named and not same_rates(held, present):
-            others = {name: rate for name, rate in held.items() if name != producer}
-            held[producer] = WellRate(-net_rate(others))
-        plan.append(RateStep(step.start, dict(held)))
+    plan: list[RateStep] = []
+    for start in sorted({step.start for step in (*present, *steps)}):
+        before = next(step.rates for step in reversed(present) if step.start <= start)
+        rates: dict[str, WellRate] = dict(before)
+        for step in steps:
+            if step.start <= start:
+                rates.update(step.rates)
+        if producer is not None and producer not in named and not same_rates(rates, before):
+            others = {name: rate for name, rate in rates.items() if name != producer}
+            rates[producer] = WellRate(-net_rate(others))
+        if not plan or not same_rates(plan[-1].rates, rates):
+            plan.append(RateStep(start, rates))
     return tuple(plan)

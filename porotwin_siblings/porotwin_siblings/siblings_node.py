@@ -331,7 +331,7 @@ class SiblingsNode(Node):
         check_proposal(steps, horizon, self._rig)
         with self._changed:
             rates = self._rates.present(self.siblings.time)
-        plan = proposed_plan(steps, rates, self._producer)
+        plan = proposed_plan(steps, [RateStep(0.0, rates)], self._producer)
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan[0].rates != rates:
             present = self._outlook([RateStep(0.0, rates)], horizon, self._quick)

@@ -57,21 +57,29 @@ def test_a_plan_ends_at_its_horizon() -> None:
 
 
 def test_wells_that_a_proposal_leaves_out_keep_their_rates_and_the_producer_balances() -> None:
-    steps = [RateStep(60.0, {'a': WellRate(3e-7)})]
-    plan = proposed_plan(steps, FIRST, 'out')
-    assert plan[0] == RateStep(0.0, FIRST)
+    steps, present = [RateStep(60.0, {'a': WellRate(3e-7)})], [RateStep(0.0, FIRST)]
+    plan = proposed_plan(steps, present, 'out')
+    assert plan[0] == present[0]
     assert plan[1].rates['out'].rate == pytest.approx(-3e-7)
-    assert proposed_plan(steps, FIRST, None)[1].rates['out'] == FIRST['out']
+    assert proposed_plan(steps, present, None)[1].rates['out'] == FIRST['out']
     named = [RateStep(0.0, {'a': WellRate(3e-7), 'out': WellRate(-1e-7)})]
-    assert proposed_plan(named, FIRST, 'out')[0].rates['out'].rate == -1e-7
-    assert proposed_plan([], FIRST, 'out') == (RateStep(0.0, FIRST),)
+    assert proposed_plan(named, present, 'out')[0].rates['out'].rate == -1e-7
+    assert proposed_plan([], present, 'out') == tuple(present)
+
+
+def test_wells_that_a_proposal_leaves_out_follow_the_present_plan() -> None:
+    present = [RateStep(0.0, FIRST), RateStep(50.0, SECOND)]
+    same = [RateStep(20.0, {'a': FIRST['a']})]
+    assert proposed_plan(same, present, 'out') == (RateStep(0.0, FIRST),)
+    free = [RateStep(20.0, {'b': WellRate(1e-7)})]
+    assert proposed_plan(free, present, None)[-1].rates == {**SECOND, 'b': WellRate(1e-7)}
 
 
 @pytest.mark.parametrize(
     ('start', 'rate_ml_h', 'horizon', 'complaint'),
     [
         (0.0, 1e9, 600.0, "well 'control1': 1e\\+09 ml/h is not plausible"),
-        (0.0, 300.0, 1e9, 'horizon 1e\\+09 s: must lie between 0 and 86400 s'),
+        (0.0, 300.0, 1e9, 'horizon 1e\\+09 s: must be above 0 and at most 86400 s'),
         (0.0, 300.0, 0.0, 'horizon 0 s'),
         (900.0, 300.0, 600.0, 'a change 900 s after the state lies beyond the horizon of 600 s'),
     ],

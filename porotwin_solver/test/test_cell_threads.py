@@ -6,7 +6,14 @@ from effect_examples import described
 
 from porotwin_core.rig import EffectDescription
 from porotwin_solver import transport
-from porotwin_solver.cell_threads import BLOCK_CELLS, LIMIT, in_blocks, in_rows, most_threads
+from porotwin_solver.cell_threads import (
+    BLOCK_CELLS,
+    LIMIT,
+    at_most,
+    in_blocks,
+    in_rows,
+    most_threads,
+)
 from porotwin_solver.engine import State
 from porotwin_solver.model import Model
 
@@ -16,14 +23,16 @@ LARGE = (760, 456)
 
 def test_the_environment_bounds_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(LIMIT, '3')
+    with at_most(2):
+        assert most_threads() == 2
     assert most_threads() == 3
     monkeypatch.delenv(LIMIT)
+    with at_most(2):
+        assert most_threads() == 2
     assert most_threads() >= 1
 
 
-def test_all_rows_and_cells_are_done_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(LIMIT, '3')
-
+def test_all_rows_and_cells_are_done_once() -> None:
     def count(done: np.ndarray, first: int, last: int) -> None:
         done[first:last] += 1
 
@@ -31,24 +40,25 @@ def test_all_rows_and_cells_are_done_once(monkeypatch: pytest.MonkeyPatch) -> No
         part[0] = last - first
 
     rows, total = np.zeros(10), np.zeros(1)
-    in_rows(count, 10, 1_000_000, rows)
+    with at_most(3):
+        in_rows(count, 10, 1_000_000, rows)
+        in_blocks(sums, 3 * BLOCK_CELLS + 5, (), total)
     np.testing.assert_array_equal(rows, 1.0)
-    in_blocks(sums, 3 * BLOCK_CELLS + 5, (), total)
     assert total[0] == 3 * BLOCK_CELLS + 5
 
 
 @pytest.mark.parametrize('effects', [[], [described('dispersion')]], ids=['still', 'dispersed'])
 def test_a_prediction_is_the_same_for_any_number_of_threads(
-    rig, rates, monkeypatch: pytest.MonkeyPatch, effects: list[EffectDescription]
+    rig, rates, effects: list[EffectDescription]
 ) -> None:
     found, lost = [], []
-    for threads in ('1', '3'):
-        monkeypatch.setenv(LIMIT, threads)
-        model = Model(rig, rig.grid(*LARGE), preset='fast', effects=effects)
-        state = State.equilibrium(model.initial_condition())
-        state.mobile[50:300, 100:500] = 0.7
-        begin = float(np.sum(model.engine.storage * state.mobile))
-        model.engine.advance(state, rates, 20.0)
+    for threads in (1, 3):
+        with at_most(threads):
+            model = Model(rig, rig.grid(*LARGE), preset='fast', effects=effects)
+            state = State.equilibrium(model.initial_condition())
+            state.mobile[50:300, 100:500] = 0.7
+            begin = float(np.sum(model.engine.storage * state.mobile))
+            model.engine.advance(state, rates, 20.0)
         found.append(state.mobile)
         lost.append(state.tracer_lost)
     np.testing.assert_array_equal(found[0], found[1])

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_imaging.baseline import make_baseline
-from porotwin_imaging.calibration import load_calibration
+from porotwin_imaging.calibration import Calibration, load_calibration
 from porotwin_imaging.photo_to_map import ConcentrationMap, concentration_map
 from porotwin_recording.experiment_folder import folder_data
-from porotwin_validation.co2_sand import INDICATORS, Co2Sand, drawn_fluids
+from porotwin_validation.co2_sand import INDICATORS, Co2Sand, Fluids, drawn_fluids
 from porotwin_validation.dyed_sand import TO_LINEAR, Linear, Shot
 
 GRID = (280, 150)
@@ -164,23 +164,22 @@ def disturbed_maps(
     data = folder_data(folder)
     baselines = [photo.read() for photo in data.photos if photo.role == 'baseline']
     states = [photo for photo in data.photos if photo.role == 'state']
-    baseline = make_baseline(
-        data.rig, data.rig.grid(*GRID), baselines, calibration=load_calibration(calibration)
-    )
+    used = load_calibration(calibration)
+    baseline = make_baseline(data.rig, data.rig.grid(*GRID), baselines, calibration=used)
     middle = states[len(states) // 2].time if time is None else time
     photo = min(states, key=lambda one: abs(one.time - middle)).read()
     reference = concentration_map(photo, baseline)
     volume = data.rig.cell_pore_volume(baseline.grid)
     light = TO_LINEAR[_pixels(photo)]
     files = {name: _file(change(light)) for name, change in DISTURBANCES.items()}
-    files |= _co2(data.rig, _pixels(baselines[0]))
     rows = []
     for name, file in files.items():
         try:
             rows.append(_compared(name, concentration_map(file, baseline), reference, volume))
         except InputError as refusal:
             rows.append(DisturbedMap(name, np.nan, np.nan, np.nan, f'refused: {refusal}'))
-    return rows
+    sand = _pixels(baselines[0])
+    return [*rows, *(_co2(data.rig, sand, name, used) for name in INDICATORS)]
 
 
 def _compared(
@@ -200,14 +199,26 @@ def _compared(
     )
 
 
-def _co2(rig: Rig, sand: NDArray[np.uint8]) -> dict[str, bytes]:
-    """Return photographs of gas and dissolved CO2 with each indicator."""
-    files = {}
-    for number, (name, indicator) in enumerate(INDICATORS.items()):
-        fluids = drawn_fluids(rig, np.random.default_rng([_SEED, number]), growth=0.8)
-        composed = Co2Sand(rig, sand, indicator)
-        files[f'CO2, indicator {name}'] = composed.photograph(fluids, Shot(), seed=number)
-    return files
+def _co2(rig: Rig, sand: NDArray[np.uint8], name: str, used: Calibration) -> DisturbedMap:
+    """Return the row of gas and dissolved CO2, imaged as if the pH indicator were the tracer.
+
+    The baseline shows water with the indicator `name` of `INDICATORS`.
+    """
+    fluids = drawn_fluids(rig, np.random.default_rng(_SEED), growth=0.8)
+    water = Fluids(np.zeros_like(fluids.gas), np.zeros_like(fluids.gas))
+    composed = Co2Sand(rig, sand, INDICATORS[name])
+    before, file = (composed.photograph(one, Shot(), seed=_SEED) for one in (water, fluids))
+    words = f'CO2, indicator {name}'
+    try:
+        baseline = make_baseline(rig, rig.grid(*GRID), [before], calibration=used)
+        found = concentration_map(file, baseline)
+    except InputError as refusal:
+        return DisturbedMap(words, np.nan, np.nan, np.nan, f'refused: {refusal}')
+    seen = np.isfinite(found.values)
+    tracer = f'{100 * found.values[seen].mean():.1f} % of the pores read as stock'
+    return DisturbedMap(
+        words, np.nan, np.nan, 1.0 - float(seen.mean()), '; '.join([tracer, *found.status])
+    )
 
 
 def _pixels(file: bytes) -> NDArray[np.uint8]:

@@ -34,7 +34,7 @@ def command(
     """
     from porotwin_cli.check_picture import check_picture
     from porotwin_cli.control_words import control_words
-    from porotwin_cli.rig_check import check
+    from porotwin_cli.rig_check import check, pumped_in
 
     if output.is_dir():
         output = output / PICTURE
@@ -61,6 +61,10 @@ def command(
             print(f'{"impossible" if remark.refused else "odd"}: {remark}')
         if checked.cost is not None:
             print(f'one prediction over {photo_interval_s:g} s on {checked.grid}: {checked.cost}')
+        if checked.data is not None and checked.data.commanded is not None:
+            volume, end = pumped_in(checked.data)
+            share = volume / checked.rig.pore_volume
+            print(f'injected: {1e6 * volume:.4g} ml until {end:g} s, {share:.2g} pore volumes')
         for line in control_words(checked.rig):
             print(line)
         if checked.rig.camera is None:

@@ -1,6 +1,8 @@
 """./porotwin measure: a table of the plume in every map of a recording."""
 
 import dataclasses
+import statistics
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,6 +28,8 @@ SHOWN = (
     'seen',
 )
 """Columns that are printed; the file and --json hold all."""
+MOST_ROWS = 40
+"""Most maps in a table on a terminal: about what a screen shows."""
 SAME_TIME_S = 1.0
 """Maps of two recordings within this belong together [s]."""
 MOST_STOCK = 1.5
@@ -55,7 +59,8 @@ def command(
     to the map of --against at the same time. Tracer, centre, spread and distance take the plume and
     3 cm around it, without the noise of clean sand.
 
-    Standard deviations follow where the maps have them.
+    A finger is a place where the front on one side stands out; a plume of its own counts as one.
+    Standard deviations are in the file and in --json, where the maps have them.
 
     Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
     """
@@ -69,14 +74,29 @@ def command(
             'image both with the same --grid'
         )
     rows = _rows(description, found, other, level, side)
+    if found.origin.calibrated is False:
+        say(_uncalibrated(rows))
     if output is not None:
         write_rows(output, rows)
         say(f'table: {output}')
     if as_json:
-        print_json({'maps': maps, 'grid': str(found.grid), 'level': level, 'rows': rows})
+        print_json(
+            {
+                'maps': maps,
+                'grid': str(found.grid),
+                'level': level,
+                'calibrated': found.origin.calibrated,
+                'rows': rows,
+            }
+        )
         return
     shown = [[_short(row[name]) for name in SHOWN] for row in rows]
-    print_table(f'{maps}, outline at {level:g}', SHOWN, shown)
+    title = f'{maps}, outline at {level:g}'
+    if sys.stdout.isatty() and len(shown) > MOST_ROWS:
+        title += f'; {MOST_ROWS} of {len(shown)} maps, --output or --json gives all'
+        half = MOST_ROWS // 2
+        shown = [*shown[:half], ['...'] * len(SHOWN), *shown[-half:]]
+    print_table(title, SHOWN, shown)
 
 
 def _maps(path: Path, rig: Path | None) -> tuple['Rig', 'ConcentrationMaps']:
@@ -140,6 +160,19 @@ def _rows(
         before = alone if measures.seen else before
     _tell_odd(rows, doubted)
     return rows
+
+
+def _uncalibrated(rows: list[dict[str, Any]]) -> str:
+    """Return the warning about amounts of tracer in uncalibrated maps, with their deviation."""
+    ratios = [
+        row['tracer_deviation_ml'] / row['tracer_ml'] for row in rows if row['tracer_ml'] > 0.0
+    ]
+    known = [ratio for ratio in ratios if ratio == ratio]
+    about = f', known to about {statistics.median(known):.0%}' if known else ''
+    return (
+        f'uncalibrated maps: tracer_ml is on a default scale{about}; '
+        './porotwin calibrate measures the scale from a known injection'
+    )
 
 
 def _plume_median(values: Any, level: float) -> float:

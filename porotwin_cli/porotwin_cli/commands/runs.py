@@ -66,6 +66,8 @@ def command(
     if told:
         titles, cells = zip(*told, strict=True)
         print_table(f'{len(readable)} recordings in {folder}', titles, zip(*cells, strict=True))
+        if 'photos*' in titles:
+            print('* without baselines')
     for entry in entries:
         for remark in entry.remarks:
             say(remark)
@@ -78,7 +80,7 @@ def _columns(folder: Path) -> 'dict[str, Callable[[CatalogueEntry], str]]':
         'begin (UTC)': lambda entry: f'{entry.start:%Y-%m-%d %H:%M}' if entry.start else '',
         'duration': lambda entry: clock_words(entry.duration_s),
         'rig': lambda entry: entry.rig,
-        'photos': lambda entry: str(entry.photographs or ''),
+        'photos*': lambda entry: str(entry.photographs or ''),
         'maps': lambda entry: str(entry.maps or ''),
         'setpoints': lambda entry: str(entry.setpoints or ''),
         'effects': lambda entry: ', '.join(entry.effects),

@@ -25,6 +25,16 @@ if TYPE_CHECKING:
 SHOWN = ('time_s', 'phase', 'area_m2', 'doubt_m2', 'pores_ml', 'contour_m', 'x_m', 'z_m', 'parts')
 """Columns of the table."""
 
+SAME_TIME_S = 1.0
+"""A photograph within this of the time of a box is the one that is meant [s]."""
+
+TRACER = (
+    'is this tracer? everything that changed is darker in all colours, and there is no gas; a dye '
+    'does that, an indicator changes its hue. The areas of dissolved CO2 then mean nothing: '
+    './porotwin image makes maps of tracer'
+)
+"""Warning about photographs of dye."""
+
 _BOX_HELP = 'Box that shows {}: left,bottom,right,top [m], and @time [s] of a photograph.'
 
 
@@ -88,6 +98,7 @@ def command(
         say(remark)
     study = PhaseStudy.of({photo.time: photo.read for photo in states}, baseline, boxes)
     _tell_colours(study, given=bool(dissolved or gas))
+    _tell_times(boxes, [photo.time for photo in states])
     memory = map_cost(rig, map_grid, photo_size(first[0])).memory_bytes
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     with pool:
@@ -103,6 +114,7 @@ def command(
                 'table': table,
                 'grid': str(map_grid),
                 'colours': study.colours.words(),
+                'perhaps_tracer': study.colours.darken_only(),
                 'phases': rows,
                 'remarks': work.remarks,
                 'refused': refused,
@@ -130,6 +142,25 @@ def _tell_colours(study: 'PhaseStudy', *, given: bool) -> None:
         say(line)
     for name in () if given else study.missing():
         say(f'{name}: no such colour in these photographs; if there is some, show it with --{name}')
+    if study.colours.darken_only():
+        say(TRACER)
+
+
+def _tell_times(boxes: 'dict[int, list[Box]]', times: 'list[float]') -> None:
+    """Say which photograph shows a box if there is none at its time."""
+    from porotwin_imaging.phase_colours import PHASES
+
+    for phase, given in boxes.items():
+        for box in given:
+            if box.time is None:
+                continue
+            time = box.time
+            nearest = min(times, key=lambda each: abs(each - time))
+            if abs(nearest - time) > SAME_TIME_S:
+                say(
+                    f'{PHASES[phase]} {box}: there is no photograph at {time:g} s; that at '
+                    f'{nearest:g} s is taken'
+                )
 
 
 @dataclasses.dataclass

@@ -25,6 +25,9 @@ MOST_CELLS = 10_000_000
 MOST_TIMES = 200
 """Most maps where only the rates are known; a longer experiment gets longer steps."""
 
+LARGEST_BLUR = 20.0
+"""Largest blur [cells]; no camera blurs so much."""
+
 
 def command(
     experiment: Annotated[Path, typer.Argument(help='Experiment folder or MCAP bag.')],
@@ -50,16 +53,26 @@ def command(
     preset: Annotated[
         str, typer.Option(help='Preset: accurate, sharp, fast or upwind.')
     ] = 'accurate',
+    blur: Annotated[
+        float,
+        typer.Option(
+            help='Blur of the written maps, as a camera makes it: width of a Gaussian [cells].',
+            min=0.0,
+            max=LARGEST_BLUR,
+        ),
+    ] = 0.0,
     as_json: Json = False,
 ) -> None:
     """Simulate an experiment from its rates.
 
     The simulation runs freely: it reads the rig and the rates of the recording, but no maps.
-    Beside the maps of a recording its error over their last 30 % is told. A picture of the maps
-    lies beside the output, with the same name and the ending .png.
+    Beside the maps of a recording its error over their last 30 % is told, and the blur that suits
+    them. A picture of the maps lies beside the output, with the same name and the ending .png.
 
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """
+    from scipy.ndimage import gaussian_filter
+
     from porotwin_cli.grids import grid_of, tell_cost
     from porotwin_cli.output_files import check_output
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
@@ -89,7 +102,7 @@ def command(
     with ConcentrationWriter(output, cells) as writer, progress() as bar:
         task = bar.add_task('simulating', total=len(moments))
         for index, (time, values) in enumerate(zip(moments, maps, strict=True)):
-            writer.append(time, values)
+            writer.append(time, gaussian_filter(values, blur) if blur else values)
             if index in shown:
                 pictured.append(values)
             if compared is not None:

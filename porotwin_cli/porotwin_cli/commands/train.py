@@ -1,12 +1,11 @@
 """./porotwin train: COSTA from recordings."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from porotwin_cli.crew_options import Scheduler
+from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, refuse_existing
 
 PAIRS_KEPT = 300
@@ -33,9 +32,7 @@ def command(
     effect: Annotated[
         list[str], typer.Option(help='Effect of the model to correct, as NAME:PARAM=VALUE,...')
     ] = [],  # noqa: B006 (typer reads the default once)
-    workers: Annotated[
-        int, typer.Option(help='Threads that run the model. 0: one for each core.', min=0)
-    ] = 0,
+    workers: Workers = None,
     scheduler: Scheduler = '',
     as_json: Json = False,
 ) -> None:
@@ -84,7 +81,7 @@ def command(
             architecture=network,
             epochs=epochs,
             seed=seed,
-            workers=workers or os.cpu_count() or 1,
+            workers=workers,
             scheduler=scheduler,
         )
     if not writes:

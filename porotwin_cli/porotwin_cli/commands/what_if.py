@@ -29,7 +29,8 @@ def command(
         list[str],
         typer.Option(
             help='[TIME:]WELL=ML_H,WELL=ML_H: the proposal. Without a time it holds from --at on; '
-            'may be given several times. Other wells keep their rates, the producer balances.'
+            'may be given several times. Other wells follow the present schedule, the producer '
+            'balances.'
         ),
     ],
     horizon: Annotated[
@@ -120,7 +121,7 @@ def _show(found: 'WhatIfStudy') -> None:
         return
     rows = []
     for index in np.linspace(0, len(plans[0].times) - 1, TABLE_ROWS).round().astype(int):
-        row = [f'{(found.start + plans[0].times[index]) / 60.0:.4g}']
+        row = [f'{(found.start + plans[0].times[index]) / 60.0:.1f}']
         for outlook in plans:
             low, median, high = outlook.zone_tracer[:, index] * ML
             row += [f'{median:.2f} ({low:.2f} to {high:.2f})', f'{outlook.zone_reached[index]:.0%}']

@@ -10,7 +10,7 @@ from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_cli.rig_check import check
+from porotwin_cli.rig_check import CheckedRig, check
 from porotwin_cli.workspace import ROOT, small_rig
 
 
@@ -96,3 +96,30 @@ def test_a_bag_is_checked() -> None:
     checked = check(ROOT / 'bags' / 'sample')
     assert checked.kind == 'bag'
     assert checked.runs
+
+
+def pumped(folder: Path, rates: str, **keys: object) -> CheckedRig:
+    """Return the check of the small rig with these rates of injector and producer [ml/h]."""
+    injected, produced = rates.split()
+    changed(folder, **keys)
+    (folder / 'rates.csv').write_text(
+        'time_s,well,rate_ml_h,concentration\n'
+        f'0,injector,{injected},1\n0,producer,-{produced},\n'
+        '1800,injector,0,0\n1800,producer,0,\n'
+    )
+    return check(folder)
+
+
+def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> None:
+    closed = {'boundaries': {'top': 'closed'}}
+    assert pumped(tmp_path, '500 500', **closed).runs
+    checked = pumped(tmp_path, '800 500', **closed)
+    assert not checked.runs
+    assert 'the rates add up to 300 ml/h, but all sides are closed' in str(checked.remarks[0])
+    assert pumped(tmp_path, '800 500').runs
+
+
+def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:
+    assert pumped(tmp_path, '500 500').remarks == ()
+    remarks = [str(remark) for remark in pumped(tmp_path, '8.33 8.33').remarks]
+    assert any('4.17 ml, 0.21% of the pore volume; were the rates in ml/min?' in r for r in remarks)

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_examples import porotwin
+from typer.testing import CliRunner
 
+from porotwin_cli.app import app
 from porotwin_cli.workspace import small_rig
 from porotwin_core.rig import load_rig
-from porotwin_recording.concentration import ConcentrationWriter
+from porotwin_recording.concentration import ConcentrationWriter, MapOrigin, open_maps
 
 
 @pytest.fixture
@@ -74,3 +76,15 @@ def test_empty_maps_and_plumes_far_above_stock_are_told(tmp_path: Path) -> None:
     rows = json.loads(result.stdout)['rows']
     assert [row['seen'] for row in rows] == [0.0, 0.0, 1.0, 1.0]
     assert rows[0]['tracer_ml'] is None
+
+
+def test_uncalibrated_maps_are_told_with_their_deviation(moving: Path, tmp_path: Path) -> None:
+    rig = load_rig(small_rig())
+    maps = open_maps(moving, rig)
+    path = tmp_path / 'uncalibrated.nc'
+    with ConcentrationWriter(path, maps.grid, origin=MapOrigin(calibrated=False)) as writer:
+        writer.append(0.0, maps[0], deviation=0.2 * maps[0], systematic=0.2 * maps[0])
+    arguments = ['measure', str(path), '--rig', str(small_rig()), '--json']
+    result = CliRunner().invoke(app, arguments)
+    assert 'on a default scale, known to about 20%' in result.stderr
+    assert json.loads(result.stdout)['calibrated'] is False

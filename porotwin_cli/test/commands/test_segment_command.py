@@ -15,6 +15,8 @@ def test_segment_writes_maps_a_table_and_a_picture(experiment: Path, tmp_path: P
     answer = json.loads(result.stdout)
     assert answer['refused'] == []
     assert 'gas: no such colour' in result.stderr  # tracer is no gas
+    assert 'is this tracer?' in result.stderr
+    assert answer['perhaps_tracer'] is True
     with (tmp_path / 'phases.csv').open() as file:
         rows = list(csv.DictReader(file))
     assert [row['phase'] for row in rows[:3]] == ['water', 'dissolved', 'gas']

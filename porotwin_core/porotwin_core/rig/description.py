@@ -132,8 +132,7 @@ class Rig(Section):
             if not (0 < well.x_m < self.width_m and 0 < well.z_m < self.height_m):
                 raise ValueError(
                     f"well '{name}' at ({well.x_m}, {well.z_m}) m lies outside the rig of "
-                    f'{self.width_m} x {self.height_m} m; correct its x_m, z_m'
-                    f'{self._length_guess(well)}'
+                    f'{self.width_m} x {self.height_m} m; {self._place_remedy(well)}'
                 )
         if isinstance(self.porosity, float) and self.porosity > 1:
             hint = f'; was this in percent? {self.porosity:g} percent = {self.porosity / 100:g}'
@@ -143,14 +142,21 @@ class Rig(Section):
             self.control.check_wells(self.wells, closed=self.closed)
         return self
 
-    def _length_guess(self, well: Well) -> str:
-        """Return a question about the unit of a place: in another one `well` lies in the rig."""
+    def _place_remedy(self, well: Well) -> str:
+        """Return the remedy for the place of `well`: in another unit it may lie in the rig."""
         guesses = []
+        if 0 <= well.x_m <= self.width_m and 0 <= well.z_m <= self.height_m:
+            return (
+                f'it is on the edge: x_m must be above 0 and below {self.width_m:g}, z_m above 0 '
+                f'and below {self.height_m:g}; move it into the sand by its radius of '
+                f'{well.radius_m:g} m, or describe an overflow as an open side'
+            )
         for unit, factor in LENGTHS:
             x, z = well.x_m * factor, well.z_m * factor
             if 0 < x < self.width_m and 0 < z < self.height_m:
                 guesses.append(f'in {unit}, ({x:g}, {z:g}) m')
-        return f'; was this {" or ".join(guesses)}?' if guesses else ''
+        question = f'; was this {" or ".join(guesses)}?' if guesses else ''
+        return f'correct its x_m, z_m{question}'
 
     def _check_sands(self) -> None:
         """Check that the sand is described in one way, and that all its names are known.

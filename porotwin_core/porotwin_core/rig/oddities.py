@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import unicodedata
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -165,8 +166,8 @@ def _wells(rig: Rig) -> Iterator[Remark]:
 
 
 def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
-    if one.lower() == other.lower():
-        why = 'the two names differ by capital letters only'
+    if _plain(one) == _plain(other):
+        why = 'the two names differ by capital letters or by the coding of accents only'
         yield Remark(f'wells.{other}', '', f'{why}, as in {one}', 'rename one of them')
     distance = math.hypot(first.x_m - second.x_m, first.z_m - second.z_m)
     if distance < first.radius_m + second.radius_m:
@@ -178,6 +179,11 @@ def _pair(one: str, first: Any, other: str, second: Any) -> Iterator[Remark]:
             'correct one place, or make one well of both',
             refused=same,
         )
+
+
+def _plain(name: str) -> str:
+    """Return a name as a person reads it: small letters, each accent with its letter."""
+    return unicodedata.normalize('NFC', name).lower()
 
 
 def _corners(rig: Rig) -> Iterator[Remark]:

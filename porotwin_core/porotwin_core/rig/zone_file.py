@@ -17,6 +17,9 @@ KEY = 'control.zone'
 SHAPE_TOLERANCE = 0.05
 """Largest relative difference of the sides of picture and rig: a frame of some pixels."""
 
+LEAST_COLUMNS = 500
+"""Columns of a picture that shows a zone well, for messages."""
+
 ROUND_OFF = 1e-6
 """Share beyond 0 and 1 that is round-off."""
 
@@ -46,9 +49,14 @@ def read_zone(file: Path, variable: str, width: float, height: float) -> Picture
     # in single precision, as messages carry it: all nodes then have the same zone
     zone = PictureZone(shares.astype(np.float32).astype(float), raster)
     if not zone.within.any():
-        raise InputError(f'{file}: shows no zone: nothing in it is bright; paint the zone white')
+        raise InputError(
+            f'{file}: shows no zone: less than half of every square of {raster.dx * 1000:.2g} mm '
+            'is bright; paint the zone white'
+        )
     if zone.within.all():
-        raise InputError(f'{file}: all of it is bright: paint black whatever is not in the zone')
+        raise InputError(
+            f'{file}: at least half bright everywhere: paint the zone white and all else black'
+        )
     return zone
 
 
@@ -66,11 +74,12 @@ def _from_picture(file: Path, raster: Grid) -> FloatArray:
     columns, rows = layers.size
     shape = columns / rows * raster.height / raster.width
     if abs(shape - 1.0) > SHAPE_TOLERANCE:
-        fitting = round(columns * raster.height / raster.width)
+        columns_shown = max(columns, LEAST_COLUMNS)
+        fitting = round(columns_shown * raster.height / raster.width)
         raise InputError(
             f'{file}: {columns} x {rows} pixels do not have the shape of the rig of '
-            f'{raster.width:g} m x {raster.height:g} m; cut it to the sand, such as {columns} x '
-            f'{fitting} pixels'
+            f'{raster.width:g} m x {raster.height:g} m; cut it to the sand, such as '
+            f'{columns_shown} x {fitting} pixels'
         )
     shrunk = layers.resize((raster.nx, raster.nz), Image.Resampling.BOX)
     light, opacity = np.moveaxis(np.asarray(shrunk, dtype=float), -1, 0) / 255.0

@@ -37,6 +37,10 @@ FEWEST_CELLS = 400
 """Cells that an estimate of the grain needs. The grain of a cell is the same in every frame, so
 that frames do not add to the number of values; neighbours are correlated besides."""
 
+MOST_CELLS = 2 / 3
+"""Share of the cells at the lowest level of a full plume that is enough, where all are few: paler
+cells would add little, and lie nearer to the front."""
+
 LOCAL_MEAN_WIDTH = 1.5
 """Width [cells] of the local mean that separates noise from tracer."""
 
@@ -136,13 +140,15 @@ def _full_cells(maps: FloatArray, smooth: FloatArray, lowest: FloatArray) -> NDA
     """Return the mask (nt, nz, nx) of full cells; `lowest` is the local minimum of `smooth`.
 
     A fading plume is full at few places only, and their grain may differ from the typical one.
-    Therefore the first level with many different cells is preferred.
+    Therefore the first level with many different cells is preferred, or, if no level has many, the
+    first one with `MOST_CELLS` of those at the lowest level.
     """
     levels = (*FULL_LEVELS, FALLBACK_LEVEL * float(np.quantile(smooth, HIGHEST_QUANTILE)))
-    masks = [(lowest > level) & np.isfinite(maps) for level in levels]
-    many_cells = (mask for mask in masks[:-1] if np.count_nonzero(mask.any(axis=0)) > FEWEST_CELLS)
-    many_values = (mask for mask in masks if np.count_nonzero(mask) > FEWEST_VALUES)
-    return next(many_cells, next(many_values, masks[-1]))
+    *masks, palest = [(lowest > level) & np.isfinite(maps) for level in levels]
+    cells = [np.count_nonzero(mask.any(axis=0)) for mask in masks]
+    wanted = min(FEWEST_CELLS, MOST_CELLS * cells[-1])
+    full = next(mask for mask, count in zip(masks, cells, strict=True) if count >= wanted)
+    return full if np.count_nonzero(full) > FEWEST_VALUES else palest
 
 
 def _half_normal_deviation(values: FloatArray) -> float:

@@ -1,0 +1,38 @@
+"""Tests of the errors about files that cannot be written."""
+
+import errno
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from porotwin_core.errors import InputError, check_writable, write_error
+
+
+def test_a_place_where_one_may_not_write_is_wrong_input(tmp_path: Path) -> None:
+    found = write_error(tmp_path / 'maps.nc', PermissionError(errno.EACCES, 'Permission denied'))
+    assert isinstance(found, InputError)
+    assert 'cannot be written (Permission denied); name an output where you may' in str(found)
+
+
+@pytest.mark.parametrize('error', [OSError(errno.ENOSPC, ''), RuntimeError('NetCDF: HDF error')])
+def test_a_full_disk_is_told_even_by_a_library_without_reasons(
+    tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, 'disk_usage', lambda _: SimpleNamespace(free=0))
+    found = write_error(tmp_path / 'absent' / 'maps.nc', error)
+    assert isinstance(found, OSError)
+    assert 'no space left on its disk; remove something' in str(found)
+
+
+def test_another_fault_keeps_its_reason(tmp_path: Path) -> None:
+    found = write_error(tmp_path / 'maps.nc', RuntimeError('NetCDF: HDF error'))
+    assert isinstance(found, OSError)
+    assert 'cannot be written (NetCDF: HDF error); look at its disk' in str(found)
+
+
+def test_a_writable_place_passes(tmp_path: Path) -> None:
+    check_writable(tmp_path / 'maps.nc')
+    (tmp_path / 'maps.nc').touch()
+    check_writable(tmp_path / 'maps.nc')

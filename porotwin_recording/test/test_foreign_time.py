@@ -1,0 +1,36 @@
+"""Tests of dates and times of other programs: zones, and clocks that are set."""
+
+import pytest
+
+from porotwin_core.errors import InputError
+from porotwin_recording.foreign_time import moments, names_zone
+
+
+def test_times_of_a_zone_follow_its_summer_time() -> None:
+    words = ['2024-03-31 01:59:00', '2024-03-31 03:01:00']
+    (before, after), _ = moments(words, 'p.csv: datetime', zone='Europe/Oslo')
+    assert (after - before).total_seconds() == 120.0
+
+
+@pytest.mark.parametrize(
+    ('word', 'fault'),
+    [
+        ('2024-03-31 02:30:00', r'p\.csv: datetime:3: .*02:30:00. does not exist in Europe/Oslo'),
+        ('2024-10-27 02:30:00', r'p\.csv: datetime:3: .*02:30:00. occurs twice .*02:30:00\+02:00'),
+    ],
+)
+def test_a_time_that_a_clock_never_or_twice_shows_is_refused(word: str, fault: str) -> None:
+    with pytest.raises(InputError, match=fault):
+        moments(['2024-03-01 12:00:00', word], 'p.csv: datetime', zone='Europe/Oslo')
+    assert len(moments([word], 'p.csv: datetime')[0]) == 1  # one clock that nobody set
+
+
+@pytest.mark.parametrize('zone', ['Europe', 'Europe/Olso', '../etc'])
+def test_an_unknown_zone_is_refused(zone: str) -> None:
+    with pytest.raises(InputError, match=r'--time-zone .* is not known'):
+        moments(['2024-03-01 12:00:00'], 'p.csv: datetime', zone=zone)
+
+
+def test_words_that_name_a_zone_are_seen() -> None:
+    assert names_zone(['note', '2024-03-01T12:00:00Z'])
+    assert not names_zone(['2024-03-01 12:00:00', 'DSC_1.JPG'])
