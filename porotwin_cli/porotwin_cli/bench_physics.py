@@ -37,10 +37,10 @@ from porotwin_validation.blind_cases import SMALL, small_schedule
 from porotwin_validation.blind_effects import drawn
 
 RECORDED = (94, 56)
-"""Columns and rows of the recordings, to which the camera's noise is added: cells of 10 mm."""
+"""Columns and rows of the recordings: cells of 10 mm, with the noise of a camera."""
 
 GRID = (62, 37)
-"""Columns and rows that COSTA works on: cells of 15 mm, three times those of `train` for this rig.
+"""Columns and rows of the maps for COSTA: cells of 15 mm; `train` takes 5 mm for this rig.
 A training takes about a tenth of the time."""
 
 INTERVAL_S = 60.0
@@ -82,7 +82,7 @@ SECONDS_PER_RUN = 180.0
 
 @dataclass(frozen=True)
 class PhysicsFigures:
-    """What one training reached; errors are relative L2 norms against the noisy maps [-].
+    """The figures of one training; errors are relative L2 norms against the noisy maps [-].
 
     Attributes:
         alone: mean error of the free run of the model alone, over the judged frames.
@@ -92,7 +92,7 @@ class PhysicsFigures:
         worst_ratio: largest ratio of the two at any judged frame, after 0.01 is added to both.
         floor: error of the maps themselves, by noise and blur.
         learnt: the learnt physics; None without.
-        gate: what the gate decided.
+        gate: the decision of the gate.
         training_s: processor time of the training [s].
         inference_ms: median time of one correction, with the run of the learnt physics [ms].
     """

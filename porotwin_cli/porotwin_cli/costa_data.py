@@ -141,7 +141,7 @@ def train_on_runs(
 def account_of(
     model: CorrectiveModel, experiments: Sequence[Frames], bare: Rig, rig: Rig, preset: str
 ) -> dict[str, Any]:
-    """Return what a training learnt, in words of physics; see `learnt_account`.
+    """Return the account of a training in words of physics; see `learnt_account`.
 
     Args:
         model: the trained model.

@@ -13,7 +13,7 @@ GATE = 'gate open for learnt physics: free-run error 0.031 instead of 0.161 on k
 def _told(message: str, *cycles: snapshot.CyclePoint) -> list[str]:
     steps = [(snapshot.with_cycle, cycle) for cycle in cycles]
     return content(
-        'costa', after((snapshot.with_health, 'costa', Health(Level.OK, message, 1.0)), *steps)
+        'costa_gate', after((snapshot.with_health, 'costa', Health(Level.OK, message, 1.0)), *steps)
     )
 
 
@@ -35,4 +35,4 @@ def test_a_correction_that_is_withheld_says_why() -> None:
 
 def test_without_a_model_there_is_nothing_to_say() -> None:
     assert _told('no model loaded', point(1)) == []
-    assert content('costa', after()) == []
+    assert content('costa_gate', after()) == []
