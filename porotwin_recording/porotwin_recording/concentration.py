@@ -437,8 +437,9 @@ class ConcentrationWriter:
             self._dataset.close()
             self._partial.replace(self.path)
         except (OSError, RuntimeError) as error:
+            told = write_error(self.path, error)  # before the removal makes room again
             self._partial.unlink(missing_ok=True)
-            raise write_error(self.path, error) from None
+            raise told from None
 
     def discard(self) -> None:
         """Remove what was written."""

@@ -94,8 +94,9 @@ def _export(
         begun.path.rename(target)
         begun.remove()
     except (OSError, RuntimeError) as error:
+        told = write_error(target, error)  # before the removal makes room again
         begun.remove()
-        raise write_error(target, error) from None
+        raise told from None
 
 
 class _NetcdfMaps:

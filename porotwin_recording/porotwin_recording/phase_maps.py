@@ -122,5 +122,6 @@ class PhaseMapWriter:
             self._dataset.close()
             self._partial.replace(self._path)
         except (OSError, RuntimeError) as error:
+            told = write_error(self._path, error)  # before the removal makes room again
             self._partial.unlink(missing_ok=True)
-            raise write_error(self._path, error) from None
+            raise told from None

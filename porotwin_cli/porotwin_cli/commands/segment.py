@@ -29,9 +29,9 @@ SAME_TIME_S = 1.0
 """A photograph within this of the time of a box is the one that is meant [s]."""
 
 TRACER = (
-    'is this tracer? everything that changed is darker in all colours, and there is no gas; a dye '
-    'does that, an indicator changes its hue. The areas of dissolved CO2 then mean nothing: '
-    './porotwin image makes maps of tracer'
+    'is this tracer? everything that changed is darker in all colours: a dye does that, but an '
+    'indicator changes its hue, and gas leaves bright sand. Of tracer, the areas mean nothing: '
+    './porotwin image makes its maps'
 )
 """Warning about photographs of dye."""
 
