@@ -132,9 +132,11 @@ class PlanController:
         if self.end is not None and now >= self.end:
             return self._kept(state, previous)
         horizon = self._horizon(now)
-        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}))
         elapsed = now - self.last.time
         remembered = self.last.plan if 0.0 <= elapsed < math.inf else None
+        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}))
+        if remembered is not None:
+            task.standing = remembered.rates[0]
         first = remembered is None
         begin = task.hold if remembered is None else remembered.after(elapsed, horizon)
         chosen = task.search(begin, turn=self.last.turn, first=first)
@@ -232,6 +234,8 @@ class _Task:
         self._shares = np.array([delivery.get(name, 1.0) for name in self._limits.wells])
         self._greatest = np.where(self._shares < DEAD_PUMP, 0.0, self._limits.max_rate)
         self._before = self._limits.control_rates(previous)
+        self.standing = self._before
+        """The last order (wells,) [m^3/s]: it costs nothing to repeat, set or not."""
         self.hold = ControlPlan.constant(np.minimum(self._before, self._greatest), horizon)
         self.hold_cost = math.nan
         self.best_cost = math.inf
@@ -317,7 +321,7 @@ class _Task:
         """
         plan = plan.executable(self._limits, self._previous, self._interval).stages()
         cost = self._cost(plan, with_gradient=False)[0]
-        cost += self._change_cost * plan.orders(self._before)
+        cost += self._change_cost * min(plan.orders(self._before), plan.orders(self.standing))
         if cost < self.best_cost:
             self.best, self.best_cost = plan, cost
         return cost

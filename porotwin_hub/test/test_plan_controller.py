@@ -141,6 +141,16 @@ def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> Non
     assert most == pytest.approx(0.5 * FULL)
 
 
+def test_an_order_that_nobody_has_set_yet_is_repeated() -> None:
+    model = TwoStages()
+    planner, asked = controller(model), []
+    for now in (0.0, 60.0, 120.0):
+        model.now = now
+        decision = planner.decide(ToyModel(), STATE, LIMITS.safe(), now=now)
+        asked.append(control_ml_h(decision.rates))
+    assert asked == [[500.0, 0.0, 0.0]] * 3
+
+
 def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:
     model = TwoStages()
     safe = LIMITS.safe()
