@@ -170,7 +170,9 @@ class RateLearner:
             rate = measured[well].rate
             last, self._measured[well] = self._measured.get(well, rate), rate
             if wanted != before:
-                self._unset[well] = _Unset(last, LATE_MEASUREMENTS if before is not None else 0)
+                near = abs(rate - wanted) <= METER_JUMP * abs(wanted)
+                waits = 0 if before is None and near else LATE_MEASUREMENTS
+                self._unset[well] = _Unset(last, waits)
             elif abs(wanted) < LEAST_COMMANDED:
                 self._metered[well] += IDLE_SHARE * (1.0 - self._metered[well])
             elif not self._is_late(well, rate):

@@ -110,10 +110,12 @@ def test_a_pump_that_stops_and_one_that_runs_again_are_believed_at_once() -> Non
     assert learner.told(TOLD) == TOLD
 
 
-def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is() -> None:
+@pytest.mark.parametrize('earlier', [0, 1], ids=['first command', 'later command'])
+def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is(earlier: int) -> None:
     learner = RateLearner(tuple(TOLD), GRID, closed=False)
     off = {**TOLD, 'push': WellRate()}
-    learner.meter(off, off)
+    for _ in range(earlier):
+        learner.meter(off, off)
     for _ in range(4):
         learner.meter(off, TOLD)
     assert learner.factors['push'].factor == 1.0
@@ -125,7 +127,7 @@ def test_a_late_person_is_no_dead_pump_but_one_that_never_turns_is() -> None:
 def test_a_pump_at_rest_is_tried_again_after_a_while() -> None:
     learner = RateLearner(tuple(TOLD), GRID, closed=False)
     off = {**TOLD, 'push': WellRate()}
-    for _ in range(2):
+    for _ in range(8):
         learner.meter(off, TOLD)
     assert learner.factors['push'].factor < 0.05
     for _ in range(30):
