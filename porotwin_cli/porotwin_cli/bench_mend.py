@@ -24,7 +24,7 @@ from porotwin_cli.hidden_effect import MENDABLE, as_text, draw_context, surprise
 from porotwin_cli.mended_loop import Mending, forecast_errors, run_beside, scenario_of
 from porotwin_cli.run_account import TrueTracer
 from porotwin_cli.terminal import print_table
-from porotwin_cli.workspace import run_folder, small_rig
+from porotwin_cli.workspace import continued_folder, small_rig
 from porotwin_core.grid import FloatArray
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import EffectDescription, Rig, load_rig
@@ -257,8 +257,7 @@ def run(
     Raises:
         InputError: the folder cannot be used.
     """
-    continues = output is not None and any(output.glob('case_*.json'))
-    folder = output if continues and output is not None else run_folder(output, 'bench-mend')
+    folder = continued_folder(output, 'bench-mend', 'case_*.json')
     rig = load_rig(small_rig())
     settings = LoopSettings(photographs=False)
     jobs = []

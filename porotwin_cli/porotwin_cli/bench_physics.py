@@ -17,7 +17,7 @@ import numpy as np
 from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.costa_data import train_on_runs
 from porotwin_cli.terminal import print_table
-from porotwin_cli.workspace import run_folder
+from porotwin_cli.workspace import continued_folder
 from porotwin_core.blind_draw import DrawContext
 from porotwin_core.grid import FloatArray, Grid, conservative_resample, fill_unseen
 from porotwin_core.learnt_physics import LearntPhysics
@@ -268,8 +268,7 @@ def run(
     Raises:
         InputError: the folder cannot be used.
     """
-    continues = output is not None and any(output.glob('*_recording_*.npy'))
-    folder = output if continues and output is not None else run_folder(output, 'bench-physics')
+    folder = continued_folder(output, 'bench-physics', '*_recording_*.npy')
     jobs = jobs_of(folder, draws=scenarios, seed=seed)
     do_jobs(
         jobs,

@@ -33,3 +33,14 @@ def run_folder(output: Path | None, command: str) -> Path:
         raise InputError(f'{folder} exists already; name another --output or remove it')
     folder.mkdir(parents=True, exist_ok=True)
     return folder.resolve()
+
+
+def continued_folder(output: Path | None, command: str, results: str) -> Path:
+    """Return `output` if it holds files of the pattern `results`, else a new `run_folder`.
+
+    Raises:
+        InputError: `output` holds something else.
+    """
+    if output is not None and any(output.glob(results)):
+        return output
+    return run_folder(output, command)
