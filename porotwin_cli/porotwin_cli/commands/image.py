@@ -80,11 +80,12 @@ def command(
         )
     memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
+    clean = [photo.read() for photo in baselines]
     if used:
         better = refined(
             used,
             rig,
-            [photo.read() for photo in baselines],
+            clean,
             [(photo.time, photo.read) for photo in states],
             recording.measured or recording.commanded,
         )
@@ -95,7 +96,7 @@ def command(
     baseline = make_baseline(
         rig,
         map_grid,
-        [photo.read() for photo in baselines],
+        clean,
         calibration=used,
     )
     for remark in baseline.remarks:
