@@ -20,6 +20,7 @@ import numpy as np
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
@@ -59,11 +60,13 @@ class PlanModel(Protocol):
         horizon: float,
         terms: Sequence[CostTerm],
         with_gradient: bool,
+        learnt: LearntPhysics,
         patience: float,
     ) -> tuple[float, FloatArray | None]:
         """Return the cost of `plan` from `initial` (nz, nx) and, if asked for, its gradient.
 
         The gradient (steps, wells) is by the rates of all wells of the rig, in their order.
+        `learnt` physics acts in the model.
         `patience` [s] bounds the wall-clock time.
 
         Raises:
@@ -117,6 +120,7 @@ class PlanController:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the first rates of the best plan found, and the plan.
 
@@ -125,6 +129,7 @@ class PlanController:
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+            learnt: the physics that the data-driven model corrects by; it acts in the plan.
 
         Raises:
             ModelUnavailable: the model tells not even the cost of the last plan.
@@ -134,7 +139,7 @@ class PlanController:
         horizon = self._horizon(now)
         elapsed = now - self.last.time
         remembered = self.last.plan if 0.0 <= elapsed < math.inf else None
-        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}))
+        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}), learnt)
         if remembered is not None:
             task.standing = remembered.rates[0]
         first = remembered is None
@@ -222,11 +227,13 @@ class _Task:
         now: float,
         horizon: float,
         delivery: dict[str, float],
+        learnt: LearntPhysics,
     ) -> None:
         self._limits, self._model = controller.limits, controller.model
         self._water_cost = controller.objective.water_cost
         self._change_cost, self._interval = controller.change_cost, controller.interval
         self._horizon, self._previous, self._delivery = horizon, previous, delivery
+        self._learnt = learnt
         self._deadline = time.monotonic() + controller.patience
         self._state = conservative_resample(state, controller.cells)
         terms = controller.objective.terms(now, horizon)
@@ -354,6 +361,7 @@ class _Task:
             horizon=self._horizon,
             terms=self._terms,
             with_gradient=with_gradient,
+            learnt=self._learnt,
             patience=max(left, 0.0),
         )
         lengths = plan.lengths

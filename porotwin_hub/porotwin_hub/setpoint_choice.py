@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Mapping
 
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rates_in_force import PUMP_ACCURACY, different_wells
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
@@ -43,6 +44,7 @@ class SetpointChoice:
         *,
         began: float,
         delivery: Mapping[str, float],
+        learnt: LearntPhysics,
     ) -> None:
         """Set the setpoint of `cycle` from its state, and remarks about faults.
 
@@ -51,11 +53,12 @@ class SetpointChoice:
             physics: the physics-based model, for one interval.
             began: start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers, where it is known.
+            learnt: the physics that the data-driven model corrects by.
         """
         if self.planner is None:
             return
         begin = time.perf_counter()
-        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery)
+        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery, learnt)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
@@ -66,6 +69,7 @@ class SetpointChoice:
         physics: PhysicsModel,
         began: float,
         delivery: Mapping[str, float],
+        learnt: LearntPhysics,
     ) -> SetpointDecision:
         now = cycle.observation.time
         try:
@@ -75,6 +79,7 @@ class SetpointChoice:
                 self._rates_to_change(cycle, planner),
                 now=now - began,
                 delivery=delivery,
+                learnt=learnt,
             )
         except ModelUnavailable as error:
             cycle.remarks.append(f'not optimised: {error}')
