@@ -15,6 +15,7 @@ from porotwin_hub import cobyla
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.optimisation import Decision, Search, optimise
+from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
 from porotwin_hub.setpoint_limits import Limits
 
 
@@ -39,6 +40,7 @@ class Planner(Protocol):
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
     ) -> Decision:
         """Return the rates to command from a `state` (nz, nx) on.
 
@@ -48,6 +50,7 @@ class Planner(Protocol):
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+            ahead: the rates in force until an order of now will be set.
 
         Raises:
             ModelUnavailable: the models do not answer.
@@ -85,15 +88,16 @@ class Controller:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
     ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
 
-        `now` does not matter, nor does the `delivery` of the pumps: the paper knows neither.
+        `now` does not matter, nor do `delivery` and `ahead`: the paper knows none of them.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
-        del now, delivery
+        del now, delivery, ahead
 
         def cost(rates: WellRates) -> float:
             water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
@@ -134,6 +138,7 @@ class WithSubstitute:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
     ) -> Decision:
         """Return the rates to command, with a remark where the substitute chose them.
 
@@ -143,7 +148,9 @@ class WithSubstitute:
             ModelUnavailable: neither model answers.
         """
         try:
-            return self.planner.decide(physics, state, previous, now=now, delivery=delivery)
+            return self.planner.decide(
+                physics, state, previous, now=now, delivery=delivery, ahead=ahead
+            )
         except ModelUnavailable as error:
             found = self.substitute.decide(physics, state, previous, now=now, delivery=delivery)
             return replace(found, remark=f'constant rates instead of a plan: {error}')
