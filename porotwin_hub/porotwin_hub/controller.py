@@ -16,6 +16,7 @@ from porotwin_hub import cobyla
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.optimisation import Decision, Search, optimise
+from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
 from porotwin_hub.setpoint_limits import Limits
 
 
@@ -40,6 +41,7 @@ class Planner(Protocol):
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
         learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates to command from a `state` (nz, nx) on.
@@ -50,6 +52,7 @@ class Planner(Protocol):
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+            ahead: the rates in force until an order of now will be set.
             learnt: the physics that the data-driven model corrects by.
 
         Raises:
@@ -88,16 +91,17 @@ class Controller:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
         learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
 
-        `now`, the `delivery` of the pumps and `learnt` physics do not matter: the paper has none.
+        `now`, `delivery`, `ahead` and `learnt` do not matter: the paper knows none of them.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
-        del now, delivery, learnt
+        del now, delivery, ahead, learnt
 
         def cost(rates: WellRates) -> float:
             water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
@@ -138,6 +142,7 @@ class WithSubstitute:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
         learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates to command, with a remark where the substitute chose them.
@@ -149,7 +154,13 @@ class WithSubstitute:
         """
         try:
             return self.planner.decide(
-                physics, state, previous, now=now, delivery=delivery, learnt=learnt
+                physics,
+                state,
+                previous,
+                now=now,
+                delivery=delivery,
+                ahead=ahead,
+                learnt=learnt,
             )
         except ModelUnavailable as error:
             found = self.substitute.decide(physics, state, previous, now=now, delivery=delivery)

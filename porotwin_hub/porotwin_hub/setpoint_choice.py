@@ -10,6 +10,7 @@ from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
+from porotwin_hub.order_delay import OrderDelay, OrdersAhead
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 
 
@@ -20,15 +21,19 @@ class SetpointChoice:
         """Choose by `planner`, None: not at all, after every `photo_interval` [s]."""
         self.planner = planner
         self.validity = validity(photo_interval)
+        self.delay = OrderDelay()
+        """How long the orders take."""
         self._command: SetpointDecision | None = None
 
     def forget(self) -> None:
-        """Forget the setpoint in force."""
+        """Forget the setpoint in force, and how long orders take."""
         self._command = None
+        self.delay.begin_anew()
 
     def reject(self, cycle: Cycle) -> None:
         """Go on without the setpoint of `cycle`, because the asset did not take it."""
         cycle.accepted = False
+        self.delay.take_back(cycle.observation.time)
         self._command = cycle.previous_command
 
     def commanded(self, planner: Planner, now: float) -> WellRates:
@@ -57,8 +62,10 @@ class SetpointChoice:
         """
         if self.planner is None:
             return
-        begin = time.perf_counter()
+        begin, now = time.perf_counter(), cycle.observation.time
+        before = self.commanded(self.planner, now)
         cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery, learnt)
+        self.delay.ordered(now, cycle.setpoint.rates, before)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
@@ -72,13 +79,15 @@ class SetpointChoice:
         learnt: LearntPhysics,
     ) -> SetpointDecision:
         now = cycle.observation.time
+        ahead = self.delay.ahead(now, cycle.pumped)
         try:
             cycle.decision = planner.decide(
                 physics,
                 cycle.state,
-                self._rates_to_change(cycle, planner),
+                self._rates_to_change(cycle, planner, ahead),
                 now=now - began,
                 delivery=delivery,
+                ahead=ahead,
                 learnt=learnt,
             )
         except ModelUnavailable as error:
@@ -92,14 +101,15 @@ class SetpointChoice:
             rates, reason = planner.limits.safe(), 'optimised rates broke a limit'
         return SetpointDecision(rates, now + self.validity, reason)
 
-    def _rates_to_change(self, cycle: Cycle, planner: Planner) -> WellRates:
+    def _rates_to_change(self, cycle: Cycle, planner: Planner, ahead: OrdersAhead) -> WellRates:
         """Return the rates that a decision starts from: those in force.
 
-        They are the commanded ones where the pumps are within their accuracy of them. A limit on
-        changes counts from setpoint to setpoint.
+        They are the commanded ones where the pumps are within their accuracy of them, and where
+        these will be set before any order of now. A limit on changes counts from setpoint to
+        setpoint.
         """
         commanded = self.commanded(planner, cycle.observation.time)
-        if math.isfinite(planner.limits.max_change):
+        if ahead.waits or math.isfinite(planner.limits.max_change):
             return commanded
         other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
         return cycle.pumped if other else commanded

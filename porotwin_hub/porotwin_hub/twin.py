@@ -200,14 +200,16 @@ class Twin:
         if gap > self._longest_gap:
             self.interrupt()
         commanded = self._commanded_rates(now)
+        self._choice.delay.learn(known, now)
         known = self._as_told(known, commanded)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
             pumped = latest_known(known, now) or commanded
         else:
             before = self._pumped if self._pumped is not None else commanded
+            believed = self._choice.delay.believed(commanded, before)
             periods = rates_in_force(
-                known, self._state.time, now, commanded=commanded, before=before
+                known, self._state.time, now, commanded=believed, before=before
             )
             pumped = periods[-1].rates
         cycle = Cycle(observation, observation.concentration, periods, pumped)
@@ -258,7 +260,9 @@ class Twin:
             return
         time = cycle.observation.time
         try:
-            self._learner.learn(self._plain_physics, time, estimate, cycle.seen, cycle.periods)
+            cycle.remarks += self._learner.learn(
+                self._plain_physics, time, estimate, cycle.seen, cycle.periods
+            )
         except ModelUnavailable as error:
             cycle.remarks.append(f'no rates learnt: {error}')
         cycle.rate_factors = self._learner.factors
