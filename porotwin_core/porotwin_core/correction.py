@@ -6,15 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.wells import WellRates
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` gives the reason."""
+    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` gives the reason.
+
+    `learnt` is the physics that sigma stands for, for models over longer times.
+    """
 
     sigma: FloatArray | None
     status: str
+    learnt: LearntPhysics = NO_LEARNT_PHYSICS
 
     @property
     def applied(self) -> bool:
