@@ -315,13 +315,9 @@ class RateLearner:
         }
         other = {well: 1.0 if well in self._watch.faults else 0.0 for well in pumping}
         usual = course.expected(state, factors)
-        changed = {
-            well: course.expected(state, {**factors, well: other[well]}) for well in pumping
-        }
+        changed = {well: course.expected(state, {**factors, well: other[well]}) for well in pumping}
         deviations = np.sqrt(np.diag(self._covariance))
-        rates = [
-            deviations[self._wells.index(well)] * (changed[well] - usual) for well in pumping
-        ]
+        rates = [deviations[self._wells.index(well)] * (changed[well] - usual) for well in pumping]
         scale = math.sqrt(float(estimate.volume.covariance[1, 1]))
         camera = scale * course.means(seen.systematic)
         variance = RELATED_BLOCKS * (course.means(seen.random**2) + MODEL_DEVIATION**2)

@@ -109,6 +109,15 @@ class SiblingsNode(Node):
             at_least=1,
             at_most=1000,
         )
+        self._worst_share = declare(
+            self,
+            'worst_share',
+            1.0,
+            'share of these siblings, those with the highest costs, whose mean counts: 1 is the '
+            'expected cost, 0.5 the mean of the worse half, for a cautious plan',
+            at_least=0.01,
+            at_most=1.0,
+        )
         diagnosis = declare(
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
@@ -378,7 +387,7 @@ class SiblingsNode(Node):
             terms=[conversions.cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
         )
-        return expected_cost(orders, self._quick)
+        return expected_cost(orders, self._quick, worst_share=self._worst_share)
 
 
 def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:
