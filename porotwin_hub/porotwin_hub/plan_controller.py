@@ -35,10 +35,10 @@ from porotwin_hub.setpoint_limits import Limits
 DEAD_PUMP = 0.05
 """A well that delivers less than this share of its rate has failed; it is left out."""
 
-FIRST_STEPS, LATER_STEPS = 20, 3
+FIRST_STEPS, LATER_STEPS = 8, 3
 """Steps of the gradient search in the first decision, and in those that begin with a plan."""
 
-FIRST_SEQUENCES, LATER_SEQUENCES = 40, 2
+FIRST_SEQUENCES, LATER_SEQUENCES = 12, 2
 """Plans "one well at its maximum, then another" tried in the first decision, and in later ones: an
 hour tries all of them many times."""
 

@@ -200,6 +200,7 @@ class Siblings:
         map_times: Iterable[float] = (),
         *,
         executor: Executor | None = None,
+        numbers: Sequence[int] = (),
     ) -> Outlook:
         """Return the expectations from the newest state on; any thread may ask at any time.
 
@@ -209,19 +210,21 @@ class Siblings:
             times: after the newest state [s], increasing.
             map_times: after the newest state [s], increasing; when maps are wanted.
             executor: runs the courses instead of the usual one.
+            numbers: of the siblings that are asked; empty: all.
 
         Raises:
             InputError: a course cannot be run.
         """
         after, maps_after = np.array(list(times)), np.array(list(map_times))
         begin, traits = self._standing()
+        asked = np.array(numbers or range(len(traits)))
         periods = plan_periods(plan, begin.time, horizon)
         # the mean of all, on both grids, shows the smear of the coarse grid
         fine, coarse, *courses = self._run(
             [
                 self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid),
                 self._order(begin, begin.mean, periods, after, np.empty(0)),
-                *(self._order(begin, one, periods, after, maps_after) for one in traits),
+                *(self._order(begin, traits[one], periods, after, maps_after) for one in asked),
             ],
             executor,
         )
@@ -243,7 +246,7 @@ class Siblings:
             maps_after,
             maps.mean(axis=0),
             maps.std(axis=0),
-            tuple(int(number) for number in np.argsort(tracer.sum(axis=1), kind='stable')),
+            tuple(map(int, asked[np.argsort(tracer.sum(axis=1), kind='stable')])),
         )
 
     def cost_orders(
