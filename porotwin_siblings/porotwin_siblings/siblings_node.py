@@ -113,7 +113,7 @@ class SiblingsNode(Node):
             self,
             'worst_share',
             1.0,
-            'share of these siblings, those with the highest costs, whose mean counts: 1 is the '
+            'share of the judges, those with the highest costs, whose mean counts: 1 is the '
             'expected cost, 0.5 the mean of the worse half, for a cautious plan',
             at_least=0.01,
             at_most=1.0,
