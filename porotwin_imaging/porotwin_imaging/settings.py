@@ -375,6 +375,18 @@ class SandSettings:
     prior_deviation: float = 0.15
     """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
     large FluidFlower differ by up to 0.3 from the law, those of composed photographs by 0.09."""
+    same_sand_error: float = 0.03
+    """Standard deviation of the log factors of two parts that the rig describes as one sand:
+    packing, and light that the picture does not tell from sand. An estimate."""
+    place_error: float = 0.02
+    """Relative standard deviation of the signal of stock from place to place in a sand [-]. A small
+    core tells only its own place. An estimate."""
+    described_reach_cells: int = 4
+    """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
+    described_share: float = 0.008
+    """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
+    most_described: int = 12
+    """More permeabilities than this are no sands but a field."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and the inverse of the smallest."""
 
@@ -429,8 +441,9 @@ class MassBalanceSettings:
     expected_bend: float = -0.02
     """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
     fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
-    bend_deviation: float = 0.04
-    """Standard deviation of the bend before any evidence [-]."""
+    bend_deviation: float = 0.07
+    """Standard deviation of the bend before any evidence [-]: dyes differ. A narrow one would pull
+    strong bends, which fronts or dilutions tell, towards the straight line."""
     dilution_error: float = 0.01
     """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
