@@ -24,7 +24,7 @@ LONG = {
     'mend': 'porotwin_cli.bench_mend',
     'physics': 'porotwin_cli.bench_physics',
     'faults': 'porotwin_cli.bench_faults',
-    'calibration': 'porotwin_validation.calibration_bench',
+    'calibration': 'porotwin_cli.bench_calibration',
     'scaling': 'porotwin_cli.bench_scaling',
     'decision': 'porotwin_cli.bench_decision',
 }
@@ -82,7 +82,8 @@ def command(
     output: Annotated[
         Path | None,
         typer.Option(
-            help='loop, mend, physics: folder of its runs; one with earlier runs is continued.'
+            help='loop, mend, physics, calibration: folder of its runs; one with earlier runs is '
+            'continued.'
         ),
     ] = None,
     as_json: Json = False,
@@ -110,7 +111,9 @@ def command(
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
         'mend': {'scenarios': scenarios or SCENARIOS, 'seed': seed, 'output': output, **many},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
+        'calibration': {
+            'baseline': baseline, 'cases': cases, 'seed': seed, 'output': output, **many,
+        },
         'loop': {
             'scenarios': scenarios or SCENARIOS, 'seed': seed, 'output': output,
             'photographs': not maps, **many,
