@@ -134,7 +134,7 @@ class ClusterCrew(Crew):
         call = partial(function, **kwargs) if kwargs else function
         if self._client.status != 'running':
             raise self._lost()
-        task = self._client.submit(_in_worker, _versions(), call, *args, pure=False)
+        task = self._client.submit(_in_worker, versions(), call, *args, pure=False)
         self._tasks[task] = future
         task.add_done_callback(self._deliver)
         return future
@@ -399,13 +399,13 @@ def _be_quiet() -> None:
 
 
 @cache
-def _versions() -> str:
+def versions() -> str:
     """Return this program and the versions that its results depend on."""
     found = [f'{name} {version(name)}' for name in LIBRARIES]
     return ', '.join([PROGRAM, f'Python {sys.version_info.major}.{sys.version_info.minor}', *found])
 
 
-def _in_worker(versions: str, function: Callable[..., Result], /, *args: Any) -> Result:
+def _in_worker(wanted: str, function: Callable[..., Result], /, *args: Any) -> Result:
     """Return `function(*args)`, computed in a worker as it would be computed here.
 
     Raises:
@@ -414,9 +414,9 @@ def _in_worker(versions: str, function: Callable[..., Result], /, *args: Any) ->
     from distributed import get_worker
 
     worker = get_worker()
-    if versions != _versions():
+    if wanted != versions():
         raise InputError(
-            f'worker {worker.address} has {_versions()}; this machine has {versions}: install the '
+            f'worker {worker.address} has {versions()}; this machine has {wanted}: install the '
             'same on both'
         )
     if worker.state.nthreads > 1:

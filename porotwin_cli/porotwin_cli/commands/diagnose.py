@@ -58,8 +58,8 @@ def command(
 
     The diagnosis finds where the gap arises, which effect causes it, and how much of it closes with
     this effect. Several recordings of one rig are diagnosed together, or with --each one by one.
-    The report is a page with pictures. With --live the running twin makes the report while it
-    works.
+    The report is a page with pictures. The same command goes on after an interruption. With --live
+    the running twin makes the report while it works.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
 
@@ -70,6 +70,7 @@ def command(
     from porotwin_core.parallel import crew
     from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
+    from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_diagnosis.rig_history import read_history
     from porotwin_recording.recording import open_recording
@@ -105,8 +106,12 @@ def command(
         def show(stage: str, fraction: float) -> None:
             bar.update(task, completed=round(100 * fraction), description=stage)
 
-        result = examine(opened, preset=preset, crew=pool, progress=show)
+        simulations = KeptSimulations(pool, folder)
+        if simulations.found:
+            say(f'going on with {simulations.found} simulations of an interrupted call')
+        result = examine(opened, preset=preset, crew=simulations, progress=show)
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
+        simulations.remove()
     told = _remember(history, earlier, summary, recordings[0]) if history is not None else []
     if as_json:
         print_json({'output': output, **summary, **({'history': told} if history else {})})
