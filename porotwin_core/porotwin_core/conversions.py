@@ -7,6 +7,7 @@ import array
 import json
 import math
 from collections.abc import Iterable, MutableSequence
+from dataclasses import asdict
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -19,6 +20,7 @@ from porotwin_core.from_messages import cost_term_from_msg as cost_term_from_msg
 from porotwin_core.from_messages import deviation_from_msg as deviation_from_msg
 from porotwin_core.from_messages import effects_from_msg as effects_from_msg
 from porotwin_core.from_messages import grid_from_msg as grid_from_msg
+from porotwin_core.from_messages import learnt_from_msg as learnt_from_msg
 from porotwin_core.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.from_messages import rig_from_msg as rig_from_msg
@@ -26,6 +28,7 @@ from porotwin_core.from_messages import source_from_msg as source_from_msg
 from porotwin_core.from_messages import time_from_msg as time_from_msg
 from porotwin_core.from_messages import tracer_from_msg as tracer_from_msg
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import (
     Camera,
     Control,
@@ -40,13 +43,16 @@ from porotwin_msgs.msg import (
     ControlLimits,
     Effect,
     GridInfo,
+    LearntLeak,
     Outcome,
     Quantity,
     RigDescription,
+    SandPatch,
     SourceField,
     TracerField,
 )
 from porotwin_msgs.msg import CostTerm as CostTermMessage
+from porotwin_msgs.msg import LearntPhysics as LearntPhysicsMessage
 from porotwin_msgs.msg import RateStep as RateStepMessage
 from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
@@ -124,6 +130,21 @@ def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
         linear=flat(term.linear),
         quadratic=flat(term.quadratic),
         target=flat(term.target),
+    )
+
+
+def learnt_to_msg(learnt: LearntPhysics) -> LearntPhysicsMessage:
+    """Return the message of learnt physics."""
+    x, z = learnt.background_flux
+    return LearntPhysicsMessage(
+        density_difference=learnt.density_difference,
+        longitudinal_dispersivity=learnt.longitudinal_dispersivity,
+        transverse_dispersivity=learnt.transverse_dispersivity,
+        background_flux_x=x,
+        background_flux_z=z,
+        log_retardation=learnt.log_retardation,
+        leaks=[LearntLeak(**asdict(leak)) for leak in learnt.leaks],
+        patches=[SandPatch(**asdict(patch)) for patch in learnt.patches],
     )
 
 

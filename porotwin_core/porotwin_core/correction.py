@@ -6,15 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.wells import WellRates
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` says why, in a line."""
+    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` says why, in a line.
+
+    `learnt` is the physics that sigma stands for: what a model of longer times should have.
+    """
 
     sigma: FloatArray | None
     status: str
+    learnt: LearntPhysics = NO_LEARNT_PHYSICS
 
     @property
     def applied(self) -> bool:

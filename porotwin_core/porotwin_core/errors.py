@@ -3,6 +3,8 @@
 import errno
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 FULL_BYTES = 1_000_000
@@ -40,6 +42,20 @@ def write_error(path: Path, error: Exception) -> Exception:
     if number in (errno.ENOSPC, errno.EDQUOT) or _is_full(path):
         return OSError(f'{path}: no space left on its disk; remove something or name another')
     return OSError(f'{path}: cannot be written ({reason}); look at its disk, or name another')
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Let a fault of the block, which writes the output `path`, be told by `write_error`.
+
+    Raises:
+        InputError: the output may not be written there.
+        OSError: the disk is full or fails.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise write_error(path, error) from None
 
 
 def check_writable(path: Path) -> None:

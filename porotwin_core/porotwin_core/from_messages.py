@@ -15,6 +15,7 @@ import numpy as np
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 from porotwin_core.rig import EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h, to_ml_min
 from porotwin_core.wells import RateStep, WellRate
@@ -152,6 +153,27 @@ def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
 
     maps = {name: map_of(name) for name in ('linear', 'quadratic', 'target')}
     return CostTerm(message.start, message.end, **maps)
+
+
+def learnt_from_msg(message: Any) -> LearntPhysics:
+    """Return the learnt physics in a message.
+
+    Raises:
+        InputError: a number is not finite, or a patch has no radius.
+    """
+    learnt = LearntPhysics(
+        message.density_difference,
+        message.longitudinal_dispersivity,
+        message.transverse_dispersivity,
+        (message.background_flux_x, message.background_flux_z),
+        message.log_retardation,
+        tuple(LearntLeak(leak.x, leak.z, leak.rate) for leak in message.leaks),
+        tuple(
+            SandPatch(patch.x, patch.z, patch.radius, patch.log_factor) for patch in message.patches
+        ),
+    )
+    learnt.check()
+    return learnt
 
 
 def _quantity_from_msg(message: Any) -> float | FloatArray:

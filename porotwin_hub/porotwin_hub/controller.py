@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.wells import WellRates
 from porotwin_hub import cobyla
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.optimisation import Decision, Search, optimise
+from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
 from porotwin_hub.setpoint_limits import Limits
 
 
@@ -39,6 +41,8 @@ class Planner(Protocol):
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates to command from a `state` (nz, nx) on.
 
@@ -48,6 +52,8 @@ class Planner(Protocol):
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+            ahead: the rates in force until an order of now will be set.
+            learnt: the physics that the data-driven model corrects by.
 
         Raises:
             ModelUnavailable: the models do not answer.
@@ -85,15 +91,17 @@ class Controller:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
 
-        `now` does not matter, nor does the `delivery` of the pumps: the paper knows neither.
+        `now`, `delivery`, `ahead` and `learnt` do not matter: the paper knows none of them.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
-        del now, delivery
+        del now, delivery, ahead, learnt
 
         def cost(rates: WellRates) -> float:
             water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
@@ -134,6 +142,8 @@ class WithSubstitute:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates to command, with a remark where the substitute chose them.
 
@@ -143,7 +153,15 @@ class WithSubstitute:
             ModelUnavailable: neither model answers.
         """
         try:
-            return self.planner.decide(physics, state, previous, now=now, delivery=delivery)
+            return self.planner.decide(
+                physics,
+                state,
+                previous,
+                now=now,
+                delivery=delivery,
+                ahead=ahead,
+                learnt=learnt,
+            )
         except ModelUnavailable as error:
             found = self.substitute.decide(physics, state, previous, now=now, delivery=delivery)
             return replace(found, remark=f'constant rates instead of a plan: {error}')

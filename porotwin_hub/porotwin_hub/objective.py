@@ -18,7 +18,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Rig
 
-FUZZY_SHARE = 0.1
+FUZZY_SHARE = 0.02
 """Share of the fuzzy mask in the cost of a plan; the rest is the zone itself. A plan sees the plume
 reach the zone, so that tracer beside it need not cost much. It costs a little, because a front that
 stands at the edge is a risk. On the small rig the fuzzy mask alone doubles the dose."""

@@ -20,6 +20,7 @@ import numpy as np
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
@@ -28,6 +29,7 @@ from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.optimisation import Decision, OutOfTimeError
+from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
 from porotwin_hub.projected_gradient import descend
 from porotwin_hub.setpoint_limits import Limits
 
@@ -59,11 +61,13 @@ class PlanModel(Protocol):
         horizon: float,
         terms: Sequence[CostTerm],
         with_gradient: bool,
+        learnt: LearntPhysics,
         patience: float,
     ) -> tuple[float, FloatArray | None]:
         """Return the cost of `plan` from `initial` (nz, nx) and, if asked for, its gradient.
 
         The gradient (steps, wells) is by the rates of all wells of the rig, in their order.
+        `learnt` physics acts in the model.
         `patience` [s] bounds the wall-clock time.
 
         Raises:
@@ -74,9 +78,13 @@ class PlanModel(Protocol):
 
 @dataclass
 class LastPlan:
-    """The plan of the last decision and its time [s]; kept between decisions."""
+    """The plan of the last decision; kept between decisions.
 
-    time: float = -math.inf
+    It was `asked` for at this time [s], and `begins` when its first order was expected to be set.
+    """
+
+    asked: float = -math.inf
+    begins: float = -math.inf
     plan: ControlPlan | None = None
     turn: int = 0
 
@@ -117,6 +125,8 @@ class PlanController:
         *,
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
+        ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the first rates of the best plan found, and the plan.
 
@@ -125,22 +135,25 @@ class PlanController:
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
+            ahead: the rates in force until an order of now will be set; the plan begins there.
+            learnt: the physics that the data-driven model corrects by; it acts in the plan.
 
         Raises:
             ModelUnavailable: the model tells not even the cost of the last plan.
         """
-        if self.end is not None and now >= self.end:
+        if self.end is not None and now + ahead.lead >= self.end:
             return self._kept(state, previous)
-        horizon = self._horizon(now)
-        elapsed = now - self.last.time
-        remembered = self.last.plan if 0.0 <= elapsed < math.inf else None
-        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}))
+        horizon, begins = self._horizon(now), now + ahead.lead
+        remembered = self.last.plan if now >= self.last.asked > -math.inf else None
+        expected = self._expected(delivery or {})
+        task = _Task(self, state, previous, now, horizon, expected, ahead, learnt)
+        first = remembered is None
+        begin = task.hold
         if remembered is not None:
             task.standing = remembered.rates[0]
-        first = remembered is None
-        begin = task.hold if remembered is None else remembered.after(elapsed, horizon)
+            begin = remembered.after(max(begins - self.last.begins, 0.0), horizon - ahead.lead)
         chosen = task.search(begin, turn=self.last.turn, first=first)
-        self.last.time, self.last.plan = now, chosen
+        self.last.asked, self.last.begins, self.last.plan = now, begins, chosen
         self.last.turn += LATER_SEQUENCES
         return Decision(
             rates=self.limits.setpoint(chosen.rates[0], previous),
@@ -222,11 +235,15 @@ class _Task:
         now: float,
         horizon: float,
         delivery: dict[str, float],
+        ahead: OrdersAhead,
+        learnt: LearntPhysics,
     ) -> None:
         self._limits, self._model = controller.limits, controller.model
         self._water_cost = controller.objective.water_cost
         self._change_cost, self._interval = controller.change_cost, controller.interval
-        self._horizon, self._previous, self._delivery = horizon, previous, delivery
+        self._whole, self._lead, self._horizon = horizon, ahead.lead, horizon - ahead.lead
+        self._previous, self._delivery = previous, delivery
+        self._learnt = learnt
         self._deadline = time.monotonic() + controller.patience
         self._state = conservative_resample(state, controller.cells)
         terms = controller.objective.terms(now, horizon)
@@ -234,9 +251,12 @@ class _Task:
         self._shares = np.array([delivery.get(name, 1.0) for name in self._limits.wells])
         self._greatest = np.where(self._shares < DEAD_PUMP, 0.0, self._limits.max_rate)
         self._before = self._limits.control_rates(previous)
+        self._waits = ahead.waits
+        self._until_set = ahead.steps
         self.standing = self._before
         """The last order (wells,) [m^3/s]: it costs nothing to repeat, set or not."""
-        self.hold = ControlPlan.constant(np.minimum(self._before, self._greatest), horizon)
+        held = np.minimum(self._before, self._greatest)
+        self.hold = ControlPlan.constant(held, self._horizon)
         self.hold_cost = math.nan
         self.best_cost = math.inf
         self.best = self.hold
@@ -269,11 +289,12 @@ class _Task:
         return self.best
 
     def steps(self, plan: ControlPlan) -> tuple[RateStep, ...]:
-        """Return the rates of all wells in every stage of an executable plan."""
-        return tuple(
-            RateStep(float(start), self._limits.setpoint(rates))
+        """Return the rates of all wells from the state on, under an executable plan."""
+        planned = (
+            RateStep(self._lead + float(start), self._limits.setpoint(rates))
             for start, rates in zip(plan.starts, plan.rates, strict=True)
         )
+        return (*self._until_set, *planned)
 
     def _simple_plans(self) -> Iterator[ControlPlan]:
         """Yield constant plans: no control, and each well alone at its maximum."""
@@ -321,7 +342,10 @@ class _Task:
         """
         plan = plan.executable(self._limits, self._previous, self._interval).stages()
         cost = self._cost(plan, with_gradient=False)[0]
-        cost += self._change_cost * min(plan.orders(self._before), plan.orders(self.standing))
+        orders = plan.orders(self._before)
+        if not self._waits:
+            orders = min(orders, plan.orders(self.standing))
+        cost += self._change_cost * orders
         if cost < self.best_cost:
             self.best, self.best_cost = plan, cost
         return cost
@@ -345,22 +369,28 @@ class _Task:
         if self.evaluations and left <= 0.0:
             raise OutOfTimeError
         self.evaluations += 1
+        first = [
+            RateStep(step.start, self._delivered(self._limits.control_rates(step.rates)))
+            for step in self._until_set
+        ]
+        planned = [
+            RateStep(self._lead + float(start), self._delivered(rates))
+            for start, rates in zip(plan.starts, plan.rates, strict=True)
+        ]
         cost, by_rate = self._model.plan_cost(
             self._state,
-            [
-                RateStep(float(start), self._delivered(rates))
-                for start, rates in zip(plan.starts, plan.rates, strict=True)
-            ],
-            horizon=self._horizon,
+            first + planned,
+            horizon=self._whole,
             terms=self._terms,
             with_gradient=with_gradient,
+            learnt=self._learnt,
             patience=max(left, 0.0),
         )
         lengths = plan.lengths
         cost += self._water_cost * float(lengths @ plan.rates.sum(axis=1))
         if by_rate is None:
             return cost, np.zeros(plan.rates.shape)
-        wells = self._limits.all_wells
+        wells, by_rate = self._limits.all_wells, by_rate[len(first) :]
         by_control = by_rate[:, [wells.index(name) for name in self._limits.wells]]
         if self._limits.producer is not None:
             by_control = by_control - by_rate[:, [wells.index(self._limits.producer)]]

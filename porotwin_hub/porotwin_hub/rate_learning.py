@@ -9,10 +9,12 @@ that injects more tracer and a camera that shows more look alike.
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.delivered_rates import delivered
 from porotwin_core.grid import FloatArray, Grid
@@ -21,6 +23,7 @@ from porotwin_core.rates_in_force import SAME_RATE, RatePeriod, same_rates
 from porotwin_core.state_filter import Estimate, Seen
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.forecast import PhysicsModel
+from porotwin_hub.pump_watch import WATCH_S, WATCH_WINDOW_S, Expectations, PumpWatch
 
 WINDOW_S = 900.0
 """Time over which a prediction is compared with the photograph [s]: long enough that a pump wrong
@@ -96,6 +99,31 @@ class _Moment(NamedTuple):
     periods: tuple[RatePeriod, ...]
 
 
+@dataclass(frozen=True)
+class _Course:
+    """Predicts the means of blocks of a photograph, from a state before the `periods`.
+
+    `known` are the cells (nz, nx) that it shows; `closed` tells whether all sides of the rig are.
+    """
+
+    physics: PhysicsModel
+    periods: Sequence[RatePeriod]
+    blocks: Blocks
+    known: NDArray[np.bool_]
+    closed: bool
+
+    def means(self, values: FloatArray) -> FloatArray:
+        """Return the means of a map (nz, nx) over the blocks, (blocks,)."""
+        return self.blocks.means(values, self.known)
+
+    def expected(self, state: FloatArray, factors: Mapping[str, float]) -> FloatArray:
+        """Return the means (blocks,) after `state` (nz, nx), with these `factors` on the rates."""
+        for start, end, rates in self.periods:
+            pumped = delivered(rates, factors, closed=self.closed)
+            state = self.physics.predict(state, pumped, end - start)
+        return self.means(state)
+
+
 class RateLearner:
     """Follows the rate factors of all `wells` of a rig."""
 
@@ -110,6 +138,7 @@ class RateLearner:
         self._wells, self._closed = tuple(wells), closed
         self._blocks = Blocks.of(grid)
         self._past: deque[_Moment] = deque()
+        self._watch = PumpWatch()
         self.begin_anew()
 
     def interrupt(self) -> None:
@@ -119,7 +148,8 @@ class RateLearner:
     def begin_anew(self) -> None:
         """Forget everything."""
         self.interrupt()
-        self._learnt = -math.inf
+        self._learnt = self._watched = -math.inf
+        self._watch.begin_anew()
         self._commanded: dict[str, float] = {}
         self._measured: dict[str, float] = {}
         self._unset: dict[str, _Unset] = {}
@@ -129,7 +159,10 @@ class RateLearner:
 
     @property
     def factors(self) -> dict[str, PumpFactor]:
-        """The rate factor of every pump, by its meter and by the photographs."""
+        """The rate factor of every pump, by its meter and by the photographs.
+
+        A pump that photographs found to deliver far less has the factor of that.
+        """
         deviations = np.sqrt(np.diag(self._covariance))
         return {
             well: PumpFactor(factor, factor * float(deviation))
@@ -141,7 +174,7 @@ class RateLearner:
     def _with(self, log_factors: FloatArray) -> dict[str, float]:
         """Return the factors by meter, times the exponentials of `log_factors`, by well."""
         return {
-            well: self._metered[well] * math.exp(log_factor)
+            well: self._metered[well] * self._watch.share(well) * math.exp(log_factor)
             for well, log_factor in zip(self._wells, log_factors, strict=True)
         }
 
@@ -168,6 +201,7 @@ class RateLearner:
             if well not in measured:
                 continue
             rate = measured[well].rate
+            self._watch.forget(well)
             last, self._measured[well] = self._measured.get(well, rate), rate
             if wanted != before:
                 near = abs(rate - wanted) <= METER_JUMP * abs(wanted)
@@ -202,7 +236,7 @@ class RateLearner:
         estimate: Estimate,
         seen: Seen,
         periods: tuple[RatePeriod, ...],
-    ) -> None:
+    ) -> list[str]:
         """Take a new state, and learn from it if enough time has passed.
 
         Args:
@@ -212,9 +246,13 @@ class RateLearner:
             seen: the photograph.
             periods: rates that the pumps were told since the last state; empty: none is known.
 
+        Returns:
+            A line for people about each pump that begins or ceases to be at fault.
+
         Raises:
             ModelUnavailable: the model does not answer; nothing was learnt.
         """
+        told: list[str] = []
         if not periods:
             self.interrupt()
         if self._past:
@@ -223,6 +261,8 @@ class RateLearner:
                 for period in periods
             )
             self._past[-1] = self._past[-1]._replace(periods=metered)
+        if self._past and time - max(self._watched, self._past[0].time) >= WATCH_S:
+            told = self._watch_pumps(physics, time, estimate, seen)
         due = bool(self._past) and time - max(self._learnt, self._past[0].time) >= PERIOD_S
         if due and time - self._past[0].time >= LEAST_WINDOW_S:
             self._update(physics, time, estimate, seen)
@@ -230,30 +270,74 @@ class RateLearner:
         self._past.append(_Moment(time, estimate, seen.systematic, ()))
         while time - self._past[0].time > WINDOW_S:
             self._past.popleft()
+        return told
+
+    def _course(self, physics: PhysicsModel, begin: float, estimate: Estimate) -> _Course:
+        """Return the course from the state at `begin` [s] to the photograph of `estimate`."""
+        periods = [
+            period for moment in self._past if moment.time >= begin for period in moment.periods
+        ]
+        known = np.isfinite(estimate.observed)
+        return _Course(physics, joined(periods), self._blocks, known, self._closed)
+
+    def _watch_pumps(
+        self, physics: PhysicsModel, time: float, estimate: Estimate, seen: Seen
+    ) -> list[str]:
+        """Return the new beliefs about pumps without a meter that deliver far less."""
+        elapsed = min(time - self._watched, time - self._past[0].time)
+        self._watched = time
+        begin = next(moment for moment in self._past if time - moment.time <= WATCH_WINDOW_S)
+        course = self._course(physics, begin.time, estimate)
+        last = course.periods[-1].rates
+        pumping = [
+            well
+            for well in _pumping(self._wells, course.periods)
+            if well not in self._measured and not (self._closed and last[well].rate < 0.0)
+        ]
+        self._watch.rest([well for well in self._wells if well not in pumping], elapsed)
+        if not pumping:
+            return []
+        return self._watch.test(lambda: self._expectations(course, begin, estimate, seen, pumping))
+
+    def _expectations(
+        self,
+        course: _Course,
+        begin: _Moment,
+        estimate: Estimate,
+        seen: Seen,
+        pumping: Sequence[str],
+    ) -> Expectations:
+        """Return what the photograph would show if one of the `pumping` wells did not deliver."""
+        state = begin.estimate.concentration
+        factors = {
+            well: self._watch.share(well) * math.exp(log_factor)
+            for well, log_factor in zip(self._wells, self._mean, strict=True)
+        }
+        other = {well: 1.0 if well in self._watch.faults else 0.0 for well in pumping}
+        usual = course.expected(state, factors)
+        changed = {well: course.expected(state, {**factors, well: other[well]}) for well in pumping}
+        deviations = np.sqrt(np.diag(self._covariance))
+        rates = [deviations[self._wells.index(well)] * (changed[well] - usual) for well in pumping]
+        scale = math.sqrt(float(estimate.volume.covariance[1, 1]))
+        camera = scale * course.means(seen.systematic)
+        variance = RELATED_BLOCKS * (course.means(seen.random**2) + MODEL_DEVIATION**2)
+        observed = course.means(estimate.observed)
+        return Expectations(observed, usual, changed, variance, np.array([*rates, camera]))
 
     def _update(self, physics: PhysicsModel, time: float, estimate: Estimate, seen: Seen) -> None:
         begin = self._past[0]
-        periods = joined([period for moment in self._past for period in moment.periods])
-        known = np.isfinite(estimate.observed)
-
-        def blocks(values: FloatArray) -> FloatArray:
-            return self._blocks.means(values, known)
+        course = self._course(physics, begin.time, estimate)
+        blocks = course.means
 
         def expected(state: FloatArray, log_factors: FloatArray) -> FloatArray:
-            shares = map(math.exp, log_factors)
-            factors = dict(zip(self._wells, shares, strict=True))
-            for start, end, rates in periods:
-                pumped = delivered(rates, factors, closed=self._closed)
-                state = physics.predict(state, pumped, end - start)
-            return blocks(state)
+            shares = zip(self._wells, log_factors, strict=True)
+            factors = {well: self._watch.share(well) * math.exp(log) for well, log in shares}
+            return course.expected(state, factors)
 
         start = begin.estimate.concentration
         usual = expected(start, self._mean)
-        active = [
-            place
-            for place, well in enumerate(self._wells)
-            if any(abs(rates[well].rate) > SAME_RATE for _, _, rates in periods if well in rates)
-        ]
+        pumping = _pumping(self._wells, course.periods)
+        active = [self._wells.index(well) for well in pumping]
         slopes = []
         for place in active:
             changed = self._mean.copy()
@@ -305,6 +389,15 @@ class RateLearner:
         gain = np.linalg.solve(np.eye(count + 1) + prior @ (jacobian.T @ weighted), prior)
         self._mean = self._mean + (gain @ (weighted.T @ difference))[:count]
         self._covariance = 0.5 * (gain + gain.T)[:count, :count]
+
+
+def _pumping(wells: Sequence[str], periods: Sequence[RatePeriod]) -> list[str]:
+    """Return the `wells` that pump in one of the `periods`, in their order."""
+    return [
+        well
+        for well in wells
+        if any(abs(rates[well].rate) > SAME_RATE for _, _, rates in periods if well in rates)
+    ]
 
 
 def joined(periods: Sequence[RatePeriod]) -> list[RatePeriod]:

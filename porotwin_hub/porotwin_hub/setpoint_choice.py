@@ -4,11 +4,13 @@ import math
 import time
 from collections.abc import Mapping
 
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rates_in_force import PUMP_ACCURACY, different_wells
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
+from porotwin_hub.order_delay import OrderDelay, OrdersAhead
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 
 
@@ -19,15 +21,19 @@ class SetpointChoice:
         """Choose by `planner`, None: not at all, after every `photo_interval` [s]."""
         self.planner = planner
         self.validity = validity(photo_interval)
+        self.delay = OrderDelay()
+        """How long the orders take."""
         self._command: SetpointDecision | None = None
 
     def forget(self) -> None:
-        """Forget the setpoint in force."""
+        """Forget the setpoint in force, and how long orders take."""
         self._command = None
+        self.delay.begin_anew()
 
     def reject(self, cycle: Cycle) -> None:
         """Go on without the setpoint of `cycle`, because the asset did not take it."""
         cycle.accepted = False
+        self.delay.take_back(cycle.observation.time)
         self._command = cycle.previous_command
 
     def commanded(self, planner: Planner, now: float) -> WellRates:
@@ -43,6 +49,7 @@ class SetpointChoice:
         *,
         began: float,
         delivery: Mapping[str, float],
+        learnt: LearntPhysics,
     ) -> None:
         """Set the setpoint of `cycle` from its state, and remarks about faults.
 
@@ -51,11 +58,14 @@ class SetpointChoice:
             physics: the physics-based model, for one interval.
             began: start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers, where it is known.
+            learnt: the physics that the data-driven model corrects by.
         """
         if self.planner is None:
             return
-        begin = time.perf_counter()
-        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery)
+        begin, now = time.perf_counter(), cycle.observation.time
+        before = self.commanded(self.planner, now)
+        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery, learnt)
+        self.delay.ordered(now, cycle.setpoint.rates, before)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
 
@@ -66,15 +76,19 @@ class SetpointChoice:
         physics: PhysicsModel,
         began: float,
         delivery: Mapping[str, float],
+        learnt: LearntPhysics,
     ) -> SetpointDecision:
         now = cycle.observation.time
+        ahead = self.delay.ahead(now, cycle.pumped)
         try:
             cycle.decision = planner.decide(
                 physics,
                 cycle.state,
-                self._rates_to_change(cycle, planner),
+                self._rates_to_change(cycle, planner, ahead),
                 now=now - began,
                 delivery=delivery,
+                ahead=ahead,
+                learnt=learnt,
             )
         except ModelUnavailable as error:
             cycle.remarks.append(f'not optimised: {error}')
@@ -87,14 +101,15 @@ class SetpointChoice:
             rates, reason = planner.limits.safe(), 'optimised rates broke a limit'
         return SetpointDecision(rates, now + self.validity, reason)
 
-    def _rates_to_change(self, cycle: Cycle, planner: Planner) -> WellRates:
+    def _rates_to_change(self, cycle: Cycle, planner: Planner, ahead: OrdersAhead) -> WellRates:
         """Return the rates that a decision starts from: those in force.
 
-        They are the commanded ones where the pumps are within their accuracy of them. A limit on
-        changes counts from setpoint to setpoint.
+        They are the commanded ones where the pumps are within their accuracy of them, and where
+        these will be set before any order of now. A limit on changes counts from setpoint to
+        setpoint.
         """
         commanded = self.commanded(planner, cycle.observation.time)
-        if math.isfinite(planner.limits.max_change):
+        if ahead.waits or math.isfinite(planner.limits.max_change):
             return commanded
         other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
         return cycle.pumped if other else commanded

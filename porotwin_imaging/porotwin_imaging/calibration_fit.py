@@ -13,7 +13,7 @@ Without a core the mass gives the level of stock; without a pump log too, the st
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,12 +71,12 @@ class DilutionPhoto:
 
     Attributes:
         time: exposure time [s].
-        data: bytes of the file.
+        read: returns the bytes of the file.
         concentration: concentration of its core [-], 1 = tracer stock.
     """
 
     time: float
-    data: bytes
+    read: Callable[[], bytes]
     concentration: float
 
 
@@ -116,7 +116,7 @@ class CalibrationFit:
 def fit_calibration(
     rig: Rig,
     baselines: Sequence[bytes],
-    states: Sequence[tuple[float, bytes]],
+    states: Iterable[tuple[float, bytes]],
     *,
     schedule: Schedule | None = None,
     dilutions: Sequence[DilutionPhoto] = (),
@@ -133,7 +133,8 @@ def fit_calibration(
     Args:
         rig: the rig with its camera.
         baselines: photographs without tracer (bytes of the files).
-        states: exposure time [s] and bytes of the photographs of the injection.
+        states: exposure time [s] and bytes of the photographs of the injection, in any order. They
+            are taken one by one, and none is kept.
         schedule: injected rates in the time of the photographs, None if they are unknown.
         dilutions: photographs of known dilutions.
         contrast: 'absorbance' or 'difference'; None: the one that the colours prefer.
@@ -173,7 +174,7 @@ def fit_calibration(
     volume = rig.cell_pore_volume(grid)
     tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
     diluted = [
-        (one.concentration, _signal(choice.signal, compare_with_baseline(one.data, baseline)))
+        (one.concentration, _signal(choice.signal, compare_with_baseline(one.read(), baseline)))
         for one in dilutions
     ]
     seen = diluted_signals(diluted, labels, factor_map, settings.core)
@@ -516,7 +517,7 @@ def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:
 
 def _compare_all(
     baseline: Baseline,
-    states: Sequence[tuple[float, bytes]],
+    states: Iterable[tuple[float, bytes]],
     lines: list[str],
     progress: Callable[[str], None],
 ) -> tuple[list[LogRatioMap], list[float]]:
@@ -524,8 +525,8 @@ def _compare_all(
 
     Remarks are appended to `lines`.
     """
-    compared, times = [], []
-    for time, data in sorted(states, key=lambda state: state[0]):
+    compared = []
+    for time, data in states:
         progress(f'photograph at {time:g} s')
         try:
             found = compare_with_baseline(data, baseline)
@@ -533,11 +534,11 @@ def _compare_all(
             lines.append(f'photograph at {time:g} s left out: {error}')
             continue
         lines += [f'photograph at {time:g} s: {remark}' for remark in found.remarks]
-        compared.append(found)
-        times.append(time)
+        compared.append((time, found))
     if not compared:
         raise CalibrationRefused('calibration: no photograph of the injection can be used')
-    return compared, times
+    compared.sort(key=lambda one: one[0])
+    return [found for _, found in compared], [time for time, _ in compared]
 
 
 def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:

@@ -52,7 +52,7 @@ def command(
         refuse_existing(target)
     recording = open_recording(folder)
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
-    states = [(photo.time, photo.read()) for photo in recording.photos if photo.role == 'state']
+    states = [photo for photo in recording.photos if photo.role == 'state']
     if not baselines or not states:
         raise InputError(
             f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
@@ -63,10 +63,10 @@ def command(
         fit = fit_calibration(
             rig,
             baselines,
-            states,
+            ((photo.time, photo.read()) for photo in states),
             schedule=schedule,
             dilutions=[
-                DilutionPhoto(photo.time, photo.read(), photo.concentration)
+                DilutionPhoto(photo.time, photo.read, photo.concentration)
                 for photo in recording.photos
                 if photo.concentration is not None
             ],

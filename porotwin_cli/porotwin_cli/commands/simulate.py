@@ -53,6 +53,13 @@ def command(
     preset: Annotated[
         str, typer.Option(help='Preset: accurate, sharp, fast or upwind.')
     ] = 'accurate',
+    device: Annotated[
+        str,
+        typer.Option(
+            help="Where the tracer moves: 'cpu', or 'cuda' for a graphics processor, which pays "
+            'on grids of a million cells. The flow is always solved on the processor.'
+        ),
+    ] = 'cpu',
     blur: Annotated[
         float,
         typer.Option(
@@ -94,7 +101,13 @@ def command(
     last = max(moments, default=0.0)
     tell_cost(prediction_cost(rig, cells, preset=preset, duration=last), 'simulation')
     maps = simulated_maps(
-        rig, recording.schedule, moments, grid=cells, preset=preset, effects=effects
+        rig,
+        recording.schedule,
+        moments,
+        grid=cells,
+        preset=preset,
+        effects=effects,
+        device=device,
     )
     compared = _late_maps(recording, cells, times)
     shown = chosen_maps(len(moments))

@@ -1,0 +1,121 @@
+"""How long a person takes to set an order, and the rates in force until then.
+
+An order is a setpoint with other rates than the one before. Confirmations and meters tell when it
+was set. The next order will take about as long, so that a plan begins after that time.
+"""
+
+import statistics
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from porotwin_core.rates_in_force import PUMP_ACCURACY, KnownRates, different_wells
+from porotwin_core.wells import RateStep, WellRates
+
+REMEMBERED_DELAYS = 5
+"""Orders whose delays count: a shift has one person at the pumps."""
+
+LEAST_DELAY_S = 20.0
+"""Shorter delays do not matter to a plan [s]: its shortest block is as long."""
+
+MOST_DELAY_S = 600.0
+"""Longest delay that is counted with [s]; then the person is away, and delays say nothing."""
+
+
+class OrdersAhead(NamedTuple):
+    """The rates in force until an order that is given now will be set.
+
+    `lead` is that time [s]; `steps` are the rates of all wells from 0 to then, empty where it is 0.
+    `waits` tells whether an order was given that nobody has set yet.
+    """
+
+    lead: float = 0.0
+    steps: tuple[RateStep, ...] = ()
+    waits: bool = False
+
+
+AT_ONCE = OrdersAhead()
+"""An order is set at once, and none is waited for."""
+
+
+@dataclass(frozen=True)
+class _Order:
+    """Rates [m^3/s] ordered at `time` [s], after those of `before`."""
+
+    time: float
+    rates: WellRates
+    before: WellRates
+
+    def is_set_by(self, known: WellRates) -> bool:
+        """Return whether the `known` rates of its wells are no longer the ones before it."""
+        changed = different_wells(self.rates, self.before)
+        held = different_wells(known, self.before, accuracy=PUMP_ACCURACY)
+        return any(well in held for well in changed if well in known)
+
+
+class OrderDelay:
+    """Learns how long orders take, and remembers those that wait."""
+
+    def __init__(self) -> None:
+        """Know of no order."""
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self._delays: deque[float] = deque(maxlen=REMEMBERED_DELAYS)
+        self._waiting: list[_Order] = []
+
+    @property
+    def expected(self) -> float:
+        """Time until an order is set [s].
+
+        It is the median of the last delays and of one order that was set at once: one order that
+        took long may have had a reason of its own.
+        """
+        delay = statistics.median([0.0, *self._delays])
+        return delay if delay > LEAST_DELAY_S else 0.0
+
+    def ordered(self, time: float, rates: WellRates, before: WellRates) -> None:
+        """Take the `rates` of a setpoint [m^3/s] at `time` [s], after those of the one `before`."""
+        if different_wells(rates, before):
+            self._waiting.append(_Order(time, rates, before))
+
+    def take_back(self, time: float) -> None:
+        """Forget an order of `time` [s], which the asset did not take."""
+        self._waiting = [order for order in self._waiting if order.time != time]
+
+    def learn(self, known: Sequence[KnownRates], now: float) -> None:
+        """Learn from rates that were confirmed or measured up to `now` [s]."""
+        for item in sorted(known, key=lambda item: item.start):
+            done = [order for order in self._waiting if order.time <= item.start]
+            done = [order for order in done if order.is_set_by(item.rates)]
+            same = [order for order in done if not different_wells(order.rates, item.rates)]
+            if done:
+                order = (same or done)[-1 if same else 0]
+                self._delays.append(min(item.start - order.time, MOST_DELAY_S))
+                self._waiting = [one for one in self._waiting if one.time > order.time]
+        self._waiting = [order for order in self._waiting if now - order.time <= MOST_DELAY_S]
+
+    def believed(self, commanded: WellRates, before: WellRates) -> WellRates:
+        """Return the rates in force [m^3/s] where nothing is known since the rates `before`.
+
+        A person who has told before when an order was set is expected to tell it again. Until the
+        first answer the `commanded` rates count as pumped.
+        """
+        return before if self._waiting and self._delays else commanded
+
+    def ahead(self, now: float, pumped: WellRates) -> OrdersAhead:
+        """Return what holds until an order that is given `now` [s] will be set.
+
+        Args:
+            now: the time [s].
+            pumped: the rates in force [m^3/s].
+        """
+        lead, waits = self.expected, bool(self._waiting)
+        if lead == 0.0:
+            return OrdersAhead(waits=waits)
+        due = [order for order in self._waiting if order.time + lead > now]
+        steps = {0.0: pumped} | {max(order.time + lead - now, 0.0): order.rates for order in due}
+        ahead = tuple(RateStep(start, rates) for start, rates in steps.items() if start < lead)
+        return OrdersAhead(lead, ahead, waits=waits)
