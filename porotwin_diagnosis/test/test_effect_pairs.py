@@ -8,7 +8,7 @@ from diagnosis_examples import candidate, fit_of, recorded, sample_of
 
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.search.effect_pairs import (
-    exchanged_combinations,
+    exchanged_pairs,
     judged_pairs,
     linear_gain,
     pair_bases,
@@ -74,7 +74,7 @@ def test_a_pair_exchanges_one_member_after_the_other(tmp_path):
     screened = [levels.screening.evaluate((c,), np.array(c.first)) for c in known.values()]
     pair = levels.screening.fit((known['clock'], known['illumination']))
     pairs = {frozenset(('clock', 'illumination')): pair}
-    found = exchanged_combinations(levels, space, pairs, screened)
+    found = exchanged_pairs(levels, space, pairs, screened)
     best = min(found.values(), key=score)
     assert {member.effect for member in best.members} == {'decay', 'porosity'}
     assert score(best) < 0.6 * score(pair)

@@ -84,7 +84,7 @@ def judged_exchanges(
     Raises:
         InputError: the model cannot run with one of the fits.
     """
-    found = exchanged_combinations(levels, space, {member_labels(pair.members): pair}, screened)
+    found = exchanged_pairs(levels, space, {member_labels(pair.members): pair}, screened)
     refined = levels.refined(sorted(found.values(), key=score)[:REFINED_FITS], 0.87)
     return levels.judged_again(levels.judged(refined, 0.88), null, 0.9)
 
@@ -117,7 +117,7 @@ def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
     return judged + others, 1 if singles[0] in judged else 2
 
 
-def exchanged_combinations(
+def exchanged_pairs(
     levels: Levels, space: SearchSpace, pairs: Mapping[frozenset[str], Fit], screened: Sequence[Fit]
 ) -> Combinations:
     """Return pairs made from the best of `pairs` by exchanging one member after the other.
@@ -125,7 +125,7 @@ def exchanged_combinations(
     Each member is exchanged for each of the best partners of the others among the `screened`
     effects; then the best new pair is treated likewise, until the score decreases no more. An
     effect that imitates the truth best alone, as a shifted picture imitates sorption, need not
-    belong to it. The same holds for triples.
+    belong to it.
     """
     found: Combinations = {}
     if not pairs:
@@ -170,7 +170,7 @@ def _screened_pairs(
         )
         pairs |= combined_fits(levels, base, partners, pairs.keys())
     pairs |= relocated(levels, pairs)
-    pairs |= exchanged_combinations(levels, space, pairs, screened)
+    pairs |= exchanged_pairs(levels, space, pairs, screened)
     return sorted(
         pairs.values(),
         key=lambda fit: score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters),

@@ -2,9 +2,9 @@
 
 The partners of the pair are found like those of a single effect: by the part of its residual that
 their linear response explains, and that its own parameters cannot imitate. A pair is fitted without
-the third effect, so that its leak or zone lies at the wrong place and one of its members may be an
-imitation. Places are therefore looked for again, and if no triple suffices, members are exchanged.
-Only a triple that earns its place is returned.
+the third effect, so that its leak or zone lies at a wrong place. Places are therefore looked for
+again. Members are not exchanged: with so many parameters an exchange soon finds an imitation. Only
+a triple that earns its place is returned.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,6 @@ from porotwin_diagnosis.search.effect_pairs import (
     Combinations,
     best_partners,
     combined_fits,
-    exchanged_combinations,
     relocated,
 )
 from porotwin_diagnosis.search.findings import Findings
@@ -46,13 +45,11 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         return Judgement(levels, [])
     levels.progress(f'a third effect beside {pairs[0].label}', 0.88)
     screened = _screened_triples(levels, space, pairs[0], findings.screened)
-    judging, triples = _judged(levels, screened, findings.null)
-    if screened and (not triples or lack_of_fit(triples[0], findings.null) > 1.0):
-        exchanged = exchanged_combinations(levels, space, screened, findings.screened)
-        judging, more = _judged(judging, exchanged, findings.null)
-        triples = levels.ranked([*triples, *more])
-    kept = [triple for triple in triples if earns_its_place(triple, pairs[0])]
-    return Judgement(judging if kept else levels, kept)
+    best = close_to_best(sorted(screened.values(), key=score))[:REFINED_TRIPLES]
+    judged = levels.judged(levels.refined(best, 0.88), 0.89)
+    again = levels.judged_again(judged, findings.null, 0.9)
+    kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0])]
+    return Judgement(again.levels if kept else levels, kept)
 
 
 def _screened_triples(
@@ -67,10 +64,3 @@ def _screened_triples(
     partners = best_partners(levels, space, base, screened, with_places=True)
     triples = combined_fits(levels, base, partners, ())
     return triples | relocated(levels, triples, RELOCATED_TRIPLES)
-
-
-def _judged(levels: Levels, triples: Combinations, null: Fit) -> Judgement:
-    """Return the best of the screened `triples`, judged."""
-    best = close_to_best(sorted(triples.values(), key=score))[:REFINED_TRIPLES]
-    judged = levels.judged(levels.refined(best, 0.88), 0.89)
-    return levels.judged_again(judged, null, 0.9)
