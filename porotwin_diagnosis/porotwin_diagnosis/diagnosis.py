@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from porotwin_diagnosis.advice.partial_cause import PartialCause
 from porotwin_diagnosis.advice.proposals import Proposal
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.strength import Strength
@@ -29,6 +30,7 @@ class Diagnosis:
         excluded: names of effects that were not considered.
         seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.
+        partial: effects that close much of an unexplained gap, and what remains beside them.
     """
 
     recordings: tuple[Recording, ...]
@@ -42,3 +44,4 @@ class Diagnosis:
     excluded: tuple[str, ...] = ()
     seconds: float = 0.0
     remainder: RemainderForm | None = None
+    partial: PartialCause | None = None
