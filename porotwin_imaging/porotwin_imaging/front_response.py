@@ -143,8 +143,7 @@ def fit_fronts(
     by_bend = likely.sum(axis=(0, 2))
     bend = float(np.average(bends, weights=by_bend))
     spread = float(np.sqrt(np.average((bends - bend) ** 2, weights=by_bend)))
-    # the best blur, not the mean: dispersion ends at 0, and the mean would lean to less blur
-    blur = float(blurs[best[2]])
+    blur = float(np.average(blurs, weights=likely.sum(axis=(0, 1))))
     return FrontFit(
         bend=bend,
         deviation=float(np.hypot(spread, _model_error(misfit, settings))),
