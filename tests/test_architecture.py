@@ -57,8 +57,8 @@ MAY_IMPORT = {
 """Imports point one way; the virtual rig and the solver, above all, share no numerics."""
 
 DIAGNOSIS_ORDER = (
-    'thresholds', 'progress', 'data', 'model', 'search', 'decision', 'advice', 'diagnosis',
-    'report', 'examine', 'archive', 'diagnosis_node', 'mending', 'mend_node',
+    'thresholds', 'progress', 'kept_simulations', 'data', 'model', 'search', 'decision', 'advice',
+    'diagnosis', 'report', 'examine', 'archive', 'diagnosis_node', 'mending', 'mend_node',
     'rig_history',
 )  # fmt: skip
 """Sub-packages and modules of the diagnosis; each may import only those before it and itself."""

@@ -79,7 +79,8 @@ def described(value: Any) -> str:
 
 def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
     begin = time.perf_counter()
-    return (call(), time.perf_counter() - begin)[::-1]
+    found = call()
+    return time.perf_counter() - begin, found
 
 
 def _deliver(future: Future[Any], path: Path, task: Future[tuple[float, Any]]) -> None:

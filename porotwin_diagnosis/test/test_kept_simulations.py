@@ -1,8 +1,10 @@
 """Simulations that an interrupted diagnosis leaves behind."""
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,10 +77,10 @@ def test_the_key_tells_all_arguments_apart() -> None:
 
 
 def test_a_cancelled_task_is_cancelled(tmp_path: Path) -> None:
-    task: Future[object] = Future()
+    task: Future[Any] = Future()
 
     class Busy(ThreadCrew):
-        def submit(self, *_: object, **__: object) -> Future[object]:  # type: ignore[override]
+        def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
             return task
 
     with Busy(1) as threads:

@@ -232,10 +232,10 @@ class _Advection:
         self._order = sent(levels.order).long()
         self._count = levels.count_at_least.tolist()
         self._scheme = scheme
-        own = sent(levels.level).view(-1)[self._order]
+        own = sent(levels.level).reshape(-1)[self._order]
         length = levels.duration / (1 << own.long()).double()
         inflow, tracer, outflow, store = (
-            sent(values).view(-1)[self._order] for values in (*sources, storage)
+            sent(values).reshape(-1)[self._order] for values in (*sources, storage)
         )
         self._sides = self._sides_of(sent(flux.x), sent(flux.z), own, length / store)
         cfl_well = inflow * (length / store)
