@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import grey_dilation, grey_erosion
 
 from porotwin_core.grid import FloatArray, Grid
@@ -111,7 +112,7 @@ def widened(
     return result
 
 
-def _disk(radius: int) -> FloatArray:
+def _disk(radius: int) -> NDArray[np.bool_]:
     """Return the cells within `radius` cells, (2 radius + 1, 2 radius + 1)."""
     offsets = np.arange(-radius, radius + 1)
-    return np.hypot(offsets[:, None], offsets[None, :]) <= radius + 0.5
+    return np.asarray(np.hypot(offsets[:, None], offsets[None, :]) <= radius + 0.5)
