@@ -16,7 +16,7 @@ from scipy.ndimage import grey_dilation, grey_erosion
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_siblings.forecast_check import BAND_DEVIATIONS, CHECK_S
 
-USUAL_MISS_M = 5e-4
+USUAL_MISS_M = 1e-3
 """Miss of a front that the other widening covers [m]."""
 
 MEMORY = 0.8
