@@ -39,7 +39,7 @@ def front_miss(expected: FloatArray, seen: FloatArray, grid: Grid) -> float:
     of it, by least squares. NaN where no front is seen.
     """
     along_z, along_x = np.gradient(expected, grid.dz, grid.dx)
-    slope = np.hypot(along_z, along_x)
+    slope = np.asarray(np.hypot(along_z, along_x))
     front = (slope > LEAST_SLOPE) & np.isfinite(seen)
     if front.sum() < 10:
         return math.nan
