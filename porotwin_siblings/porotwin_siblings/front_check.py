@@ -38,12 +38,12 @@ def front_miss(expected: FloatArray, seen: FloatArray, grid: Grid) -> float:
     The difference of the maps (nz, nx) is taken for a growth of the plume on all sides and a shift
     of it, by least squares. NaN where no front is seen.
     """
-    along_z, along_x = np.gradient(expected, grid.dz, grid.dx)
-    slope = np.asarray(np.hypot(along_z, along_x))
+    along = np.asarray(np.gradient(expected, grid.dz, grid.dx))
+    slope = np.linalg.norm(along, axis=0)
     front = (slope > LEAST_SLOPE) & np.isfinite(seen)
     if front.sum() < 10:
         return math.nan
-    columns = np.column_stack([slope[front], along_x[front], along_z[front]])
+    columns = np.column_stack([slope[front], along[0][front], along[1][front]])
     moved = np.linalg.lstsq(columns, (seen - expected)[front], rcond=None)[0]
     return float(np.linalg.norm(moved))
 
