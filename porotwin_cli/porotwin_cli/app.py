@@ -1,5 +1,6 @@
 """The command line: the commands it has, and how each of them ends."""
 
+import errno
 import importlib
 import pkgutil
 import sys
@@ -14,6 +15,9 @@ from porotwin_core.errors import InputError
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it: 128 and the number of the signal."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+DISK_FULL = 'no space left on a disk that this command writes to; remove something there'
 
 HELP_OPTIONS = ('-h', '--help')
 
@@ -66,7 +70,8 @@ def main() -> None:
         print(f'porotwin: {error}; install what setup/requirements names', file=sys.stderr)
         sys.exit(1)
     except (WorkFailed, OSError) as error:  # OSError: full disk, port in use, lost network share
-        print(f'porotwin: {error}', file=sys.stderr)
+        full = isinstance(error, OSError) and error.errno in FULL
+        print(f'porotwin: {DISK_FULL if full else error}', file=sys.stderr)
         sys.exit(1)
     except SystemExit as end:  # typer turns Ctrl-C into a status without a word
         if end.code == INTERRUPTED:

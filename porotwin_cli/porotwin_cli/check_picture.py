@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, Patch
 from porotwin_cli.rig_check import CheckedRig
 from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.control_zones import control_zones
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, writing
 from porotwin_core.rig import Rig
 from porotwin_imaging.geometry import Geometry
 
@@ -63,7 +63,8 @@ def check_picture(path: Path, checked: CheckedRig) -> None:
         _draw_photograph(axes[1], checked)
     axes[-1].axis('off')
     axes[-1].text(0.0, 1.0, '\n'.join(lines), va='top', fontsize=8, transform=axes[-1].transAxes)
-    figure.savefig(path, dpi=DPI, bbox_inches='tight')
+    with writing(path):
+        figure.savefig(path, dpi=DPI, bbox_inches='tight')
 
 
 def _flat(ratio: float) -> float:

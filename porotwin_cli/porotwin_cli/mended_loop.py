@@ -21,6 +21,7 @@ from porotwin_cli.hidden_effect import as_text
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.run_account import TrueTracer, read_account
 from porotwin_cli.terminal import say
+from porotwin_core.errors import writing
 from porotwin_core.from_messages import effects_from_msg, rates_from_msg, time_from_msg
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.parallel import crew
@@ -273,7 +274,8 @@ def _picture(
                     fontsize=8,
                 )
     figure.suptitle(f'found: {in_words(mending.last)}', fontsize=10, wrap=True)
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
 
@@ -311,5 +313,6 @@ def _forecast_picture(
         axis.set_xticks([])
         axis.set_yticks([])
     figure.colorbar(shown, ax=axes[1:], label='forecast minus rig', shrink=0.8)
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)

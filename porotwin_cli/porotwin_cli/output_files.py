@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from porotwin_core.errors import InputError, check_writable, write_error
+from porotwin_core.errors import InputError, check_writable, writing
 
 
 def check_output(output: Path, *inputs: Path | None) -> None:
@@ -52,10 +52,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         InputError: the file may not be written there.
         OSError: the disk is full or fails.
     """
-    try:
-        with path.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise write_error(path, error) from None
+    with writing(path), path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)

@@ -9,6 +9,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from porotwin_cli.rig_drawing import DPI, PANEL_WIDTH, UNSEEN, draw_interfaces, draw_wells
+from porotwin_core.errors import writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_imaging.phase_colours import PHASES
@@ -58,7 +59,8 @@ def phase_sheet(path: Path, rig: Rig, maps: Mapping[float, PhaseMap], title: str
     handles.append(Patch(facecolor=UNSEEN, label='not seen, or another colour'))
     figure.legend(handles=handles, loc='outside lower center', ncols=len(handles), frameon=False)
     figure.suptitle(title)
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
 

@@ -17,7 +17,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
 from porotwin_core.control_zones import ZoneKind, control_zones
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 
@@ -153,5 +153,6 @@ def sheet_of_maps(
     scale = ScalarMappable(Normalize(0.0, 1.0), SAND_TO_TRACER)
     figure.colorbar(scale, ax=axes, shrink=0.6, label='concentration: 0 water, 1 tracer stock')
     figure.suptitle(title)
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)

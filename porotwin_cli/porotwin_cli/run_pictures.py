@@ -11,6 +11,7 @@ import numpy as np
 
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.run_account import RunAccount, TrueTracer
+from porotwin_core.errors import writing
 from porotwin_core.rig import Rig
 from porotwin_core.units import ML
 
@@ -38,7 +39,8 @@ def plume_picture(path: Path, rig: Rig, controlled: TrueTracer, free: TrueTracer
         for minute, axis in zip(minutes, axes, strict=True):
             draw_map(axis, rig, truth.at(minute * 60.0))
             axis.set_title(f'{label}, {minute:.0f} min')
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
 
@@ -73,5 +75,6 @@ def course_picture(
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8, loc='best')
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.what_if_study import NO_ZONE, WhatIfStudy
+from porotwin_core.errors import writing
 from porotwin_core.units import ML
 from porotwin_siblings.outlook import Outlook
 from porotwin_siblings.zone_measure import ZoneMeasure
@@ -62,7 +63,8 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     for axis, (name, outlook, colour) in zip(maps, plans, strict=True):
         _draw_plume(axis, study, name, outlook, colour)
     figure.supxlabel(EXPLANATION, fontsize=9)
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     plt.close(figure)
 
 

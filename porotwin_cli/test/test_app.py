@@ -1,5 +1,6 @@
 """The command line: its commands, their help, and one line for wrong input."""
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 
 import porotwin_cli.app
 from porotwin_cli import commands
-from porotwin_cli.app import HELP_OPTIONS, INTERRUPTED, app, command_modules, make_app
+from porotwin_cli.app import DISK_FULL, HELP_OPTIONS, INTERRUPTED, app, command_modules, make_app
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
 
@@ -118,3 +119,19 @@ def test_an_interrupt_ends_with_one_line(
         porotwin_cli.app.main()
     assert end.value.code == INTERRUPTED
     assert capsys.readouterr().err.strip() == 'porotwin: interrupted'
+
+
+def test_a_full_disk_ends_with_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full() -> None:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    writer = typer.Typer()
+    writer.command()(full)
+    monkeypatch.setattr(porotwin_cli.app, 'app', writer)
+    monkeypatch.setattr(sys, 'argv', ['porotwin'])
+    with pytest.raises(SystemExit) as end:
+        porotwin_cli.app.main()
+    assert end.value.code == 1
+    assert capsys.readouterr().err.strip() == f'porotwin: {DISK_FULL}'

@@ -1,4 +1,4 @@
-"""Conversions between messages and the types of the algorithms; the only place that has both.
+"""Conversions between messages and the types of the algorithms, in both directions.
 
 The functions `..._from_msg` come from `from_messages`, which needs no ROS.
 """
@@ -7,6 +7,7 @@ import array
 import json
 import math
 from collections.abc import Iterable, MutableSequence
+from dataclasses import asdict
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -19,6 +20,7 @@ from porotwin_core.from_messages import cost_term_from_msg as cost_term_from_msg
 from porotwin_core.from_messages import deviation_from_msg as deviation_from_msg
 from porotwin_core.from_messages import effects_from_msg as effects_from_msg
 from porotwin_core.from_messages import grid_from_msg as grid_from_msg
+from porotwin_core.from_messages import learnt_from_msg as learnt_from_msg
 from porotwin_core.from_messages import plan_from_msg as plan_from_msg
 from porotwin_core.from_messages import rates_from_msg as rates_from_msg
 from porotwin_core.from_messages import rig_from_msg as rig_from_msg
@@ -26,6 +28,7 @@ from porotwin_core.from_messages import source_from_msg as source_from_msg
 from porotwin_core.from_messages import time_from_msg as time_from_msg
 from porotwin_core.from_messages import tracer_from_msg as tracer_from_msg
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import (
     Camera,
     Control,
@@ -40,13 +43,16 @@ from porotwin_msgs.msg import (
     ControlLimits,
     Effect,
     GridInfo,
+    LearntLeak,
     Outcome,
     Quantity,
     RigDescription,
+    SandPatch,
     SourceField,
     TracerField,
 )
 from porotwin_msgs.msg import CostTerm as CostTermMessage
+from porotwin_msgs.msg import LearntPhysics as LearntPhysicsMessage
 from porotwin_msgs.msg import RateStep as RateStepMessage
 from porotwin_msgs.msg import Well as WellMessage
 from porotwin_msgs.msg import WellRate as WellRateMessage
@@ -81,7 +87,7 @@ def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> Trac
 
 
 def map_to_msg(values: FloatArray | None) -> MutableSequence[float]:
-    """Return the float32 field of a message for a map (nz, nx); empty for None: not known."""
+    """Return the float32 field of a message for a map (nz, nx); empty for None (unknown)."""
     if values is None:
         return array.array('f')
     return array.array('f', np.ascontiguousarray(values, dtype=np.float32).tobytes())
@@ -127,13 +133,28 @@ def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
     )
 
 
+def learnt_to_msg(learnt: LearntPhysics) -> LearntPhysicsMessage:
+    """Return the message of learnt physics."""
+    x, z = learnt.background_flux
+    return LearntPhysicsMessage(
+        density_difference=learnt.density_difference,
+        longitudinal_dispersivity=learnt.longitudinal_dispersivity,
+        transverse_dispersivity=learnt.transverse_dispersivity,
+        background_flux_x=x,
+        background_flux_z=z,
+        log_retardation=learnt.log_retardation,
+        leaks=[LearntLeak(**asdict(leak)) for leak in learnt.leaks],
+        patches=[SandPatch(**asdict(patch)) for patch in learnt.patches],
+    )
+
+
 def ok() -> Outcome:
     """Return the outcome of a successful request."""
     return Outcome(code=Outcome.OK)
 
 
 def refusal(error: Exception) -> Outcome:
-    """Return the outcome of a request that raised `error`, with its message on one line."""
+    """Return the outcome of a request that raised `error`, with the message in one line."""
     code = Outcome.INVALID_INPUT if isinstance(error, InputError) else Outcome.FAILED
     text = ' '.join(str(error).split())
     return Outcome(code=code, message=text or type(error).__name__)
@@ -151,7 +172,7 @@ def _quantity_to_msg(value: float | FloatArray, rig: Rig) -> Quantity:
 
 
 def effect_to_msg(effect: EffectDescription) -> Effect:
-    """Return the message of an effect; NaN stands for a number where the value is a text."""
+    """Return the message of an effect; a text value has NaN as its number."""
     message = Effect(name=effect.name)
     for name, value in effect.parameters.items():
         text = isinstance(value, str)

@@ -15,6 +15,7 @@ import numpy as np
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 from porotwin_core.rig import EffectDescription, ObjectiveDescription, Rig, rig_from_maps
 from porotwin_core.units import to_ml_h, to_ml_min
 from porotwin_core.wells import RateStep, WellRate
@@ -131,7 +132,7 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
 
 
 def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
-    """Return the steps of a plan; `check_plan` judges their times.
+    """Return the steps of a plan; `check_plan` checks their times.
 
     Raises:
         InputError: as `rates_from_msg`.
@@ -140,7 +141,7 @@ def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
 
 
 def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
-    """Return a cost term for maps on `grid`; `CostTerm.check` judges its times.
+    """Return a cost term for maps on `grid`; `CostTerm.check` checks its times.
 
     Raises:
         InputError: a map has not one value for each cell.
@@ -152,6 +153,27 @@ def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
 
     maps = {name: map_of(name) for name in ('linear', 'quadratic', 'target')}
     return CostTerm(message.start, message.end, **maps)
+
+
+def learnt_from_msg(message: Any) -> LearntPhysics:
+    """Return the learnt physics in a message.
+
+    Raises:
+        InputError: a number is not finite, or a patch has no radius.
+    """
+    learnt = LearntPhysics(
+        message.density_difference,
+        message.longitudinal_dispersivity,
+        message.transverse_dispersivity,
+        (message.background_flux_x, message.background_flux_z),
+        message.log_retardation,
+        tuple(LearntLeak(leak.x, leak.z, leak.rate) for leak in message.leaks),
+        tuple(
+            SandPatch(patch.x, patch.z, patch.radius, patch.log_factor) for patch in message.patches
+        ),
+    )
+    learnt.check()
+    return learnt
 
 
 def _quantity_from_msg(message: Any) -> float | FloatArray:
@@ -174,7 +196,7 @@ def _effect_from_msg(message: Any) -> dict[str, Any]:
 
 
 def effects_from_msg(messages: Iterable[Any]) -> tuple[EffectDescription, ...]:
-    """Return effects; names and parameters are judged by those who let them act.
+    """Return effects. The caller checks their names and parameters.
 
     Raises:
         InputError: a parameter has no value, or a number is not finite.

@@ -1,15 +1,16 @@
-"""Physics that a data-driven model has learnt: what the sand and the tracer do beyond rig.yaml.
+"""Physics that a data-driven model has learnt: properties of sand and tracer beyond rig.yaml.
 
-It is plain numbers, so that the data-driven model can keep it in a file and the solver can run it.
-Neither of them imports the other.
+The learnt physics consists of plain numbers. The data-driven model keeps them in a file, and the
+solver runs them. Neither of them imports the other.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from typing import Any, Self
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 
 EDGE = 0.15
@@ -41,7 +42,7 @@ class SandPatch:
 
 @dataclass(frozen=True)
 class LearntPhysics:
-    """Changes of the coefficients of flow and transport; all zero is the model as described.
+    """Changes of the coefficients of flow and transport; all zero means the model as described.
 
     density_difference: added to the density of the tracer minus that of water [kg/m^3].
     longitudinal_dispersivity, transverse_dispersivity: added to Scheidegger's a_L and a_T [m].
@@ -58,6 +59,27 @@ class LearntPhysics:
     log_retardation: float = 0.0
     leaks: tuple[LearntLeak, ...] = ()
     patches: tuple[SandPatch, ...] = ()
+
+    def check(self) -> None:
+        """Return if every number is finite and every patch has a radius.
+
+        Raises:
+            InputError: it names the number that is wrong.
+        """
+        named = {
+            'density_difference': self.density_difference,
+            'longitudinal_dispersivity': self.longitudinal_dispersivity,
+            'transverse_dispersivity': self.transverse_dispersivity,
+            'background_flux': self.background_flux,
+            'log_retardation': self.log_retardation,
+            'leaks': [astuple(leak) for leak in self.leaks],
+            'patches': [astuple(patch) for patch in self.patches],
+        }
+        for name, values in named.items():
+            if not np.isfinite(np.asarray(values, dtype=float)).all():
+                raise InputError(f'learnt physics, {name}: not a finite number; train again')
+        if any(patch.radius <= 0.0 for patch in self.patches):
+            raise InputError('learnt physics, patches: a radius is not positive; train again')
 
     def permeability_factor(self, grid: Grid) -> FloatArray:
         """Return the factor on the permeability of every cell, (nz, nx)."""
@@ -89,3 +111,7 @@ class LearntPhysics:
                 'patches': tuple(SandPatch(**patch) for patch in values['patches']),
             }
         )
+
+
+NO_LEARNT_PHYSICS = LearntPhysics()
+"""The model as it is described."""

@@ -18,6 +18,7 @@ from porotwin_core import conversions
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 from porotwin_core.rig import EffectDescription, parse_rig, rig_from_maps
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_msgs.msg import NewState, Outcome
@@ -243,3 +244,18 @@ def test_effects_survive_the_wire_and_a_number_must_be_finite() -> None:
     message.parameter_values[1] = math.nan
     with pytest.raises(InputError, match="effect 'rate': factor = nan; send a finite number"):
         conversions.effects_from_msg([message])
+
+
+def test_learnt_physics_survives_the_wire() -> None:
+    learnt = LearntPhysics(
+        density_difference=0.9,
+        longitudinal_dispersivity=2e-3,
+        transverse_dispersivity=1e-4,
+        background_flux=(1e-7, -2e-7),
+        log_retardation=0.1,
+        leaks=(LearntLeak(0.1, 0.2, 1e-9), LearntLeak(0.5, 0.3, -2e-9)),
+        patches=(SandPatch(0.3, 0.2, 0.05, -1.5),),
+    )
+    message = conversions.learnt_to_msg(learnt)
+    received = deserialize_message(serialize_message(message), type(message))
+    assert conversions.learnt_from_msg(received) == learnt

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from porotwin_core.errors import InputError, check_writable, write_error
+from porotwin_core.errors import InputError, check_writable, write_error, writing
 
 
 def test_a_place_where_one_may_not_write_is_wrong_input(tmp_path: Path) -> None:
@@ -36,3 +36,11 @@ def test_a_writable_place_passes(tmp_path: Path) -> None:
     check_writable(tmp_path / 'maps.nc')
     (tmp_path / 'maps.nc').touch()
     check_writable(tmp_path / 'maps.nc')
+
+
+def test_a_fault_while_writing_names_the_output(tmp_path: Path) -> None:
+    target = tmp_path / 'picture.png'
+    with pytest.raises(OSError, match=r'picture\.png: no space left on its disk'), writing(target):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+    with writing(target):
+        target.touch()

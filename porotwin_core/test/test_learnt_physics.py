@@ -3,7 +3,9 @@
 import json
 
 import numpy as np
+import pytest
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 
@@ -26,3 +28,16 @@ def test_a_patch_changes_the_sand_inside_its_radius_only() -> None:
     assert np.isclose(factor[10, 20], np.exp(-1.0), rtol=1e-3)
     assert np.isclose(factor[0, 0], 1.0)
     assert (LearntPhysics().permeability_factor(GRID) == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'complaint'),
+    [
+        (LearntPhysics(background_flux=(np.nan, 0.0)), 'background_flux: not a finite number'),
+        (LearntPhysics(leaks=(LearntLeak(0.1, 0.2, np.inf),)), 'leaks: not a finite number'),
+        (LearntPhysics(patches=(SandPatch(0.3, 0.2, 0.0, 1.0),)), 'a radius is not positive'),
+    ],
+)
+def test_physics_that_no_model_can_have_is_refused(wrong: LearntPhysics, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        wrong.check()

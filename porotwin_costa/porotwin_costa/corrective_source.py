@@ -96,8 +96,8 @@ def corrective_source(
     by_physics = physics.sigma(better - predicted, time_step)
     sigma, objection = _network_part(model, better, vector)
     if sigma is None:
-        return Correction(by_physics, f'{PHYSICS_ONLY}{objection}')
-    return Correction(by_physics + sigma, APPLIED)
+        return Correction(by_physics, f'{PHYSICS_ONLY}{objection}', model.learnt)
+    return Correction(by_physics + sigma, APPLIED, model.learnt)
 
 
 def _network_part(

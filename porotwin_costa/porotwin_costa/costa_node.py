@@ -230,6 +230,7 @@ class CostaNode(Node):
         response.source = conversions.source_to_msg(sigma, grid, 0.0)
         response.source.header = request.predicted.header
         response.active = answer.applied
+        response.learnt = conversions.learnt_to_msg(answer.learnt)
         response.status = answer.status
         return response
 

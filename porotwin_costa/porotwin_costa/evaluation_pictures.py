@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from porotwin_core.errors import writing
 from porotwin_core.grid import Grid, relative_error
 from porotwin_costa.evaluation import Evaluation, FrameFields
 
@@ -51,7 +52,8 @@ def _curves(evaluation: Evaluation, path: Path, title: str, plain: str, correcte
         axis.grid(alpha=0.3)
     axes[0].legend()
     axes[-1].set_xlabel('time [min]')
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     return path
 
 
@@ -82,5 +84,6 @@ def _fields(frame: FrameFields, grid: Grid, path: Path) -> Path:
         figure.colorbar(image, ax=axis, label='log10 |error|')
         relative = 100 * relative_error(field, frame.observed)
         axis.set(title=f'relative error {relative:.2f} %', xlabel='x [m]', ylabel='z [m]')
-    figure.savefig(path, dpi=DPI)
+    with writing(path):
+        figure.savefig(path, dpi=DPI)
     return path

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 import torch
 from costa_examples import question
+from toy_solver import MovingTracers
 
 from porotwin_core.errors import InputError
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import WellRate
-from porotwin_costa.corrective_source import APPLIED, NO_MODEL, corrective_source
+from porotwin_costa.corrective_source import APPLIED, NO_MODEL, LearntStep, corrective_source
 from porotwin_costa.networks import CorrectiveNetwork, architecture
 from porotwin_costa.training import train
 from porotwin_costa.training_settings import TrainingSettings
@@ -43,6 +45,17 @@ def test_sigma_has_the_grid_and_comes_from_the_network(trained, dataset):
     output = trained.network(scaled, scaled_rates.reshape(1, -1)).detach()[0].numpy()
     # float32 of the network, 0.9 the trust
     assert answer.sigma == pytest.approx(0.9 * trained.scaling.sigma * output, rel=1e-6)
+
+
+def test_the_learnt_physics_is_told_with_the_sigma_that_stands_for_it(trained, dataset):
+    predicted, rates, time_step = question(dataset)
+    assert corrective_source(trained, predicted, rates, time_step).learnt == NO_LEARNT_PHYSICS
+    learnt = LearntPhysics(log_retardation=0.2)
+    model, step = dataclasses.replace(trained, learnt=learnt), LearntStep(learnt, MovingTracers())
+    applied = corrective_source(model, predicted, rates, time_step, predicted, physics=step)
+    assert applied.learnt == learnt
+    withheld = corrective_source(model, predicted, rates, 300.0, predicted, physics=step)
+    assert withheld.learnt == NO_LEARNT_PHYSICS
 
 
 def test_without_a_model_there_is_no_sigma(dataset):

@@ -1,7 +1,8 @@
-"""The result of a diagnosis: one record, which the report and its callers read."""
+"""The result of a diagnosis, for the report and for callers."""
 
 from dataclasses import dataclass
 
+from porotwin_diagnosis.advice.partial_cause import PartialCause
 from porotwin_diagnosis.advice.proposals import Proposal
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.strength import Strength
@@ -15,7 +16,7 @@ from porotwin_recording.recording import Recording
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A verdict on one or several recordings of a rig, with everything that a report shows.
+    """A verdict on recordings of one rig, with all data for the report.
 
     Attributes:
         recordings: the recordings that were diagnosed.
@@ -24,11 +25,12 @@ class Diagnosis:
         verdict: the verdict.
         held_out: the held-out part of each recording, without and with the verdict's effects.
         gap: where and when the gap arises; without places if there is no gap.
-        strengths: the smallest strength of each effect that would have been visible, by name.
+        strengths: the smallest visible strength of each effect, by name.
         proposals: experiments that would separate the two best explanations.
         excluded: names of effects that were not considered.
         seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.
+        partial: effects that close much of an unexplained gap, and what remains beside them.
     """
 
     recordings: tuple[Recording, ...]
@@ -42,3 +44,4 @@ class Diagnosis:
     excluded: tuple[str, ...] = ()
     seconds: float = 0.0
     remainder: RemainderForm | None = None
+    partial: PartialCause | None = None

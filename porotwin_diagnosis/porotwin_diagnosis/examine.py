@@ -1,4 +1,4 @@
-"""The diagnosis as a whole: recordings in, a verdict with its evidence out. It writes no files.
+"""The whole diagnosis: from recordings to a verdict with its evidence. It writes no files.
 
     diagnosis = examine([open_recording('runs/monday')])
     print(diagnosis.verdict.name, diagnosis.verdict.confidence)
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from porotwin_core.errors import InputError
 from porotwin_core.parallel import Crew
+from porotwin_diagnosis.advice.partial_cause import partial_cause
 from porotwin_diagnosis.advice.proposals import propose
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
@@ -47,9 +48,9 @@ def examine(
     Args:
         recordings: at least one recording; an effect has the same size in all of them.
         preset: preset of the solver whose gap is diagnosed.
-        excluded: names of effects that are not considered.
+        excluded: names of effects to leave out.
         crew: runs the simulations; None: one at a time.
-        progress: called with the stage and the fraction that is done, below 0.98.
+        progress: called with the stage and the fraction done, below 0.98.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
@@ -72,19 +73,22 @@ def examine(
     )
     evidence = gather(samples, findings, explanation, numerics, held_out)
     verdict = decide(evidence)
-    progress('looking for experiments that would tell more', 0.95)
+    judged = _as_judged(held_out, samples, verdict)
+    progress('looking for experiments that show more', 0.95)
     screening = levels.screening
+    unexplained = verdict.name == UNEXPLAINED
     return Diagnosis(
         recordings=tuple(recordings),
         samples=samples,
         evidence=evidence,
         verdict=verdict,
-        held_out=_as_judged(held_out, samples, verdict),
+        held_out=judged,
         gap=gap.without_places() if verdict.name == NONE else gap,
         strengths=smallest_strengths(screening),
         proposals=propose(screening, findings, verdict, progress=progress),
         excluded=tuple(excluded),
-        remainder=_remainder(levels) if verdict.name == UNEXPLAINED else None,
+        remainder=_remainder(levels) if unexplained else None,
+        partial=partial_cause(recordings, levels, verdict.model, judged) if unexplained else None,
         seconds=time.perf_counter() - began,
     )
 

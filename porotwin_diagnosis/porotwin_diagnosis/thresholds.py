@@ -108,6 +108,11 @@ no longer decreases."""
 RELOCATED_PAIRS = 2
 """Number of pairs with a leak or a zone that are tried at other places, and number of places."""
 
+RELOCATED_TRIPLES = 3
+"""Largest number of triples with a leak or a zone that are tried at other places. A place that was
+found without the third effect is wrong, and the true triple may then rank behind imitations. Each
+takes some 150 simulations."""
+
 REFINED_TRIPLES = 3
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
 

@@ -19,6 +19,7 @@ from porotwin_core.correction import Correction
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.senders import servers
 from porotwin_core.wells import RateStep, WellRates
@@ -171,6 +172,7 @@ class PlanModelClient:
         horizon: float,
         terms: Sequence[CostTerm],
         with_gradient: bool,
+        learnt: LearntPhysics,
         patience: float,
     ) -> tuple[float, FloatArray | None]:
         """Return the cost of `plan` and, if asked for, its gradient (steps, wells).
@@ -185,6 +187,7 @@ class PlanModelClient:
             horizon=float(horizon),
             terms=[conversions.cost_term_to_msg(term) for term in terms],
             with_gradient=with_gradient,
+            learnt=conversions.learnt_to_msg(learnt),
         )
         response = self._call(
             CostGradient,
@@ -226,7 +229,8 @@ class DataDrivenModelClient:
             response = self._call(CorrectiveSource, 'costa/corrective_source', request)
             if not response.active:
                 return Correction(None, response.status)
-            return Correction(conversions.source_from_msg(response.source)[0], response.status)
+            sigma, _ = conversions.source_from_msg(response.source)
+            return Correction(sigma, response.status, conversions.learnt_from_msg(response.learnt))
         except (ModelUnavailable, InputError) as error:
             return Correction(None, str(error))
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.wells import WellRates
 from porotwin_hub import cobyla
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
@@ -41,6 +42,7 @@ class Planner(Protocol):
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
         ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates to command from a `state` (nz, nx) on.
 
@@ -51,6 +53,7 @@ class Planner(Protocol):
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
             ahead: the rates in force until an order of now will be set.
+            learnt: the physics that the data-driven model corrects by.
 
         Raises:
             ModelUnavailable: the models do not answer.
@@ -89,15 +92,16 @@ class Controller:
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
         ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
 
-        `now` does not matter, nor do `delivery` and `ahead`: the paper knows none of them.
+        `now`, `delivery`, `ahead` and `learnt` do not matter: the paper knows none of them.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
-        del now, delivery, ahead
+        del now, delivery, ahead, learnt
 
         def cost(rates: WellRates) -> float:
             water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
@@ -139,6 +143,7 @@ class WithSubstitute:
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
         ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the rates to command, with a remark where the substitute chose them.
 
@@ -149,7 +154,13 @@ class WithSubstitute:
         """
         try:
             return self.planner.decide(
-                physics, state, previous, now=now, delivery=delivery, ahead=ahead
+                physics,
+                state,
+                previous,
+                now=now,
+                delivery=delivery,
+                ahead=ahead,
+                learnt=learnt,
             )
         except ModelUnavailable as error:
             found = self.substitute.decide(physics, state, previous, now=now, delivery=delivery)

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from porotwin_core.correction import Correction, CorrectionFn
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.wells import WellRates, mean_rates
 
@@ -54,7 +55,8 @@ class Forecast:
 
     `predicted` is the prediction of the physics-based model, `corrected` the corrected prediction,
     both (nz, nx) [-]. Without a correction (`is_corrected` False) they are equal, and
-    `correction_status` says why. `rates` are the mean rates if they changed in between.
+    `correction_status` says why. `rates` are the mean rates if they changed in between. `learnt` is
+    the physics that the correction stands for.
     """
 
     start: float
@@ -64,6 +66,7 @@ class Forecast:
     corrected: FloatArray
     correction_status: str
     is_corrected: bool
+    learnt: LearntPhysics = NO_LEARNT_PHYSICS
 
 
 class Forecaster:
@@ -110,7 +113,14 @@ class Forecaster:
             corrected = correction.applied_to(predicted, partial(self._correct, before, period))
         durations['correct'] = clock() - begin
         return Forecast(
-            start, end, rates, predicted, corrected, correction.status, correction.applied
+            start,
+            end,
+            rates,
+            predicted,
+            corrected,
+            correction.status,
+            correction.applied,
+            correction.learnt,
         )
 
     def _correct(self, previous: FloatArray, period: RatePeriod, sigma: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ import numpy as np
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
@@ -65,11 +66,13 @@ class PlanModel(Protocol):
         horizon: float,
         terms: Sequence[CostTerm],
         with_gradient: bool,
+        learnt: LearntPhysics,
         patience: float,
     ) -> tuple[float, FloatArray | None]:
         """Return the cost of `plan` from `initial` (nz, nx) and, if asked for, its gradient.
 
         The gradient (steps, wells) is by the rates of all wells of the rig, in their order.
+        `learnt` physics acts in the model.
         `patience` [s] bounds the wall-clock time.
 
         Raises:
@@ -130,6 +133,7 @@ class PlanController:
         now: float = 0.0,
         delivery: Mapping[str, float] | None = None,
         ahead: OrdersAhead = AT_ONCE,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
     ) -> Decision:
         """Return the first rates of the best plan found, and the plan.
 
@@ -139,6 +143,7 @@ class PlanController:
             now: the time of the state since the start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers; 1 where absent.
             ahead: the rates in force until an order of now will be set; the plan begins there.
+            learnt: the physics that the data-driven model corrects by; it acts in the plan.
 
         Raises:
             ModelUnavailable: the model tells not even the cost of the last plan.
@@ -147,7 +152,8 @@ class PlanController:
             return self._kept(state, previous)
         horizon, begins = self._horizon(now), now + ahead.lead
         remembered = self.last.plan if now >= self.last.asked > -math.inf else None
-        task = _Task(self, state, previous, now, horizon, self._expected(delivery or {}), ahead)
+        expected = self._expected(delivery or {})
+        task = _Task(self, state, previous, now, horizon, expected, ahead, learnt)
         first = remembered is None
         begin = task.hold
         if remembered is not None:
@@ -240,12 +246,14 @@ class _Task:
         horizon: float,
         delivery: dict[str, float],
         ahead: OrdersAhead,
+        learnt: LearntPhysics,
     ) -> None:
         self._limits, self._model = controller.limits, controller.model
         self._water_cost = controller.objective.water_cost
         self._change_cost, self._interval = controller.change_cost, controller.interval
         self._whole, self._lead, self._horizon = horizon, ahead.lead, horizon - ahead.lead
         self._previous, self._delivery = previous, delivery
+        self._learnt = learnt
         self._deadline = time.monotonic() + controller.patience
         self._state = conservative_resample(state, controller.cells)
         terms = controller.objective.terms(now, horizon)
@@ -397,6 +405,7 @@ class _Task:
             horizon=self._whole,
             terms=self._terms,
             with_gradient=with_gradient,
+            learnt=self._learnt,
             patience=max(left, 0.0),
         )
         lengths = plan.lengths

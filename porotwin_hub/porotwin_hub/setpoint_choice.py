@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Mapping
 
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rates_in_force import PUMP_ACCURACY, different_wells
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
@@ -48,6 +49,7 @@ class SetpointChoice:
         *,
         began: float,
         delivery: Mapping[str, float],
+        learnt: LearntPhysics,
     ) -> None:
         """Set the setpoint of `cycle` from its state, and remarks about faults.
 
@@ -56,12 +58,13 @@ class SetpointChoice:
             physics: the physics-based model, for one interval.
             began: start of the experiment [s].
             delivery: the share of its commanded rate that each pump delivers, where it is known.
+            learnt: the physics that the data-driven model corrects by.
         """
         if self.planner is None:
             return
         begin, now = time.perf_counter(), cycle.observation.time
         before = self.commanded(self.planner, now)
-        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery)
+        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery, learnt)
         self.delay.ordered(now, cycle.setpoint.rates, before)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
@@ -73,6 +76,7 @@ class SetpointChoice:
         physics: PhysicsModel,
         began: float,
         delivery: Mapping[str, float],
+        learnt: LearntPhysics,
     ) -> SetpointDecision:
         now = cycle.observation.time
         ahead = self.delay.ahead(now, cycle.pumped)
@@ -84,6 +88,7 @@ class SetpointChoice:
                 now=now - began,
                 delivery=delivery,
                 ahead=ahead,
+                learnt=learnt,
             )
         except ModelUnavailable as error:
             cycle.remarks.append(f'not optimised: {error}')

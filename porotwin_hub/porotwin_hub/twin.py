@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, relative_error
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.rates_in_force import (
     KnownRates,
     RatePeriod,
@@ -86,6 +87,7 @@ class Twin:
         self._pumped: WellRates | None = None
         self._state: Observation | None = None
         self._forecast: Forecast | None = None
+        self._learnt = NO_LEARNT_PHYSICS
 
     def interrupt(self) -> None:
         """Forget state and forecast: the next state does not follow from the last."""
@@ -158,7 +160,13 @@ class Twin:
         self._count_disallowed_tracer(cycle)
         if actuate:
             delivery = {name: found.factor for name, found in self._factors().items()}
-            self._choice.choose(cycle, self._physics, began=self._began or 0.0, delivery=delivery)
+            self._choice.choose(
+                cycle,
+                self._physics,
+                began=self._began or 0.0,
+                delivery=delivery,
+                learnt=self._learnt,
+            )
         return cycle
 
     def reject_setpoint(self, cycle: Cycle) -> None:
@@ -175,6 +183,7 @@ class Twin:
         self._forecast_next(cycle)
         self._state = Observation(cycle.observation.time, cycle.state)
         self._forecast = cycle.forecast
+        self._learnt = NO_LEARNT_PHYSICS if cycle.forecast is None else cycle.forecast.learnt
         self._pumped = cycle.pumped
         self._estimation.expect(cycle)
 

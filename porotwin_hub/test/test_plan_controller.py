@@ -12,6 +12,7 @@ from hub_examples import LIMITS, ToyModel
 
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_hub.controller import Controller, WithSubstitute
@@ -40,6 +41,7 @@ class TwoStages:
         self.slow = 0.0
         self.answers = math.inf
         self.rates: list[WellRates] = []
+        self.learnt = LearntPhysics()
 
     def plan_cost(
         self,
@@ -49,11 +51,13 @@ class TwoStages:
         horizon: float,
         terms: Sequence[CostTerm],
         with_gradient: bool,
+        learnt: LearntPhysics,
         patience: float,
     ) -> tuple[float, FloatArray | None]:
         assert initial.shape == SHAPE
         assert terms[0].end == horizon
         assert patience >= 0.0
+        self.learnt = learnt
         self.calls += 1
         if self.calls > self.answers:
             raise ModelUnavailable('the solver does not answer; start it')
@@ -111,6 +115,12 @@ def test_the_decision_carries_the_whole_plan() -> None:
     assert decision.plan[0].rates == decision.rates
     assert control_ml_h(decision.plan[-1].rates) == [0.0, 0.0, 500.0]
     assert decision.cost < decision.cost_unchanged == pytest.approx(1.0)
+
+
+def test_learnt_physics_acts_in_every_plan() -> None:
+    model, learnt = TwoStages(), LearntPhysics(density_difference=0.8)
+    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), learnt=learnt)
+    assert model.learnt == learnt
 
 
 def test_an_order_that_is_not_worth_its_cost_is_not_given() -> None:

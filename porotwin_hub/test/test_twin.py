@@ -2,18 +2,21 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from hub_examples import TOY, ToyModel
 
 from porotwin_core.correction import Correction, CorrectionFn
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_hub.controller import Controller
 from porotwin_hub.cycle import Observation
 from porotwin_hub.forecast import no_correction
+from porotwin_hub.optimisation import Decision
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_hub.twin import Twin
 
@@ -92,6 +95,28 @@ def test_a_perfect_correction_makes_the_corrected_error_vanish(make_twin: MakeTw
     second = twin.cycle(Observation(30.0, truth))
     assert second.corrected_error == pytest.approx(0.0, abs=1e-12)
     assert second.prediction_error > 0.5
+
+
+def test_a_decision_uses_the_learnt_physics_while_corrections_are_applied(
+    make_twin: MakeTwin, toy_controller: Controller
+) -> None:
+    learnt, asked = LearntPhysics(density_difference=0.8), []
+    answers = iter([Correction(np.zeros(SHAPE), 'applied', learnt), Correction(None, 'withheld')])
+
+    class Listening:
+        limits, objective = toy_controller.limits, toy_controller.objective
+
+        def decide(self, *state: Any, **known: Any) -> Decision:
+            asked.append(known['learnt'])
+            return toy_controller.decide(*state, **known)
+
+    twin = make_twin(lambda *_: next(answers))
+    twin.change_controller(Listening())
+    for time in (0.0, 30.0, 60.0):
+        cycle = twin.decide(empty(time))
+        if time < 60.0:
+            twin.look_ahead(cycle)
+    assert asked == [NO_LEARNT_PHYSICS, learnt, NO_LEARNT_PHYSICS]
 
 
 def test_without_a_solver_the_setpoint_is_held_while_valid_and_then_safe(

@@ -13,7 +13,7 @@ Without a core the mass gives the level of stock; without a pump log too, the st
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,7 @@ from porotwin_imaging.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
+from porotwin_imaging.described_sands import described_kinds, described_parts
 from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
@@ -71,12 +72,12 @@ class DilutionPhoto:
 
     Attributes:
         time: exposure time [s].
-        data: bytes of the file.
+        read: returns the bytes of the file.
         concentration: concentration of its core [-], 1 = tracer stock.
     """
 
     time: float
-    data: bytes
+    read: Callable[[], bytes]
     concentration: float
 
 
@@ -116,7 +117,7 @@ class CalibrationFit:
 def fit_calibration(
     rig: Rig,
     baselines: Sequence[bytes],
-    states: Sequence[tuple[float, bytes]],
+    states: Iterable[tuple[float, bytes]],
     *,
     schedule: Schedule | None = None,
     dilutions: Sequence[DilutionPhoto] = (),
@@ -133,7 +134,8 @@ def fit_calibration(
     Args:
         rig: the rig with its camera.
         baselines: photographs without tracer (bytes of the files).
-        states: exposure time [s] and bytes of the photographs of the injection.
+        states: exposure time [s] and bytes of the photographs of the injection, in any order. They
+            are taken one by one, and none is kept.
         schedule: injected rates in the time of the photographs, None if they are unknown.
         dilutions: photographs of known dilutions.
         contrast: 'absorbance' or 'difference'; None: the one that the colours prefer.
@@ -153,7 +155,9 @@ def fit_calibration(
     lines = list(baseline.remarks)
     compared, times = _compare_all(baseline, states, lines, progress)
     colours, texture = baseline.sand_appearance()
-    labels = sands.segment(colours, texture, compared[0].visible, settings.sands)
+    looks = sands.segment(colours, texture, compared[0].visible, settings.sands)
+    parts = described_parts(looks, described_kinds(rig, grid, settings.sands), settings.sands)
+    labels = parts.labels
     lights = sands.sand_lights(colours, labels, compared[0].visible)
     choice = choose_signal(
         [one.log_ratio for one in compared],
@@ -167,13 +171,15 @@ def fit_calibration(
     injected = _injected(schedule, times)
     concentrations = _core_concentrations(schedule, times)
     stock = stock_levels(raw, labels, concentrations, settings.core)
-    factors = sands.fit_factors(raw, labels, stock.levels, stock.strong, lights, settings.sands)
+    factors = sands.fit_factors(
+        raw, labels, stock.levels, stock.strong, lights, parts.same, settings.sands
+    )
     factor_map = np.array(factors.values)[labels]
     signals = [plane * factor_map for plane in raw]
     volume = rig.cell_pore_volume(grid)
     tracer = [_only_tracer(plane, settings.calibration) for plane in signals]
     diluted = [
-        (one.concentration, _signal(choice.signal, compare_with_baseline(one.data, baseline)))
+        (one.concentration, _signal(choice.signal, compare_with_baseline(one.read(), baseline)))
         for one in dilutions
     ]
     seen = diluted_signals(diluted, labels, factor_map, settings.core)
@@ -516,7 +522,7 @@ def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:
 
 def _compare_all(
     baseline: Baseline,
-    states: Sequence[tuple[float, bytes]],
+    states: Iterable[tuple[float, bytes]],
     lines: list[str],
     progress: Callable[[str], None],
 ) -> tuple[list[LogRatioMap], list[float]]:
@@ -524,8 +530,8 @@ def _compare_all(
 
     Remarks are appended to `lines`.
     """
-    compared, times = [], []
-    for time, data in sorted(states, key=lambda state: state[0]):
+    compared = []
+    for time, data in states:
         progress(f'photograph at {time:g} s')
         try:
             found = compare_with_baseline(data, baseline)
@@ -533,11 +539,11 @@ def _compare_all(
             lines.append(f'photograph at {time:g} s left out: {error}')
             continue
         lines += [f'photograph at {time:g} s: {remark}' for remark in found.remarks]
-        compared.append(found)
-        times.append(time)
+        compared.append((time, found))
     if not compared:
         raise CalibrationRefused('calibration: no photograph of the injection can be used')
-    return compared, times
+    compared.sort(key=lambda one: one[0])
+    return [found for _, found in compared], [time for time, _ in compared]
 
 
 def _only_tracer(signal: Array, settings: CalibrationSettings) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from porotwin_core.errors import writing
 from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
 from porotwin_imaging.calibration_evidence import Anchor
@@ -58,7 +59,8 @@ def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
         figure = Figure(figsize=(9, 5.5), dpi=110, layout='constrained')
         draw(figure.subplots())
         paths.append(folder / name)
-        figure.savefig(paths[-1])
+        with writing(paths[-1]):
+            figure.savefig(paths[-1])
     return paths
 
 
@@ -142,6 +144,7 @@ def _validity(axes: Any, fit: CalibrationFit) -> None:
 _EVIDENCE: dict[FactorSource, str] = {
     'core': 'seen: the core of a plume',
     'interface': 'seen: a plume across its interface',
+    'same sand': 'from its core at another place',
     'prior': 'guessed from its brightness: no plume there',
 }
 """Words for the evidence of a factor."""

@@ -248,8 +248,9 @@ def _level(
             f'fronts and masses read the response differently: half of stock would look like '
             f'{0.5 + evidence.bend_by_fronts:.2f} and {0.5 + evidence.bend:.2f} of stock',
             'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or '
-            'a rig that is not as described',
-            'photograph one dilution (half stock)',
+            'a rig that is not as described: tracer that sorbs, a porosity, a depth, a pump',
+            'photograph one dilution (half stock), which needs no fronts; diagnose then names an '
+            'effect of the rig',
         )
     if evidence.core_flatness > settings.most_core_slope:
         yield Objection(

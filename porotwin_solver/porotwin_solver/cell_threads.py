@@ -7,7 +7,7 @@ the process where several simulations run at the same time.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -20,8 +20,12 @@ from porotwin_core.grid import FloatArray
 THREADED_CELLS = 250_000
 """Cells from which threads pay: a part then takes ten times as long as handing it over."""
 
-BLOCK_CELLS = 65_536
-"""Cells of a part of a sum; the same for any number of threads."""
+BLOCK_CELLS, MOST_BLOCKS = 8192, 64
+"""Least cells of a part of a sum, and most parts: they do not depend on the number of threads. A
+part of so many cells takes ten times as long as its call."""
+
+PARTS_PER_THREAD = 4
+"""Parts of the rows for each thread: rows with tracer take longer than others."""
 
 LIMIT = 'OMP_NUM_THREADS'
 """Environment variable that bounds the threads of a process, as for other numerical libraries."""
@@ -54,10 +58,11 @@ def in_rows(kernel: Callable[..., None], rows: int, cells: int, *args: Any) -> N
 
     `cells` is their number of cells; few are done at once.
     """
-    parts = most_threads() if cells >= THREADED_CELLS else 1
-    if parts == 1:
+    threads = most_threads() if cells >= THREADED_CELLS else 1
+    if threads == 1:
         kernel(*args, 0, rows)
         return
+    parts = min(PARTS_PER_THREAD * threads, rows)
     ends = [rows * part // parts for part in range(parts + 1)]
     side_by_side(kernel, [(*args, *ends[part : part + 2]) for part in range(parts)])
 
@@ -65,35 +70,42 @@ def in_rows(kernel: Callable[..., None], rows: int, cells: int, *args: Any) -> N
 def in_blocks(
     kernel: Callable[..., None], cells: int, args: tuple[Any, ...], total: FloatArray | None = None
 ) -> None:
-    """Call `kernel(*args, [part,] first, last)` for all blocks of BLOCK_CELLS among `cells`.
+    """Call `kernel(*args, [part,] first, last)` for all blocks among `cells`.
 
     With `total` (n,), every call gets zeros (n,) as `part`, and `total` grows by their sum. It is
     the same for any number of threads, because the blocks do not depend on it.
     """
-    starts = range(0, cells, BLOCK_CELLS)
-    ends = [min(start + BLOCK_CELLS, cells) for start in starts]
+    block = max(BLOCK_CELLS, -(-cells // MOST_BLOCKS))
+    starts = range(0, cells, block)
+    ends = [min(start + block, cells) for start in starts]
     parts = [] if total is None else [np.zeros(len(total)) for _ in starts]
     calls: list[tuple[Any, ...]] = [
         (*args, *parts[number : number + 1], start, end)
         for number, (start, end) in enumerate(zip(starts, ends, strict=True))
     ]
-    if len(calls) == 1:
-        kernel(*calls[0])
-    else:
-        side_by_side(kernel, calls)
+    side_by_side(kernel, calls)
     if total is not None:
         for part in parts:
             total += part
 
 
-def side_by_side(kernel: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> None:
-    """Call `kernel` with each of the arguments, in threads; return after the last call."""
-    if most_threads() == 1:
-        for call in calls:
+def side_by_side(kernel: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -> None:
+    """Call `kernel` with each of the arguments, in threads; return after the last call.
+
+    The calling thread works too. Another one takes the next call when it has ended one.
+    """
+    left = iter(calls)
+
+    def work() -> None:
+        for call in left:
             kernel(*call)
-        return
-    for future in [_pool(most_threads()).submit(kernel, *call) for call in calls]:
-        future.result()
+
+    others = min(most_threads(), len(calls)) - 1
+    helpers = [_pool(most_threads()).submit(work) for _ in range(others)]
+    work()
+    for helper in helpers:
+        if not helper.cancel():  # one that has not begun has nothing left to do
+            helper.result()
 
 
 @cache

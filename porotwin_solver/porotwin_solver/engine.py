@@ -31,6 +31,9 @@ LONGEST_STEP = 60.0
 """Longest splitting step [s]: between advection, diffusion and reaction, and between two solutions
 of the flow where the tracer changes it. The splitting error is second order in it."""
 
+PROCESSOR = 'cpu'
+"""The device on which compiled kernels move the tracer, in threads."""
+
 STEP_ROUND_OFF = 1e-9
 """Excess over a whole number of LONGEST_STEP that adds no step: round-off of the times."""
 
@@ -123,12 +126,17 @@ class Engine:
         coupled_physics: Physics | None = None,
         supervision: Supervision = UNSUPERVISED,
         longest_step: float = LONGEST_STEP,
+        device: str = PROCESSOR,
     ) -> None:
         """Factorise the flow of `physics`, which does not depend on the rates.
 
         The grid of `coupled_physics` equals the grid of `physics` or is coarser by a whole factor;
         by default it is the same. `supervision` bounds every call of `advance`. A splitting step
-        takes at most `longest_step` [s].
+        takes at most `longest_step` [s]. The tracer moves on `device`: PROCESSOR, or a device of
+        PyTorch such as 'cuda'; the flow is solved on the processor.
+
+        Raises:
+            InputError: this machine has no such device, or the wells lie outside the rig.
         """
         self.physics = physics
         self.scheme = scheme
@@ -142,6 +150,11 @@ class Engine:
         coupled = coupled_physics or physics
         self.coupling = Coupling(coupled) if physics.is_coupled else None
         self._coupling_refinement = self.grid.nx // coupled.grid.nx
+        self._on_device = None
+        if device != PROCESSOR:
+            from porotwin_solver.torch_transport import TorchTransport
+
+            self._on_device = TorchTransport(device, scheme)
         self._accumulators = FluxAccumulators.zeros(self.grid)
         self._kept_exchanges: dict[float, Exchanges] = {}
         self._kept_step: tuple[float, WellRates, StepCoefficients] | None = None
@@ -358,6 +371,11 @@ class Engine:
     ) -> None:
         """Advance the mobile water in place: diffusion, advection, diffusion."""
         flux, sources, levels, exchanges = coefficients
+        if self._on_device is not None and tapes is NO_TAPES:
+            self._on_device.advance(
+                state.mobile, self.storage, flux, sources, levels, exchanges, state.tracer_lost
+            )
+            return
         diffuse(state.mobile, self.storage, exchanges, tape=tapes.first_diffusion)
         advect(
             state.mobile,

@@ -10,12 +10,12 @@ from collections import OrderedDict
 from threading import Lock
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags_array
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import Boundaries
 from porotwin_solver.discs import disc_fractions
 from porotwin_solver.face_field import FaceField
+from porotwin_solver.multigrid import GridLevel
 from porotwin_solver.physics import SourceSink
 from porotwin_solver.pressure import PressureSolver, SolverFactory, pressure_solver
 
@@ -66,35 +66,6 @@ def transmissibilities_adjoint(
     return (by_x * half_x + by_z * half_z) / mobility_thickness
 
 
-def pressure_matrix(trans: FaceField, *, pin: float) -> csc_matrix:
-    """Return the symmetric positive definite two-point matrix of the pressures.
-
-    Shape (nz * nx, nz * nx), in m^3/(s Pa). `pin` is added to the first diagonal entry. In a rig
-    without open sides the pressure is known up to a constant; the pin fixes it, and with balanced
-    sources it changes no flux.
-    """
-    nz, nx = trans.x.shape[0], trans.z.shape[1]
-    diagonal = trans.x[:, :-1] + trans.x[:, 1:] + trans.z[:-1] + trans.z[1:]
-    diagonal[0, 0] += pin
-    right = trans.x[:, 1:].copy()
-    right[:, -1] = 0.0
-    right = right.ravel()[:-1]
-    up = trans.z[1:-1].ravel()
-    size = nx * nz
-    if nx == 1 and nz == 1:
-        return csc_matrix(diagonal.reshape(1, 1))
-    if nx == 1 or nz == 1:
-        line = right if nz == 1 else up
-        return csc_matrix(diags_array([-line, diagonal.ravel(), -line], offsets=[-1, 0, 1]))
-    return csc_matrix(
-        diags_array(
-            [-up, -right, diagonal.ravel(), -right, -up],
-            offsets=[-nx, -1, 0, 1, nx],
-            shape=(size, size),
-        )
-    )
-
-
 def pressure_flux(pressure: FloatArray, trans: FaceField) -> FaceField:
     """Return -T grad p [m^3/s] on every face, for `pressure` (nz, nx) [Pa], zero on open sides."""
     nz, nx = pressure.shape
@@ -121,15 +92,14 @@ class Flow:
         *,
         make_solver: SolverFactory = pressure_solver,
     ) -> None:
-        """Prepare the pressure matrix of `mobility_thickness` = d k / mu [m^3/(Pa s)], (nz, nx)."""
+        """Prepare the pressures of `mobility_thickness` = d k / mu [m^3/(Pa s)], (nz, nx)."""
         self.grid = grid
         self.transmissibility = transmissibilities(grid, mobility_thickness, boundaries)
         self.closed = 'open' not in boundaries.model_dump().values()
         trans = self.transmissibility
         # any transmissibility will do; one column has none along x, one cell none at all
         self.pin = float(trans.x.max() or trans.z.max() or 1.0) if self.closed else 0.0
-        matrix = pressure_matrix(self.transmissibility, pin=self.pin)
-        self.solve: PressureSolver = make_solver(matrix, grid.shape)
+        self.solve: PressureSolver = make_solver(GridLevel.of(trans, pin=self.pin))
         # not lru_cache on a method: it would keep a discarded flow and its factor alive
         self._unit_fluxes: OrderedDict[SourceSink, FaceField] = OrderedDict()
         self._lock = Lock()

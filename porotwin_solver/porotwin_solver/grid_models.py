@@ -2,14 +2,17 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import RateStep
 from porotwin_solver.adjoint.schedule_cost import schedule_cost
 from porotwin_solver.implicit_model import ImplicitModel
+from porotwin_solver.learnt_coefficients import adapted
 from porotwin_solver.model import Model
 from porotwin_solver.presets import IMPLICIT
 from porotwin_solver.supervision import UNSUPERVISED, Supervision
@@ -29,7 +32,7 @@ def refuse_another_size(grid: Grid, own: Grid, kind: str) -> None:
 
 
 class GridModels:
-    """The model of a rig on the grid of the maps, and the latest one on another grid.
+    """The model of a rig on the grid of the maps, and the latest one for plans.
 
     A plan asks for dozens of long simulations, and a grid of half the columns and rows takes an
     eighth of the time. A coarser grid smears the plume more, so that it has a preset of its own.
@@ -60,6 +63,7 @@ class GridModels:
         self.own.prepare()
         self._coarse_preset = coarse_preset
         self._other: Model | None = None
+        self._learnt = NO_LEARNT_PHYSICS
 
     def with_effects(self, effects: Sequence[EffectDescription]) -> 'GridModels':
         """Return the same models with other `effects` beyond those of the rig.
@@ -77,31 +81,38 @@ class GridModels:
             supervision=own.engine.supervision,
         )
 
-    def on(self, grid: Grid) -> Model:
-        """Return the model on `grid`; a new one takes as long as a factorisation.
+    def on(self, grid: Grid, learnt: LearntPhysics = NO_LEARNT_PHYSICS) -> Model:
+        """Return the model on `grid` with the `learnt` physics of the data-driven model.
+
+        A new one takes as long as a factorisation.
 
         Raises:
-            InputError: the grid has more cells than that of the maps, or another width or height.
+            InputError: the grid has more cells than that of the maps, or another width or height;
+                or the model cannot have the learnt physics.
         """
         own = self.own
         refuse_another_size(grid, own.grid, 'state')
-        if grid.shape == own.grid.shape:
+        is_own = grid.shape == own.grid.shape
+        if is_own and learnt == NO_LEARNT_PHYSICS:
             return own
         if grid.nx * grid.nz > own.grid.nx * own.grid.nz:
             raise InputError(
                 f'grid {grid}: has more cells than the grid {own.grid} of the solver; '
                 'send a coarser state'
             )
-        if self._other is None or self._other.grid.shape != grid.shape:
-            self._other = Model(
+        known = self._other
+        if known is None or known.grid.shape != grid.shape or self._learnt != learnt:
+            known = Model(
                 own.rig,
                 own.rig.grid(grid.nx, grid.nz),
-                preset=self._coarse_preset,
+                preset=own.preset if is_own else self._coarse_preset,
                 effects=self.effects,
+                adapt=partial(adapted, learnt=learnt),
                 supervision=own.engine.supervision,
             )
-            self._other.prepare()
-        return self._other
+            known.prepare()
+            self._other, self._learnt = known, learnt
+        return known
 
     def plan_cost(
         self,
@@ -111,18 +122,20 @@ class GridModels:
         horizon: float,
         terms: Sequence[CostTerm],
         with_gradient: bool,
+        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
         patience: float = math.inf,
     ) -> tuple[float, FloatArray | None]:
         """Return the cost of `plan` from `initial` (nz, nx) and, if asked, its gradient.
 
-        The arguments are those of `schedule_cost`; `patience` is not used, because nothing waits.
+        The arguments are those of `schedule_cost`, and `learnt` acts beside the effects. `patience`
+        is not used, because nothing waits.
 
         Raises:
             InputError: as `schedule_cost` and `on`.
         """
         del patience
         nz, nx = initial.shape
-        model = self.on(self.own.rig.grid(nx, nz))
+        model = self.on(self.own.rig.grid(nx, nz), learnt)
         found = schedule_cost(
             model, initial, plan, horizon=horizon, terms=terms, with_gradient=with_gradient
         )

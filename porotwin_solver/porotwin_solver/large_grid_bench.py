@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Boundaries, Rig, Well, rig_from_maps
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, WellRate
+from porotwin_solver.engine import PROCESSOR
 from porotwin_solver.simulation import simulated_maps
 
 GRIDS = ((280, 150), (747, 450), (3000, 1500))
@@ -41,6 +43,7 @@ class LargeGridCost(NamedTuple):
     nanoseconds: processor time per cell and frame [ns].
     memory_gb: peak memory of the process so far [GB].
     lost: share of the injected tracer that left the rig through its open top [-].
+    last: the last map, (rows, columns).
     """
 
     processor_s: float
@@ -48,6 +51,7 @@ class LargeGridCost(NamedTuple):
     nanoseconds: float
     memory_gb: float
     lost: float
+    last: FloatArray
 
 
 def large_bench_rig() -> Rig:
@@ -70,8 +74,12 @@ def large_bench_rig() -> Rig:
     )
 
 
-def large_grid_cost(columns: int, rows: int, *, frames: int = LARGE_FRAMES) -> LargeGridCost:
+def large_grid_cost(
+    columns: int, rows: int, *, frames: int = LARGE_FRAMES, device: str = PROCESSOR
+) -> LargeGridCost:
     """Return the cost of `frames` maps on a grid of `columns` x `rows` cells.
+
+    `device` is as in `Engine`.
 
     Raises:
         InputError: as `simulated_maps`.
@@ -81,7 +89,8 @@ def large_grid_cost(columns: int, rows: int, *, frames: int = LARGE_FRAMES) -> L
     schedule = Schedule.constant({'left': WellRate(rate, 1.0), 'right': WellRate(rate, 1.0)})
     times = FRAME_S * np.arange(1, frames + 1)
     begin, clock = time.process_time(), time.perf_counter()
-    maps = simulated_maps(rig, schedule, times, grid=rig.grid(columns, rows), preset='fast')
+    grid = rig.grid(columns, rows)
+    maps = simulated_maps(rig, schedule, times, grid=grid, preset='fast', device=device)
     (last,) = deque(maps, maxlen=1)  # all of them would take more memory than the model
     seconds, wall = time.process_time() - begin, time.perf_counter() - clock
     tracer = float(last.sum()) * WIDTH_M * HEIGHT_M / cells * 0.018 * 0.44
@@ -91,4 +100,5 @@ def large_grid_cost(columns: int, rows: int, *, frames: int = LARGE_FRAMES) -> L
         1e9 * seconds / cells / frames,
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
         1.0 - tracer / (2.0 * rate * float(times[-1])),
+        last,
     )

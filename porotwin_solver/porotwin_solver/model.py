@@ -11,7 +11,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import WellRate, WellRates
 from porotwin_solver.effects import apply_effects
-from porotwin_solver.engine import Engine, State
+from porotwin_solver.engine import PROCESSOR, Engine, State
 from porotwin_solver.observation_operator import ObservationOperator
 from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.presets import preset_named
@@ -77,15 +77,18 @@ class Model:
         refinement: int | None = None,
         supervision: Supervision = UNSUPERVISED,
         adapt: Callable[[Physics], Physics] = lambda physics: physics,
+        device: str = PROCESSOR,
     ) -> None:
         """Prepare the flow of `rig` with its own and further `effects` on `grid`.
 
         Flow and transport are solved on cells whose sides are divided into `refinement` parts; the
         preset decides where it is not given. The tracer-driven part of the flow is on `grid`.
         `supervision` bounds every prediction. `adapt` changes the coefficients after the effects.
+        `device` is as in `Engine`.
 
         Raises:
-            InputError: an unknown preset, effect or parameter, or coefficients no rig can have.
+            InputError: an unknown preset, effect, parameter or device, or coefficients no rig can
+                have.
         """
         chosen = preset_named(preset)
         described = (*rig.effects, *effects)
@@ -105,6 +108,7 @@ class Model:
             scheme=chosen.scheme,
             coupled_physics=self.physics,
             supervision=supervision,
+            device=device,
         )
         self._storage_per_volume = self.physics.porosity * self.physics.retardation_factor
         self._latest: Prediction | None = None

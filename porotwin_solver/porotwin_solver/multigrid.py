@@ -40,15 +40,20 @@ class GridLevel:
     diagonal: FloatArray
 
     @classmethod
-    def of(cls, matrix: csc_matrix, shape: tuple[int, int]) -> 'GridLevel':
-        """Return the level of a two-point `matrix` of (nz, nx) = `shape` cells."""
-        nz, nx = shape
-        x, z = np.zeros((nz, nx + 1)), np.zeros((nz + 1, nx))
-        if nx > 1:
-            x[:, 1:].flat[:-1] = -matrix.diagonal(1)
-        if nz > 1:
-            z[1:-1] = -matrix.diagonal(nx).reshape(nz - 1, nx)
-        return cls(FaceField(x, z), matrix.diagonal().reshape(shape))
+    def of(cls, trans: FaceField, *, pin: float) -> 'GridLevel':
+        """Return the symmetric positive definite matrix of the pressures.
+
+        `trans` [m^3/(s Pa)] includes the open sides. `pin` is added to the first diagonal entry. In
+        a rig without open sides the pressure is known up to a constant; the pin fixes it, and with
+        balanced sources it changes no flux.
+        """
+        x, z = trans
+        diagonal = x[:, :-1] + x[:, 1:] + z[:-1] + z[1:]
+        diagonal[0, 0] += pin
+        inner = FaceField(x.copy(), z.copy())
+        inner.x[:, [0, -1]] = 0.0
+        inner.z[[0, -1]] = 0.0
+        return cls(inner, diagonal)
 
     @property
     def shape(self) -> tuple[int, int]:

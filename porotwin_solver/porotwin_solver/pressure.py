@@ -12,8 +12,8 @@ from porotwin_solver.multigrid import GridLevel, Multigrid
 PressureSolver = Callable[[FloatArray], FloatArray]
 """From the source of every cell [m^3/s] to its pressure [Pa], both flat (nz * nx,)."""
 
-SolverFactory = Callable[[csc_matrix, tuple[int, int]], PressureSolver]
-"""From the pressure matrix and the shape (nz, nx) of the grid to a solver."""
+SolverFactory = Callable[[GridLevel], PressureSolver]
+"""From the matrix of the pressures to a solver."""
 
 LARGEST_FACTOR = 200_000
 """Cells up to which the matrix is factorised; a factor takes about 1 kB per cell."""
@@ -29,27 +29,25 @@ COARSEST_CELLS = 20_000
 
 
 def pressure_solver(
-    matrix: csc_matrix,
-    shape: tuple[int, int],
+    level: GridLevel,
     *,
     largest_factor: int = LARGEST_FACTOR,
     max_iterations: int = MAX_ITERATIONS,
 ) -> PressureSolver:
-    """Return a solver for the symmetric positive definite `matrix` of (nz, nx) = `shape` cells.
+    """Return a solver for the symmetric positive definite matrix of `level`.
 
     Up to `largest_factor` cells the matrix is factorised; beyond, `multigrid` iterates, and its
     solver raises InputError where it does not converge.
 
     Args:
-        matrix: potential [Pa] to net outflow [m^3/s], (nz * nx, nz * nx).
-        shape: (nz, nx).
+        level: potential [Pa] to net outflow [m^3/s].
         largest_factor: most cells of a matrix that is factorised.
         max_iterations: most iterations of one solution.
     """
-    if matrix.shape[0] <= largest_factor:
-        return factorised(matrix)
+    if level.diagonal.size <= largest_factor:
+        return factorised(level.matrix())
     coarsest = min(largest_factor, COARSEST_CELLS)
-    return multigrid(matrix, shape, largest_factor=coarsest, max_iterations=max_iterations)
+    return multigrid(level, largest_factor=coarsest, max_iterations=max_iterations)
 
 
 def factorised(matrix: csc_matrix) -> PressureSolver:
@@ -67,8 +65,7 @@ def factorised(matrix: csc_matrix) -> PressureSolver:
 
 
 def multigrid(
-    matrix: csc_matrix,
-    shape: tuple[int, int],
+    level: GridLevel,
     *,
     largest_factor: int = COARSEST_CELLS,
     max_iterations: int = MAX_ITERATIONS,
@@ -77,15 +74,16 @@ def multigrid(
 
     The solver raises InputError when it does not converge within `max_iterations`.
     """
-    cycles = Multigrid(GridLevel.of(matrix, shape), factorised, largest_factor=largest_factor)
+    cycles = Multigrid(level, factorised, largest_factor=largest_factor)
 
     def solve(source: FloatArray) -> FloatArray:
         pressure = cycles.solve(
-            source.reshape(shape), tolerance=TOLERANCE, most_iterations=max_iterations
+            source.reshape(level.shape), tolerance=TOLERANCE, most_iterations=max_iterations
         )
         if pressure is None:
+            rows, columns = level.shape
             raise InputError(
-                f'pressure on {shape[1]} x {shape[0]} cells: no convergence in {max_iterations} '
+                f'pressure on {columns} x {rows} cells: no convergence in {max_iterations} '
                 'iterations; the permeability varies too much for so fine a grid, make it coarser'
             )
         return pressure.ravel()

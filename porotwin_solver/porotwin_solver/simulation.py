@@ -8,7 +8,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
-from porotwin_solver.engine import State
+from porotwin_solver.engine import PROCESSOR, State
 from porotwin_solver.model import Model
 from porotwin_solver.refinement import refine
 
@@ -55,13 +55,14 @@ def simulated_maps(
     initial: FloatArray | None = None,
     start: float = 0.0,
     refinement: int | None = None,
+    device: str = PROCESSOR,
 ) -> Iterator[FloatArray]:
     """Return an iterator of the maps (nz, nx) at `times` [s] as the camera shows them.
 
     The model runs from `initial` (nz, nx; default: no tracer) at `start` [s] through the
     `schedule`. It keeps its state on the refined grid between the maps. The effects of the rig and
     further `effects` act on physics and picture. A time before `start` shows the initial state.
-    `preset` and `refinement` are as in `Model`.
+    `preset`, `refinement` and `device` are as in `Model`.
 
     Raises:
         InputError: times that decrease or are not finite, NaN in `initial`, or as `Model`.
@@ -69,7 +70,7 @@ def simulated_maps(
     moments = np.asarray(times, dtype=float)
     if moments.ndim != 1 or not np.isfinite(moments).all() or (np.diff(moments) < 0).any():
         raise InputError('times: give finite seconds that do not decrease')
-    model = Model(rig, grid, preset=preset, effects=effects, refinement=refinement)
+    model = Model(rig, grid, preset=preset, effects=effects, refinement=refinement, device=device)
     begin = (
         model.initial_condition() if initial is None else model.validated_map(initial, 'initial')
     )

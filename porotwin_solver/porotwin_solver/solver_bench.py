@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import splu
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.rig import Rig, Well
 from porotwin_core.units import from_ml_h
@@ -22,9 +23,10 @@ from porotwin_core.wells import Schedule, WellRate, WellRates
 from porotwin_solver.adjoint import gradient
 from porotwin_solver.cell_threads import THREADED_CELLS, at_most, most_threads
 from porotwin_solver.face_field import FaceField
-from porotwin_solver.flow import pressure_matrix, transmissibilities
-from porotwin_solver.large_grid_bench import GRIDS, LARGE_FRAMES, large_grid_cost
+from porotwin_solver.flow import transmissibilities
+from porotwin_solver.large_grid_bench import GRIDS, LARGE_FRAMES, LargeGridCost, large_grid_cost
 from porotwin_solver.model import Model
+from porotwin_solver.multigrid import GridLevel
 from porotwin_solver.physics import Physics, nominal_physics
 from porotwin_solver.simulation import simulate
 from porotwin_solver.sources_and_sinks import SourcesAndSinks
@@ -43,6 +45,9 @@ REFERENCE_CELLS = (748, 448)
 
 FIPY_FRAMES = 4
 """Intervals that FiPy is timed for; all 160 would take minutes."""
+
+CUDA = 'cuda'
+"""The graphics processor that the large grids are timed on, where there is one."""
 
 Row = dict[str, Any]
 
@@ -90,7 +95,7 @@ class PlainModel:
         self._trans = transmissibilities(
             physics.grid, physics.mobility_thickness, physics.boundaries
         )
-        self._pressure = splu(pressure_matrix(self._trans, pin=0.0))
+        self._pressure = splu(GridLevel.of(self._trans, pin=0.0).matrix())
 
     def flux(self, rates: WellRates) -> FaceField:
         """Return the flux [m^3/s] at `rates`: one solution of the pressure."""
@@ -254,27 +259,52 @@ def run() -> list[Row]:
         row('fast, gradient by 800 rates', grid, _gradient_seconds(rig, schedule, grid), None)
     )
     rows.extend(_interval_rows(rig, schedule, grid, plain_seconds))
-    for size in GRIDS:
-        threaded = size[0] * size[1] >= THREADED_CELLS
-        numbers = sorted({1, most_threads()}) if threaded else [1]
-        rows.extend(_large_row(size, threads) for threads in numbers)
+    rows.extend(_large_rows())
     return rows
 
 
-def _large_row(size: tuple[int, int], threads: int) -> Row:
-    """Return the cost of 100 frames of the large rig with so many threads."""
-    with at_most(threads):
-        cost = large_grid_cost(*size)
+def _large_rows() -> list[Row]:
+    """Return the cost of 100 frames of the large rig: with threads, and on a graphics processor."""
+    missing = missing_device()
+    rows = []
+    for size in GRIDS:
+        threaded = size[0] * size[1] >= THREADED_CELLS
+        for threads in sorted({1, most_threads()}) if threaded else [1]:
+            with at_most(threads):
+                cost = large_grid_cost(*size)
+            rows.append(_large_row(size, f'{threads} threads', cost))
+        if missing:
+            rows.append(_large_row(size, f'not run on {CUDA}: {missing}', None))
+        else:
+            on_device = large_grid_cost(*size, device=CUDA)
+            difference = float(np.abs(on_device.last - cost.last).max())
+            rows.append(_large_row(size, f'on {CUDA}, off by {difference:.1e}', on_device))
+    return rows
+
+
+def missing_device() -> str:
+    """Return why PyTorch cannot use a graphics processor here; empty if it can."""
+    from porotwin_solver.torch_transport import usable_device
+
+    try:
+        usable_device(CUDA)
+    except InputError as error:
+        return str(error)
+    return ''
+
+
+def _large_row(size: tuple[int, int], how: str, cost: LargeGridCost | None) -> Row:
+    """Return the cost of 100 frames of the large rig; no figures where it was not run."""
     return {
-        'model': f'fast, large rig, {LARGE_FRAMES} frames, {threads} threads',
+        'model': f'fast, large rig, {LARGE_FRAMES} frames, {how}',
         'grid': f'{size[0]}x{size[1]}',
-        'cpu_s': round(cost.processor_s, 1),
-        'wall_s': round(cost.wall_s, 1),
+        'cpu_s': cost and round(cost.processor_s, 1),
+        'wall_s': cost and round(cost.wall_s, 1),
         'ratio_to_plain': None,
         'error_35_min': None,
         'error_80_min': None,
-        'ns_per_cell_frame': round(cost.nanoseconds, 1),
-        'memory_gb': round(cost.memory_gb, 2),
+        'ns_per_cell_frame': cost and round(cost.nanoseconds, 1),
+        'memory_gb': cost and round(cost.memory_gb, 2),
     }
 
 

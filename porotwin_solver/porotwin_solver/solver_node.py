@@ -16,6 +16,7 @@ from porotwin_core.conversions import (
     effects_from_msg,
     grid_to_msg,
     header_at,
+    learnt_from_msg,
     ok,
     plan_from_msg,
     rates_from_msg,
@@ -315,6 +316,7 @@ class SolverNode(Node):
             horizon=request.horizon,
             terms=[cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
+            learnt=learnt_from_msg(request.learnt),
         )
         if by_rate is not None:
             response.gradient = np.ravel(by_rate).tolist()

@@ -37,7 +37,7 @@ from porotwin_solver.local_time_steps import (
 from porotwin_solver.scheme import Scheme
 from porotwin_solver.transport_kernels import (
     advection,
-    cells_with_tracer,
+    begin,
     cfl_rates,
     evaluate_faces,
     update_cells,
@@ -127,9 +127,9 @@ def advect(
             concentration, flux, sources, storage, levels, int(scheme), accumulators, lost, tape
         )
         return
-    accumulators.rate.x[:] = 0.0
-    accumulators.rate.z[:] = 0.0
-    reached = cells_with_tracer(concentration, sources)
+    reached = np.empty(concentration.size, np.uint8)
+    rows = len(concentration)
+    in_rows(begin, rows, concentration.size, concentration, sources, accumulators, reached)
     fields = (concentration, reached, flux, sources, storage, levels)
     highest = len(levels.count_at_least) - 1
     for substep in range(1 << highest):

@@ -134,9 +134,8 @@ def advection(c, flux, sources, storage, levels, scheme, accumulators, tracer_lo
     """
     highest = len(levels.count_at_least) - 1
     taped = 0
-    accumulators.rate.x[:] = 0.0
-    accumulators.rate.z[:] = 0.0
-    reached = cells_with_tracer(c, sources)
+    reached = np.empty(c.size, np.uint8)
+    begin(c, sources, accumulators, reached, 0, len(c))
     for substep in range(1 << highest):
         starting = levels.count_at_least[lowest_starting_level(substep, highest)]
         evaluate_faces(
@@ -154,18 +153,20 @@ def advection(c, flux, sources, storage, levels, scheme, accumulators, tracer_lo
 
 
 @compiled
-def cells_with_tracer(c, sources):
-    """Return a flat array (nz * nx,): 1 where a cell holds or receives tracer, 0 elsewhere.
+def begin(c, sources, accumulators, reached, first, last):
+    """Prepare the rows `first` to `last` - 1 for a call of `advect`: no tracer crosses a face yet.
 
+    `reached` (nz * nx,) becomes 1 where a cell holds or receives tracer, 0 elsewhere.
     `evaluate_faces` adds the cells that the tracer reaches. The kernels skip all others.
     """
     nz, nx = c.shape
-    reached = np.zeros(nz * nx, np.uint8)
-    for i in range(nz):
+    rate_x, rate_z = accumulators.rate
+    rate_x[first:last] = 0.0
+    rate_z[first : last if last < nz else nz + 1] = 0.0
+    for i in range(first, last):
         for j in range(nx):
-            if c[i, j] >= NEGLIGIBLE or sources.tracer[i, j] > 0.0:
-                reached[i * nx + j] = 1
-    return reached
+            found = c[i, j] >= NEGLIGIBLE or sources.tracer[i, j] > 0.0
+            reached[i * nx + j] = 1 if found else 0
 
 
 @compiled

@@ -1,10 +1,15 @@
 """Tests of the model on its own grid and on a coarser one."""
 
+import numpy as np
 import pytest
 
+from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.learnt_physics import LearntLeak, LearntPhysics
 from porotwin_core.rig import EffectDescription
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import RateStep, WellRate
 from porotwin_solver.grid_models import GridModels, refuse_another_size
 
 
@@ -40,3 +45,35 @@ def test_effects_act_on_all_grids_and_leave_the_models_before_as_they_were(rig) 
         assert mended.on(grid).physics.retardation_factor == 1.5
         assert models.on(grid).physics.retardation_factor == 1.0
     assert mended.with_effects([]).own.effects == models.own.effects
+
+
+def test_learnt_physics_acts_in_the_cost_of_a_plan_and_in_its_slopes(rig) -> None:
+    grid = rig.grid(15, 9)
+    models = GridModels(rig, rig.grid(31, 19), preset='upwind', coarse_preset='fast')
+    learnt = LearntPhysics(
+        background_flux=(2e-7, 1e-7), leaks=(LearntLeak(0.3, 0.2, from_ml_h(20.0)),)
+    )
+    right = np.zeros(grid.shape)
+    right[:, 8:] = 1.0
+    terms = [CostTerm(0.0, 1200.0, linear=right)]
+    well, *_ = rig.wells
+
+    def cost(rate: float, physics: LearntPhysics) -> tuple[float, float]:
+        plan = [RateStep(0.0, {well: WellRate(rate, 1.0)})]
+        found, slopes = models.plan_cost(
+            np.zeros(grid.shape),
+            plan,
+            horizon=1200.0,
+            terms=terms,
+            with_gradient=True,
+            learnt=physics,
+        )
+        return found, float(slopes[0, 0])
+
+    rate, step = from_ml_h(400.0), from_ml_h(1.0)
+    known, slope = cost(rate, learnt)
+    bare, _ = cost(rate, LearntPhysics())
+    assert abs(known - bare) > 0.01 * abs(bare)
+    up, down = (cost(rate + sign * step, learnt)[0] for sign in (1, -1))
+    assert slope == pytest.approx((up - down) / (2 * step), rel=1e-2)
+    assert cost(rate, LearntPhysics())[0] == bare, 'the physics is asked for in every request'

@@ -30,14 +30,14 @@ def command(
 ) -> None:
     """Calibrate a camera and rig from photographs of a known injection, with pictures of each step.
 
-    The folder holds a baseline photograph and some photographs of an injection of tracer stock
-    (imaging.csv), and the injected rates (rates.csv), against which the mass in the maps is
-    checked. The core of the plume is taken for stock. The fronts of the plume beside those of the
-    model of the rig tell the response and the blur of the camera. Photographs of known dilutions
-    (role dilution) determine the response better.
+    The folder holds a baseline photograph, some photographs of an injection of tracer stock
+    (imaging.csv), and the injected rates (rates.csv). The core of the plume counts as stock. A
+    comparison of plume fronts with the model gives the response and the blur of the camera. The
+    rates check the mass in the maps. Photographs of known dilutions (role dilution) improve the
+    response.
 
-    A calibration that cannot be trusted is refused: exit status 1, a line with the reasons,
-    pictures that show them, and no calibration.yaml.
+    An untrustworthy calibration is refused: exit status 1, a line with the reasons, pictures that
+    show them, and no calibration.yaml.
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
@@ -52,7 +52,7 @@ def command(
         refuse_existing(target)
     recording = open_recording(folder)
     baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
-    states = [(photo.time, photo.read()) for photo in recording.photos if photo.role == 'state']
+    states = [photo for photo in recording.photos if photo.role == 'state']
     if not baselines or not states:
         raise InputError(
             f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
@@ -63,10 +63,10 @@ def command(
         fit = fit_calibration(
             rig,
             baselines,
-            states,
+            ((photo.time, photo.read()) for photo in states),
             schedule=schedule,
             dilutions=[
-                DilutionPhoto(photo.time, photo.read(), photo.concentration)
+                DilutionPhoto(photo.time, photo.read, photo.concentration)
                 for photo in recording.photos
                 if photo.concentration is not None
             ],

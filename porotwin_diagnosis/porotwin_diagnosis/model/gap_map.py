@@ -1,13 +1,13 @@
 """The map of the gap: where and when the model departs from a recording.
 
-The model is started from every observed map and makes one short step. In so short a time a gap
-cannot be carried elsewhere. The residual of the step is integrated against broad test functions,
-Gaussians of a few cells (a weak form), so that grain, point spread and numerical smearing cancel:
+The model makes one short step from every observed map. In this short time the flow cannot carry a
+gap elsewhere. The residual of the step is integrated against Gaussians of a few cells (a weak
+form), so grain, point spread and numerical smearing cancel:
 
     g = G(observed - predicted) / dt,   strength^2 = mean over the steps of (g^2 - noise of g^2).
 
-The map shows places and times only. Sizes must not be concluded from it, because the noise of the
-starting map biases them.
+The map shows places and times only. Its sizes are not used, because noise of the starting map
+biases them.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
+from porotwin_core.rig import EffectDescription
 from porotwin_core.wells import Schedule, WellRates
 from porotwin_diagnosis.data.noise_estimation import measure_noise
 from porotwin_diagnosis.data.observed_maps import observed_maps
@@ -95,7 +96,7 @@ class GapMap:
     phases: tuple[Phase, ...]
 
     def without_places(self) -> 'GapMap':
-        """Return the map without hot spots and phases, for recordings that show no gap."""
+        """Return the map without hot spots and phases, for recordings without a gap."""
         return replace(self, spots=(), phases=())
 
 
@@ -107,17 +108,20 @@ class StepEnergy(NamedTuple):
     energy: float
 
 
-def map_gap(*recordings: Recording, preset: str = 'fast') -> GapMap:
+def map_gap(
+    *recordings: Recording, preset: str = 'fast', effects: Sequence[EffectDescription] = ()
+) -> GapMap:
     """Return where and when the model of the rig departs from `recordings` of one rig.
 
     Args:
         recordings: at least one recording with maps and rates.
         preset: preset of the solver.
+        effects: effects of the model beyond those of the rig description.
 
     Raises:
         InputError: a recording holds no maps, or fewer than two with enough seen cells.
     """
-    parts = [_one_step_residuals(recording, preset) for recording in recordings]
+    parts = [_one_step_residuals(recording, preset, effects) for recording in recordings]
     grid = parts[0][0]
     squares = [conservative_resample(strength, grid.shape) ** 2 for _, strength, _ in parts]
     strength = np.sqrt(np.mean(squares, axis=0))
@@ -133,14 +137,14 @@ def map_gap(*recordings: Recording, preset: str = 'fast') -> GapMap:
 
 
 def _one_step_residuals(
-    recording: Recording, preset: str
+    recording: Recording, preset: str, effects: Sequence[EffectDescription]
 ) -> tuple[Grid, FloatArray, list[StepEnergy]]:
     """Return a coarse grid, the strength of the gap (nz, nx) [1/s] on it, and all steps."""
     grid = recording.grid
     coarse = recording.rig.grid(
         max(FEWEST_CELLS, grid.nx // COARSENING), max(FEWEST_CELLS, grid.nz // COARSENING)
     )
-    model = Model(recording.rig, coarse, preset=preset)
+    model = Model(recording.rig, coarse, preset=preset, effects=effects)
     times, maps, seen = observed_maps(recording, coarse, MOST_STEPS + 1)
     noise = measure_noise(np.stack(maps))
     energy = np.zeros(coarse.shape)

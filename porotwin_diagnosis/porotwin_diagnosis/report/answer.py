@@ -1,4 +1,4 @@
-"""The first screen of the report: the cause, where it acts, how much it is, how sure that is."""
+"""The first screen of the report: cause, place, size and confidence."""
 
 import html
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ def sentence_box(result: Diagnosis, summary: Summary) -> str:
 def answer(result: Diagnosis, summary: Summary) -> str:
     """Return the table of four rows: the cause, where it acts, how much, and how sure, as HTML."""
     rows = (
-        ('Cause', _cause(result)),
+        ('Cause', _cause(result, summary)),
         ('Where', _where(result, summary)),
         ('How much', _how_much(result, summary)),
         ('How sure', _how_sure(result)),
@@ -121,18 +121,18 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
 
 
 def misplaced_fronts(result: Diagnosis, fit: Fit) -> str:
-    """Return by how many mm fronts would be off to make the misfit of `fit` beyond the noise."""
+    """Return the shift of fronts, in mm, that would make the misfit of `fit` beyond the noise."""
     shift = max(misfit_beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
     return f'{number(1e3 * shift, 2)} mm'
 
 
-def _cause(result: Diagnosis) -> str:
+def _cause(result: Diagnosis, summary: Summary) -> str:
     """Name the effects, and say whether each is one of the rig, the camera or the model."""
     verdict = result.verdict
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
-        return f'Not in the library of effects. {_form(result)}'
+        return f'Not in the library of effects. {_form(result)}{_part(summary)}'
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.inseparable]
@@ -155,6 +155,26 @@ def _form(result: Diagnosis) -> str:
     return (
         f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part.'
+    )
+
+
+def _part(summary: Summary) -> str:
+    """Say which effects close much of an unexplained gap, and where the rest arises."""
+    beside = summary['remainder'] and summary['remainder']['beside']
+    if not beside:
+        return ''
+    means = ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
+    together = ' together' if len(beside['effects']) > 1 else ''
+    rest, place = [], beside['place']
+    if place:
+        rest.append(f'arises most of all near x = {place["x_m"]:.2f} m, z = {place["z_m"]:.2f} m')
+    if beside['terms']:
+        words = ', and '.join(term['words'] for term in beside['terms'])
+        rest.append(f'looks like this: {html.escape(words)}')
+    remains = f' What remains beside that {" and ".join(rest)}.' if rest else ''
+    return (
+        f'<br>A part of it may be: {means}. That{together} closes '
+        f'{100 * min(beside["gap_closed"], 1.0):.0f} % of the gap.{remains}'
     )
 
 

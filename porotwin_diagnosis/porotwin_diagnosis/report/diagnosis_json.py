@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from porotwin_diagnosis.advice.proposals import Proposal
+from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.decision.held_out import (
     HeldOut,
     gap_closed,
@@ -100,24 +101,48 @@ def _remainder(result: Diagnosis) -> dict[str, Any] | None:
     return {
         'kind': form.kind,
         'closed': round(form.closed, 3),
-        'terms': [
-            {
-                'name': term.name,
-                'kind': term.kind,
-                'amount': term.amount,
-                'unit': term.unit,
-                'words': term.words,
-                'place': None
-                if term.place is None
-                else {'x_m': round(term.place[0], 4), 'z_m': round(term.place[1], 4)},
-            }
-            for term in form.terms
-        ],
+        'terms': _terms(form),
+        'beside': _beside(result),
     }
 
 
+def _beside(result: Diagnosis) -> dict[str, Any] | None:
+    """Return the effects that close much of an unexplained gap, and what remains beside them."""
+    partial = result.partial
+    if partial is None:
+        return None
+    numbered = with_occurrences([member.effect for member in partial.model.members])
+    return {
+        'effects': [
+            {'name': name, 'parameters': _parameters(partial.model, name, number)}
+            for name, number in numbered
+        ],
+        'gap_closed': round(partial.closed, 4),
+        'kind': partial.form.kind,
+        'closed': round(partial.form.closed, 3),
+        'terms': _terms(partial.form),
+        'place': None if partial.spot is None else _spot(partial.spot),
+    }
+
+
+def _terms(form: RemainderForm) -> list[dict[str, Any]]:
+    return [
+        {
+            'name': term.name,
+            'kind': term.kind,
+            'amount': term.amount,
+            'unit': term.unit,
+            'words': term.words,
+            'place': None
+            if term.place is None
+            else {'x_m': round(term.place[0], 4), 'z_m': round(term.place[1], 4)},
+        }
+        for term in form.terms
+    ]
+
+
 def _shared_errors(result: Diagnosis) -> dict[str, Any] | None:
-    """Return the standard deviations of the errors that all maps share; None if nobody told."""
+    """Return the standard deviations of the errors that all maps share; None if unknown."""
     sizes = result.samples[0].shared_errors
     if sizes is None:
         return None
@@ -276,7 +301,7 @@ def _numerical_row(result: Diagnosis, errors: Errors) -> dict[str, Any]:
 def remaining_error(fit: Fit, errors: Errors, findings: Findings) -> float:
     """Return the relative L2 error of the held-out part with the effects of `fit`.
 
-    The fit was judged on other cells than the stated errors, so that its error is scaled by the
+    The fit and the stated errors use different cells. So the error of the fit is scaled with the
     error of the model without effects on the same cells: after = before * e_fit / e_null. Maps on
     coarse screening cells contain less noise; their scaled error is at least the noise floor.
     """

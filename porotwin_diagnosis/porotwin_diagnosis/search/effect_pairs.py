@@ -6,7 +6,7 @@ best pair either member is exchanged for an effect that explains more with the o
 long as this helps. Pairs are screened, refined and judged like single effects.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -50,8 +50,8 @@ SINGULAR = 1e-6
 """Relative singular value below which two responses count as equal; finite differences are not more
 accurate."""
 
-Pairs = dict[frozenset[str], Fit]
-"""Fits of pairs by the labels of their members."""
+Combinations = dict[frozenset[str], Fit]
+"""Fits of pairs or triples by the labels of their members."""
 
 
 def judged_pairs(
@@ -119,21 +119,21 @@ def pair_bases(best: Fit, screened: Sequence[Fit]) -> tuple[list[Fit], int]:
 
 def exchanged_pairs(
     levels: Levels, space: SearchSpace, pairs: Mapping[frozenset[str], Fit], screened: Sequence[Fit]
-) -> Pairs:
+) -> Combinations:
     """Return pairs made from the best of `pairs` by exchanging one member after the other.
 
-    Either member is exchanged for each of its best partners among the `screened` effects; then the
-    best new pair is treated likewise, until the score decreases no more. An effect that imitates
-    the truth best alone, as a shifted picture imitates sorption, need not belong to it.
+    Each member is exchanged for each of the best partners of the others among the `screened`
+    effects; then the best new pair is treated likewise, until the score decreases no more. An
+    effect that imitates the truth best alone, as a shifted picture imitates sorption, need not
+    belong to it.
     """
-    found: Pairs = {}
+    found: Combinations = {}
     if not pairs:
         return found
     best = min(pairs.values(), key=score)
     for _ in range(MOST_EXCHANGES):
-        for member, scaled, _ in best.member_parameters:
-            levels.progress(f'another effect beside {member.label}', 0.65)
-            base = levels.screening.evaluate((member,), scaled)
+        for _left_out, base in _each_left_out(levels, best):
+            levels.progress(f'another effect beside {base.label}', 0.65)
             partners = best_partners(levels, space, base, screened)
             found |= combined_fits(levels, base, partners, pairs.keys() | found.keys())
         last = min(found.values(), key=score, default=best)
@@ -161,7 +161,7 @@ def _screened_pairs(
 ) -> list[Fit]:
     """Return fits of pairs on the screening cells, sorted by score with a penalty per parameter."""
     bases, with_all_partners = pair_bases(best, screened)
-    pairs: Pairs = {}
+    pairs: Combinations = {}
     for index, base in enumerate(bases):
         levels.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
         every = index < with_all_partners
@@ -169,7 +169,7 @@ def _screened_pairs(
             levels, space, base, screened, one_parameter=every, with_places=every
         )
         pairs |= combined_fits(levels, base, partners, pairs.keys())
-    pairs |= _relocated(levels, pairs)
+    pairs |= relocated(levels, pairs)
     pairs |= exchanged_pairs(levels, space, pairs, screened)
     return sorted(
         pairs.values(),
@@ -177,31 +177,41 @@ def _screened_pairs(
     )
 
 
-def _relocated(levels: Levels, pairs: Mapping[frozenset[str], Fit]) -> Pairs:
-    """Return the best pairs with a leak or a zone, its place found with the other member present.
+def relocated(
+    levels: Levels, combinations: Mapping[frozenset[str], Fit], most: int = RELOCATED_PAIRS
+) -> Combinations:
+    """Return at `most` the best pairs or triples with a leak or a zone at another place.
 
-    The place that was found for it alone imitates both members. A pair is kept as it is if no other
-    place fits better.
+    The place is found with the other members present: the one that was found before imitates the
+    member that was missing then. A combination is kept as it is if no other place fits better.
     """
-    found: Pairs = {}
-    local = [pair for pair in pairs.values() if any(has_place(m.effect) for m in pair.members)]
-    for pair in sorted(local, key=score)[:RELOCATED_PAIRS]:
-        first, second = pair.member_parameters
-        for moved, kept in ((first, second), (second, first)):
-            if not has_place(moved.candidate.effect):
+    found: Combinations = {}
+    local = [fit for fit in combinations.values() if any(has_place(m.effect) for m in fit.members)]
+    for fit in sorted(local, key=score)[:most]:
+        for moved, base in _each_left_out(levels, fit):
+            if not has_place(moved.effect):
                 continue
-            levels.progress(f'another place of {moved.candidate.label}', 0.65)
-            base = levels.screening.evaluate((kept.candidate,), kept.scaled)
-            starts = place_starts(levels, moved.candidate.effect, beside=base)
+            levels.progress(f'another place of {moved.label}', 0.65)
+            starts = place_starts(levels, moved.effect, beside=base)
             for start in starts[:RELOCATED_PAIRS]:
-                for key, fit in combined_fits(levels, base, [start], ()).items():
-                    found[key] = min(fit, found.get(key, pair), key=score)
+                for key, other in combined_fits(levels, base, [start], ()).items():
+                    found[key] = min(other, found.get(key, fit), key=score)
     return found
+
+
+def _each_left_out(levels: Levels, fit: Fit) -> Iterator[tuple[Candidate, Fit]]:
+    """Yield each member of `fit`, the last one first, and the fit of the others as they are."""
+    parts = fit.member_parameters
+    for number in reversed(range(len(parts))):
+        others = [*parts[:number], *parts[number + 1 :]]
+        scaled = np.concatenate([other.scaled for other in others])
+        members = [other.candidate for other in others]
+        yield parts[number].candidate, levels.screening.evaluate(members, scaled)
 
 
 def combined_fits(
     levels: Levels, base: Fit, partners: Sequence[Candidate], known: Collection[frozenset[str]]
-) -> Pairs:
+) -> Combinations:
     """Return the fits of `base` with each of `partners` on the screening cells.
 
     Combinations that are `known` already, and fits with a leak at a pumping well, are left out.

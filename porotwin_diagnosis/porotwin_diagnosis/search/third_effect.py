@@ -1,14 +1,21 @@
 """A third effect beside the best pair, where the pair leaves more than a true one may.
 
 The partners of the pair are found like those of a single effect: by the part of its residual that
-their linear response explains, and that its own parameters cannot imitate. Only a triple that earns
-its place is returned.
+their linear response explains, and that its own parameters cannot imitate. A pair is fitted without
+the third effect, so that its leak or zone lies at a wrong place. Places are therefore looked for
+again. Members are not exchanged: with so many parameters an exchange soon finds an imitation. Only
+a triple that earns its place is returned.
 """
 
 from collections.abc import Sequence
 
 from porotwin_diagnosis.model.fit import Fit
-from porotwin_diagnosis.search.effect_pairs import best_partners, combined_fits
+from porotwin_diagnosis.search.effect_pairs import (
+    Combinations,
+    best_partners,
+    combined_fits,
+    relocated,
+)
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
@@ -19,7 +26,7 @@ from porotwin_diagnosis.search.ranking import (
     score,
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, REFINED_TRIPLES
+from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, REFINED_TRIPLES, RELOCATED_TRIPLES
 
 
 def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -38,8 +45,8 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         return Judgement(levels, [])
     levels.progress(f'a third effect beside {pairs[0].label}', 0.88)
     screened = _screened_triples(levels, space, pairs[0], findings.screened)
-    refined = levels.refined(close_to_best(screened)[:REFINED_TRIPLES], 0.88)
-    judged = levels.judged(refined, 0.89)
+    best = close_to_best(sorted(screened.values(), key=score))[:REFINED_TRIPLES]
+    judged = levels.judged(levels.refined(best, 0.88), 0.89)
     again = levels.judged_again(judged, findings.null, 0.9)
     kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0])]
     return Judgement(again.levels if kept else levels, kept)
@@ -47,8 +54,13 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
 
 def _screened_triples(
     levels: Levels, space: SearchSpace, pair: Fit, screened: Sequence[Fit]
-) -> list[Fit]:
-    """Return fits of `pair` with a third effect on the screening cells, the best score first."""
+) -> Combinations:
+    """Return fits of `pair` with a third effect on the screening cells.
+
+    A leak or a zone of the pair is then looked for again: its place in the pair imitates the third
+    effect.
+    """
     base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
     partners = best_partners(levels, space, base, screened, with_places=True)
-    return sorted(combined_fits(levels, base, partners, ()).values(), key=score)
+    triples = combined_fits(levels, base, partners, ())
+    return triples | relocated(levels, triples, RELOCATED_TRIPLES)

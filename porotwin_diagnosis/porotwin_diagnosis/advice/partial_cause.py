@@ -1,0 +1,61 @@
+"""Effects of the library that close much of an unexplained gap, and what remains beside them.
+
+Where two of three causes are known effects, the third one is left as a remainder. Its form is the
+one of the maps beside the model with the known effects, and its place is where that model departs
+from the recording within single steps. Nothing of this is a verdict: the effects leave more than
+true ones would, so that one of them may be an imitation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
+from porotwin_diagnosis.decision.held_out import HeldOut, gap_closed_with_interval
+from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.gap_map import Spot, map_gap
+from porotwin_diagnosis.search.levels import Levels
+from porotwin_recording.recording import Recording
+
+LEAST_PART = 0.5
+"""Share of the gap in the held-out part that the effects must close. With less, most of the gap has
+another cause, and the effects hardly tell which."""
+
+
+@dataclass(frozen=True)
+class PartialCause:
+    """The effects that were kept, and the remainder beside them.
+
+    Attributes:
+        model: the fit of the effects.
+        closed: share of the gap that they close in the held-out part [-].
+        form: the form of the remainder beside them.
+        spot: the place where most of the remainder arises; None if no place stands out.
+    """
+
+    model: Fit
+    closed: float
+    form: RemainderForm
+    spot: Spot | None
+
+
+def partial_cause(
+    recordings: Sequence[Recording], levels: Levels, model: Fit, held_out: Sequence[HeldOut]
+) -> PartialCause | None:
+    """Return what the effects of `model` close, and what remains; None if that is too little.
+
+    Args:
+        recordings: the recordings.
+        levels: their levels; the form is that of the first recording.
+        model: the fit that was kept, without being sufficient.
+        held_out: the held-out parts without and with `model`.
+
+    Raises:
+        InputError: the model cannot run with these effects.
+    """
+    closed, _ = gap_closed_with_interval(held_out)
+    if not model.members or closed < LEAST_PART:
+        return None
+    forward = levels.screening.forwards[0]
+    form = describe_remainder(forward.sample, forward.uncorrected().maps(model.effects))
+    spots = map_gap(*recordings, effects=model.effects).spots
+    return PartialCause(model, closed, form, spots[0] if spots else None)

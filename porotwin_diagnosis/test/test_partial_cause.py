@@ -1,0 +1,52 @@
+"""Effects that close much of an unexplained gap are told with what remains beside them."""
+
+from dataclasses import replace
+
+import pytest
+
+from porotwin_diagnosis.advice.partial_cause import partial_cause
+from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
+from porotwin_diagnosis.decision.verdict import Verdict
+from porotwin_diagnosis.model.gap_map import Spot
+from porotwin_diagnosis.report.answer import answer
+from porotwin_diagnosis.report.diagnosis_json import diagnosis_json
+from porotwin_diagnosis.search.levels import make_levels
+
+
+@pytest.fixture
+def part(denser):
+    """What the porosity closes of a gap, as if it did not suffice."""
+    levels = make_levels(denser.samples, progress=lambda _stage, _share: None)
+    return partial_cause(denser.recordings, levels, denser.verdict.model, denser.held_out)
+
+
+def test_the_effects_are_kept_with_the_form_beside_them(denser, part):
+    assert part.model is denser.verdict.model
+    assert part.closed > 0.5
+    assert part.form.closed < 0.5  # the porosity was right: hardly anything has a form
+
+
+def test_effects_that_close_too_little_are_not_told(denser):
+    levels = make_levels(denser.samples, progress=lambda _stage, _share: None)
+    (held_out,) = denser.held_out
+    useless = replace(held_out, after=held_out.before, error_after=held_out.error_before)
+    null, model = denser.evidence.findings.null, denser.verdict.model
+    assert partial_cause(denser.recordings, levels, null, denser.held_out) is None
+    assert partial_cause(denser.recordings, levels, model, [useless]) is None
+    assert levels.simulations == 0
+
+
+def test_the_page_and_the_file_tell_the_effects_and_the_place_of_the_rest(denser, part):
+    term = Term('source', 'source', 1e-4, 'm2', 'water enters near x = 0.30 m', (0.3, 0.2))
+    part = replace(part, form=RemainderForm((term,), 0.6), spot=Spot(0.31, 0.22, 0.05, 0.4))
+    verdict = Verdict('unexplained', 0.9, part.model, (), (), {'porosity': 0.1})
+    result = replace(denser, verdict=verdict, remainder=RemainderForm((), 0.1), partial=part)
+    summary = diagnosis_json(result)
+    beside = summary['remainder']['beside']
+    assert [row['name'] for row in beside['effects']] == ['porosity']
+    assert beside['effects'][0]['parameters']['factor']['value'] == pytest.approx(0.88)
+    assert (beside['kind'], beside['place']['x_m']) == ('source', 0.31)
+    text = answer(result, summary)
+    assert 'A part of it may be: the porosity is 12 % lower than nominal' in text
+    assert 'arises most of all near x = 0.31 m, z = 0.22 m' in text
+    assert summary['combination'] == []
