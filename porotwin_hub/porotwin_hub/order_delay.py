@@ -4,13 +4,14 @@ An order is a setpoint with other rates than the one before. Confirmations and m
 was set. The next order will take about as long, so that a plan begins after that time.
 """
 
+import itertools
 import statistics
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from porotwin_core.rates_in_force import PUMP_ACCURACY, KnownRates, different_wells
+from porotwin_core.rates_in_force import KnownRates, different_wells
 from porotwin_core.wells import RateStep, WellRates
 
 REMEMBERED_DELAYS = 5
@@ -21,6 +22,10 @@ LEAST_DELAY_S = 20.0
 
 MOST_DELAY_S = 600.0
 """Longest delay that is counted with [s]; then the person is away, and delays say nothing."""
+
+
+HALF_WAY = 0.5
+"""Share of an ordered change from which on a measured rate shows that it was set."""
 
 
 class OrdersAhead(NamedTuple):
@@ -47,11 +52,22 @@ class _Order:
     rates: WellRates
     before: WellRates
 
-    def is_set_by(self, known: WellRates) -> bool:
-        """Return whether the `known` rates of its wells are no longer the ones before it."""
+    def is_set_by(self, known: KnownRates) -> bool:
+        """Return whether `known` rates show that it was set, perhaps at somewhat other rates.
+
+        A confirmation shows it if any of its wells has changed; a meter, which is not exact, if one
+        of them has gone half of the way.
+        """
         changed = different_wells(self.rates, self.before)
-        held = different_wells(known, self.before, accuracy=PUMP_ACCURACY)
-        return any(well in held for well in changed if well in known)
+        if known.is_open:
+            held = different_wells(known.rates, self.before)
+            return any(well in held for well in changed)
+        return any(
+            abs(known.rates[well].rate - self.before[well].rate)
+            > HALF_WAY * abs(self.rates[well].rate - self.before[well].rate)
+            for well in changed
+            if well in known.rates and well in self.before
+        )
 
 
 class OrderDelay:
@@ -88,14 +104,19 @@ class OrderDelay:
     def learn(self, known: Sequence[KnownRates], now: float) -> None:
         """Learn from rates that were confirmed or measured up to `now` [s]."""
         for item in sorted(known, key=lambda item: item.start):
-            done = [order for order in self._waiting if order.time <= item.start]
-            done = [order for order in done if order.is_set_by(item.rates)]
-            same = [order for order in done if not different_wells(order.rates, item.rates)]
-            if done:
-                order = (same or done)[-1 if same else 0]
+            order = self._newest_set(item)
+            if order is not None:
                 self._delays.append(min(item.start - order.time, MOST_DELAY_S))
                 self._waiting = [one for one in self._waiting if one.time > order.time]
         self._waiting = [order for order in self._waiting if now - order.time <= MOST_DELAY_S]
+
+    def _newest_set(self, known: KnownRates) -> _Order | None:
+        """Return the newest order that `known` rates show as set; orders are set in turn."""
+        given = [order for order in self._waiting if order.time <= known.start]
+        found = list(itertools.takewhile(lambda order: order.is_set_by(known), given))
+        if known.is_open:
+            found += [order for order in given if not different_wells(order.rates, known.rates)]
+        return max(found, key=lambda order: order.time, default=None)
 
     def believed(self, commanded: WellRates, before: WellRates) -> WellRates:
         """Return the rates in force [m^3/s] where nothing is known since the rates `before`.

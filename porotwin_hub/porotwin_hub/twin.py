@@ -200,8 +200,8 @@ class Twin:
         if gap > self._longest_gap:
             self.interrupt()
         commanded = self._commanded_rates(now)
-        self._choice.delay.learn(known, now)
         known = self._as_told(known, commanded)
+        self._choice.delay.learn(known, now)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
             pumped = latest_known(known, now) or commanded

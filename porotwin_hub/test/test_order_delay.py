@@ -53,11 +53,30 @@ def test_meters_tell_when_an_order_was_set() -> None:
     assert not delay.ahead(120.0, order).waits
 
 
+def test_orders_are_set_in_turn() -> None:
+    delay, order = OrderDelay(), rates(200.0)
+    delay.ordered(0.0, order, SAFE)
+    delay.ordered(60.0, SAFE, order)
+    delay.learn([KnownRates(60.0, 120.0, SAFE)], 120.0)
+    assert delay.expected == 0.0
+    delay.learn([KnownRates(120.0, 180.0, rates(190.0))], 180.0)
+    assert delay.expected == 60.0
+    assert delay.ahead(180.0, order).waits
+
+
+def test_a_person_may_leave_an_order_out() -> None:
+    delay, newer = OrderDelay(), rates(0.0, 300.0)
+    delay.ordered(0.0, rates(200.0), SAFE)
+    delay.ordered(60.0, newer, rates(200.0))
+    delay.learn(confirmed(120.0, newer), 120.0)
+    assert not delay.ahead(120.0, newer).waits
+
+
 def test_an_order_set_at_another_rate_is_set() -> None:
     delay = OrderDelay()
     delay.ordered(0.0, rates(200.0), SAFE)
-    delay.learn(confirmed(60.0, rates(150.0)), 60.0)
-    assert not delay.ahead(60.0, rates(150.0)).waits
+    delay.learn(confirmed(60.0, rates(50.0)), 60.0)
+    assert not delay.ahead(60.0, rates(50.0)).waits
 
 
 def test_the_rates_until_an_order_is_set_are_those_ordered_before() -> None:

@@ -10,12 +10,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import grey_dilation, grey_erosion
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_siblings.forecast_check import BAND_DEVIATIONS, CHECK_S
 
-USUAL_MISS_M = 5e-4
+USUAL_MISS_M = 1e-3
 """Miss of a front that the other widening covers [m]."""
 
 MEMORY = 0.8
@@ -37,12 +38,12 @@ def front_miss(expected: FloatArray, seen: FloatArray, grid: Grid) -> float:
     The difference of the maps (nz, nx) is taken for a growth of the plume on all sides and a shift
     of it, by least squares. NaN where no front is seen.
     """
-    along_z, along_x = np.gradient(expected, grid.dz, grid.dx)
-    slope = np.hypot(along_z, along_x)
+    along = np.asarray(np.gradient(expected, grid.dz, grid.dx))
+    slope = np.linalg.norm(along, axis=0)
     front = (slope > LEAST_SLOPE) & np.isfinite(seen)
     if front.sum() < 10:
         return math.nan
-    columns = np.column_stack([slope[front], along_x[front], along_z[front]])
+    columns = np.column_stack([slope[front], along[0][front], along[1][front]])
     moved = np.linalg.lstsq(columns, (seen - expected)[front], rcond=None)[0]
     return float(np.linalg.norm(moved))
 
@@ -111,7 +112,7 @@ def widened(
     return result
 
 
-def _disk(radius: int) -> FloatArray:
+def _disk(radius: int) -> NDArray[np.bool_]:
     """Return the cells within `radius` cells, (2 radius + 1, 2 radius + 1)."""
     offsets = np.arange(-radius, radius + 1)
-    return np.hypot(offsets[:, None], offsets[None, :]) <= radius + 0.5
+    return np.asarray(np.hypot(offsets[:, None], offsets[None, :]) <= radius + 0.5)
