@@ -4,13 +4,17 @@ The model alone and the corrected model run freely over kept experiments; the er
 do not count. The trust in the network is the one of TRUSTS with the least error, and no frame of a
 run may be worse than LARGEST_LOSS times the model alone. Learnt physics is judged in the same way.
 
+Pauses outlast recordings. So every kept run is continued without pumping for as long again. There
+the network may change the maps by no more than during the run: without flow little happens.
+
 Rates outside the training are tested on the same maps. If nothing but pumped water moves the
 tracer, s times the rates give the same maps s times as fast. Where the corrected run of such maps
 is no worse than the model alone, the trained range of rates is widened by s.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,6 +38,10 @@ LEAST_ERROR = 0.01
 
 SETTLED = 0.1
 """Share of a run that is not judged: the first little plume makes every relative error large."""
+
+LARGEST_REST = 1.0
+"""Largest change of a map by the network during a pause, relative to its change by the end of the
+kept run before it [-]; LEAST_ERROR is added to both."""
 
 RATE_FACTORS = (0.5, 2.0)
 """Factors on the rates that are tested."""
@@ -124,20 +132,54 @@ class Judge:
         )
         return judge.errors(model)
 
+    def rests(self, model: CorrectiveModel) -> bool:
+        """Return whether the network of `model` leaves the tracer alone during a pause.
+
+        See LARGEST_REST.
+        """
+        whole = corrector(model, self._solver)
+        physics = corrector(replace(model, trust=0.0), self._solver)
+        return all(self._rests(run.frames, whole, physics) for run in self._runs)
+
+    def _rests(self, frames: Frames, whole: 'CorrectorFn', physics: 'CorrectorFn') -> bool:
+        (*_, end), (*_, other) = self._states(frames, whole), self._states(frames, physics)
+        moved = relative_error(end, other)
+        paused = other = end
+        for _ in frames.times[1:]:
+            paused = self._next(paused, {}, self._time_step, whole)
+            other = self._next(other, {}, self._time_step, physics)
+        changed = relative_error(paused, other)
+        return changed + LEAST_ERROR <= LARGEST_REST * (moved + LEAST_ERROR)
+
     def _errors(self, run: KeptRun, correct: 'CorrectorFn | None') -> FloatArray:
-        frames = run.frames
-        state = fill_unseen(frames.concentration[0].astype(float), None)
-        errors = []
-        for n, observed in enumerate(frames.concentration[1:]):
-            start, end = float(frames.times[n]), float(frames.times[n + 1])
-            rates = mean_rates(frames.schedule, start, end)
-            previous, state = state, self._plain.predict(state, rates, end - start)
-            if correct is not None:
-                state = correct(self._plain, previous, state, rates, end - start)
+        frames, errors = run.frames, []
+        states = self._states(frames, correct)
+        rows = zip(frames.times[1:], states, frames.concentration[1:], strict=True)
+        for end, state, observed in rows:
             error = relative_error(state, observed)
             if end > run.judged_from and np.isfinite(error):
                 errors.append(error)
         return np.array(errors)
+
+    def _states(self, frames: Frames, correct: 'CorrectorFn | None') -> Iterator[FloatArray]:
+        """Yield the map of the free run at every frame after the first one."""
+        state = fill_unseen(frames.concentration[0].astype(float), None)
+        for start, end in pairwise(map(float, frames.times)):
+            rates = mean_rates(frames.schedule, start, end)
+            state = self._next(state, rates, end - start, correct)
+            yield state
+
+    def _next(
+        self,
+        state: FloatArray,
+        rates: WellRates,
+        time_step: float,
+        correct: 'CorrectorFn | None',
+    ) -> FloatArray:
+        predicted = self._plain.predict(state, rates, time_step)
+        if correct is None:
+            return predicted
+        return correct(self._plain, state, predicted, rates, time_step)
 
 
 CorrectorFn = Callable[[StepModel, FloatArray, FloatArray, WellRates, float], FloatArray]
@@ -172,7 +214,11 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
     if model.learnt is not None:
         tried.append(replace(model, trust=0.0, learnt=None))
     judged = [(one, judge.errors(one)) for one in tried]
-    harmless = [(one, errors) for one, errors in judged if errors.harmless]
+    harmless = [
+        (one, errors)
+        for one, errors in judged
+        if errors.harmless and (one.trust == 0.0 or judge.rests(one))
+    ]
     chosen, errors = min(harmless or judged[-1:], key=lambda pair: pair[1].mean_corrected)
     low, high = 1.0, 1.0
     passed = []

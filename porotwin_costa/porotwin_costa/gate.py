@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from porotwin_core.grid import FloatArray
+from porotwin_core.units import to_ml_h
 
 Range = tuple[float, float]
 """Smallest and largest value."""
@@ -17,6 +18,9 @@ MARGIN = 0.05
 
 SIGMA_MARGIN = 1.5
 """Largest plausible |sigma| divided by the largest training residual [-]."""
+
+IN_ML_H = '[ml/h]'
+"""End of the names of rates in a message."""
 
 ROUND_OFF = 1e-12
 """Allowed distance outside a range of zero width, such as the rate of an idle well."""
@@ -109,7 +113,8 @@ class TrainingRange:
             slack = MARGIN * (high - low) + ROUND_OFF
             for value in values:
                 if not low - slack <= value <= high + slack:
-                    return f'{name} {value:.3g} outside the trained {low:.3g} to {high:.3g}'
+                    told = [_told(name, number) for number in (value, low, high)]
+                    return '{} {} outside the trained {} to {}'.format(name, *told)
         return ''
 
     def _checks(
@@ -118,13 +123,13 @@ class TrainingRange:
         """Yield the name of each checked quantity, its trained range and its values."""
         yield 'concentration', self.concentration, [predicted.min(), predicted.max()]
         if not whole_field:
-            yield 'pumping [m^3/s]', (0.0, self.pumping[1]), [np.abs(rates[:, 0]).sum()]
+            yield f'pumping {IN_ML_H}', (0.0, self.pumping[1]), [np.abs(rates[:, 0]).sum()]
             return
         yield 'mean concentration', self.tracer, [predicted.mean()]
         for well, trained, rate in zip(wells, self.rates, rates[:, 0], strict=True):
-            yield f"rate of '{well}' [m^3/s]", trained, [rate]
+            yield f"rate of '{well}' {IN_ML_H}", trained, [rate]
         for well, trained, rate in zip(wells, self.tracer_rates, rates[:, 1], strict=True):
-            yield f"tracer rate of '{well}' [m^3/s]", trained, [rate]
+            yield f"tracer rate of '{well}' {IN_ML_H}", trained, [rate]
 
     def objection_to(self, sigma: FloatArray) -> str:
         """Return why sigma (nz, nx) [1/s] is implausible, or an empty string."""
@@ -135,6 +140,11 @@ class TrainingRange:
         if largest > limit:
             return f'corrective source of {largest:.3g} 1/s exceeds the plausible {limit:.3g} 1/s'
         return ''
+
+
+def _told(name: str, value: float) -> str:
+    """Return `value` as the message tells it: a rate in ml/h."""
+    return f'{to_ml_h(value):.0f}' if name.endswith(IN_ML_H) else f'{value:.3g}'
 
 
 def _range(values: ArrayLike) -> Range:

@@ -8,6 +8,7 @@ The runs are those of a precise scheme, whichever scheme is corrected. The error
 is as large as that of a leak, and moves the leak to another place.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
@@ -25,7 +26,7 @@ from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
-LEARNING_COLUMNS = 48
+LEARNING_COLUMNS = 64
 """Most columns of the grid for learning. The model refines it itself, so that its scheme hardly
 errs; more columns only cost time."""
 
@@ -50,21 +51,18 @@ ENOUGH = 0.85
 """Share of the squared error of fitted and kept runs that all parts together take; then the search
 ends."""
 
-GOOD_ERROR = 0.03
-"""Relative error of free runs [-] at which the search ends: the noise of an ordinary camera and the
-rest of the scheme's error make as much. Then the fluxes correct the rest."""
+GOOD_ERROR = 0.04
+"""Relative error of free runs [-] at which the search ends. The noise of photographs makes 0.02 to
+0.03 and the rest of the scheme's error 0.02; the fluxes correct what remains."""
 
 ITERATIONS = 6
 """Iterations of a fit; three are enough unless a place has to move."""
 
 TRIED_PLACES = 2
-"""Places of a leak or a patch that are fitted, the most promising ones of all."""
+"""Most places of a leak, and of a patch, that are fitted: the most promising ones of all."""
 
-SCANNED_RUNS = 1
-"""Runs for trying places: the ones with the largest errors."""
-
-MOST_FITTED = 2
-"""Most runs for choosing parts: the ones with most frames. The last fit is to all of them."""
+MOST_FITTED = 1
+"""Most runs for choosing parts: the ones with the largest errors. The last fit is to all runs."""
 
 KEPT_SHARE = 0.25
 """Share of a single experiment, its end, that is kept to judge parts."""
@@ -111,13 +109,6 @@ class PhysicsTrial(NamedTuple):
     fitted: float
     kept: float
 
-    def ends_search(self, alone: 'PhysicsTrial', share: 'Share') -> bool:
-        """Return whether what is left is not worth another part."""
-        fitted, kept = share.power
-        good = max(self.fitted / fitted, self.kept / kept) < GOOD_ERROR**2
-        gains = _gain(alone.fitted, self.fitted), _gain(alone.kept, self.kept)
-        return good or min(gains) > ENOUGH
-
 
 @dataclass(frozen=True)
 class Share:
@@ -150,11 +141,13 @@ class Share:
             end = float(whole.times[0] + (1 - KEPT_SHARE) * (whole.times[-1] - whole.times[0]))
             kept = [Comparison(whole, grid, solver, after=end)]
             fitted = [cut(whole, end)]
-        longest = sorted(fitted, key=lambda run: len(run.times))[-MOST_FITTED:]
+        plain = LearntPhysics()
+        shown = sorted(fitted, key=lambda run: -Comparison(run, grid, solver).cost(plain))
+        chosen = shown[:MOST_FITTED]
         return cls(
-            [Comparison(run, grid, solver) for run in longest],
+            [Comparison(run, grid, solver) for run in chosen],
             kept,
-            [Comparison(run, grid, quick) for run in longest],
+            [Comparison(run, grid, quick) for run in chosen],
             [Comparison(run, grid, solver) for run in runs],
         )
 
@@ -201,10 +194,10 @@ def learn_physics(
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
-    search = PartSearch(maker, share, pool)
-    alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
+    best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
+    search = PartSearch(maker, share, pool, best)
     for _ in range(MOST_PARTS):
-        if best.ends_search(alone, share):
+        if search.ends_with(best):
             break
         found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].name
@@ -234,7 +227,7 @@ def _gain(before: float, after: float) -> float:
 
 def no_finer(grid: Grid, columns: int) -> Grid:
     """Return `grid`, or a coarser one with at most `columns` columns and rows."""
-    shrink = max(1.0, max(grid.nx, grid.nz) / columns)
+    shrink = math.ceil(max(grid.nx, grid.nz) / columns)  # halves of cells would smear the maps
     cells = round(grid.nx / shrink), round(grid.nz / shrink)
     return Grid(*cells, grid.width, grid.height)
 
@@ -246,23 +239,38 @@ def _errors_together(runs: Sequence[Comparison], physics: LearntPhysics) -> Floa
 
 @dataclass(frozen=True)
 class PartSearch:
-    """Looks for one more part that brings free runs closer to the frames of `share`."""
+    """Looks for one more part that brings free runs closer to the frames of `share`.
+
+    `alone` is the trial without any part.
+    """
 
     maker: PartMaker
     share: Share
     pool: Crew
+    alone: PhysicsTrial
+
+    def ends_with(self, trial: PhysicsTrial) -> bool:
+        """Return whether the error that `trial` leaves is not worth another part."""
+        fitted, kept = self.share.power
+        good = max(trial.fitted / fitted, trial.kept / kept) < GOOD_ERROR**2
+        gains = _gain(self.alone.fitted, trial.fitted), _gain(self.alone.kept, trial.kept)
+        return good or min(gains) > ENOUGH
 
     def with_one_more(self, known: Learnt) -> PhysicsTrial:
         """Return the best trial of `known` with one more part, refitted.
 
-        Leaks and patches are tried only if no part without a place explains nearly everything.
+        Leaks and patches are tried only if no part without a place explains nearly everything, the
+        most promising one first, until one of them ends the search.
         """
         taken = {part.name for part in known.parts}
         parts = [part for part in self.maker.everywhere() if part.name not in taken]
         trials = [self._fitted(part, known) for part in parts]
         before, _ = self.share.cost(known.physics)
         if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in trials):
-            trials += [self._fitted(part, known) for part in self._placed(known)]
+            for part in self._placed(known):
+                trials.append(self._fitted(part, known))
+                if self.ends_with(trials[-1]):
+                    break
         return min(trials, key=_judged)
 
     def _fitted(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
@@ -276,11 +284,14 @@ class PartSearch:
             return PhysicsTrial(learnt, np.inf, np.inf)
 
     def _placed(self, known: Learnt) -> list[PhysicsPart]:
-        """Return leaks and patches at the places where they promise most."""
-        leaks = [] if self.maker.rig.closed else self._promising(self.maker.leak_at, known)
-        return leaks + self._promising(self.maker.patch_at, known)
+        """Return leaks and patches at the places where they promise most, the best one first."""
+        makers = [self.maker.patch_at]
+        if not self.maker.rig.closed:
+            makers.append(self.maker.leak_at)
+        found = [one for make in makers for one in self._promising(make, known)]
+        return [part for _, part in sorted(found, key=lambda one: -one[0])]
 
-    def _promising(self, make: PlaceFn, known: Learnt) -> list[PhysicsPart]:
+    def _promising(self, make: PlaceFn, known: Learnt) -> list[tuple[float, PhysicsPart]]:
         """Return the parts that best explain the errors, of all places and of either sign.
 
         A part that changes the errors r by J explains (J r)^2 / J^2 of the sum of their squares. J
@@ -289,10 +300,7 @@ class PartSearch:
         """
         physics = known.physics
         light = replace(physics, density_difference=0.0)
-        precise = [one.errors(physics) for one in self.share.fitted]
-        worst = np.argsort([-float(np.sum(one**2)) for one in precise])[:SCANNED_RUNS]
-        errors = np.concatenate([precise[n] for n in worst])
-        runs = [self.share.quick[n] for n in worst]
+        errors, runs = _errors_together(self.share.fitted, physics), self.share.quick
         base = _errors_together(runs, light)
 
         parts = [make(x, z, sign) for x, z in self.maker.places() for sign in (1.0, -1.0)]
@@ -303,4 +311,4 @@ class PartSearch:
             change = there - base
             along = max(-float(change @ errors), 0.0)
             explained.append(along**2 / (float(change @ change) + 1.0))
-        return [parts[n] for n in np.argsort(explained)[::-1][:TRIED_PLACES]]
+        return [(explained[n], parts[n]) for n in np.argsort(explained)[::-1][:TRIED_PLACES]]

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
+from costa_examples import injecting
 from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
 from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.wells import Schedule
 from porotwin_costa.corrective_model import CorrectiveModel
 from porotwin_costa.free_run_gate import (
     Judge,
@@ -17,7 +20,7 @@ from porotwin_costa.free_run_gate import (
     gated,
     kept_runs,
 )
-from porotwin_costa.networks import architecture
+from porotwin_costa.networks import CorrectiveNetwork, architecture
 from porotwin_costa.training import train
 from porotwin_costa.training_settings import TrainingSettings
 
@@ -49,6 +52,28 @@ def test_wrong_physics_shuts_it(judge, silent):
     assert found.learnt is None
     assert found.trust == 0.0
     assert 'gate shut' in found.summary
+
+
+class AddingTracer(CorrectiveNetwork):
+    """Adds tracer while the pumps run, or during pauses."""
+
+    def __init__(self, *, at_rest):
+        super().__init__()
+        self.at_rest = at_rest
+
+    def forward(self, concentration, rates):
+        acts = bool(rates.abs().sum() == 0.0) == self.at_rest
+        return torch.full_like(concentration, 0.1 if acts else 0.0)
+
+
+def test_a_network_that_moves_tracer_during_a_pause_is_not_trusted(grid, silent):
+    frames = replace(
+        moving_frames(grid, 25), schedule=Schedule.constant(injecting(left=200.0, right=200.0))
+    )
+    judge = Judge(MovingTracers(), [KeptRun(frames, 0.0)], STEP_S)
+    model = replace(silent, trust=1.0)
+    assert judge.rests(replace(model, network=AddingTracer(at_rest=False)))
+    assert not judge.rests(replace(model, network=AddingTracer(at_rest=True)))
 
 
 def test_one_frame_that_is_worse_is_harmful():

@@ -32,10 +32,10 @@ def test_values_within_the_training_are_accepted(trained_on):
 def test_a_network_that_reads_the_whole_map_is_bound_by_each_well(trained_on):
     predicted, weak = np.full((4, 5), 0.5), _rates(0.5e-7)
     objection = trained_on.objection(predicted, weak, WELLS, whole_field=True)
-    assert objection.startswith("rate of 'a' [m^3/s] 5e-08 outside the trained 1e-07 to 2e-07")
+    assert objection.startswith("rate of 'a' [ml/h] 180 outside the trained 360 to 720")
     assert trained_on.objection(predicted, weak, WELLS, whole_field=False) == ''
     strong = trained_on.objection(predicted, _rates(3e-7), WELLS, whole_field=False)
-    assert strong.startswith('pumping [m^3/s] 6e-07 outside the trained 0 to 4e-07')
+    assert strong.startswith('pumping [ml/h] 2160 outside the trained 0 to 1440')
 
 
 def test_mean_concentration_binds_only_the_whole_map(trained_on):

@@ -31,7 +31,8 @@ def lines(snapshot: GraphSnapshot, _: Moment) -> list[str]:
         alone = fmean(cycle.prediction_error for cycle in compared)
         corrected = fmean(cycle.corrected_error for cycle in compared)
         count = len(compared)
-        told.append(f'newest {count} forecasts: error {corrected:.1%}, {alone:.1%} without COSTA')
+        newest_ones = 'newest forecast' if count == 1 else f'newest {count} forecasts'
+        told.append(f'{newest_ones}: error {corrected:.1%}, {alone:.1%} without COSTA')
     if newest and not newest[-1].corrected:
         told.append(f'not applied now: {newest[-1].correction_status or "no reason given"}')
     return told
