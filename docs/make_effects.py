@@ -18,22 +18,32 @@ TARGET = Path(__file__).with_name('effects.md')
 
 HEAD = """# Effects and their parameters
 
-An effect is a cause of a gap between the model and the rig. `rig.yaml` lists effects under
-`effects`, `./porotwin simulate --effect NAME:PARAM=VALUE,...` switches one on, and
-`./porotwin diagnose` finds them. Each effect is one file in
-[`porotwin_solver/effects`](../porotwin_solver/porotwin_solver/effects);
-[extend/effect.md](extend/effect.md) shows how to add one.
+An effect is a cause of a gap between the model and the rig. This page lists all effects with their
+parameters and a check in the laboratory.
 
-c is the concentration of the mobile water, v the pore velocity, t the time since the start of the
-recording, x the distance from the left side, z the height, W the width of the rig.
+| to | use |
+| --- | --- |
+| describe an effect of your rig | the list `effects` in [rig.yaml](rig.md) |
+| simulate an effect | `./porotwin simulate ... --effect NAME:PARAM=VALUE,...` |
+| find an effect | `./porotwin diagnose RECORDING --output DIR` ([diagnosis.md](diagnosis.md)) |
+| add an effect | one file, see [extend/effect.md](extend/effect.md) |
 
-This page is written by `docs/make_effects.py`.
+| symbol | meaning |
+| --- | --- |
+| c | concentration of the mobile water [-] |
+| v | pore velocity [m/s] |
+| t | time since the start of the recording [s] |
+| x, z | distance from the left side, height [m] |
+| W | width of the rig [m] |
+
+`docs/make_effects.py` writes this page.
 """
 
 OUTSIDE = """
 ## Effects of the virtual rig only
 
-The blind check uses them to test that a diagnosis admits that it has no explanation. They are in
+The diagnosis does not know these effects. With them the blind check tests whether the diagnosis
+admits that it has no explanation. They are in
 [`porotwin_rig/effects`](../porotwin_rig/porotwin_rig/effects).
 
 """

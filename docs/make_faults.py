@@ -20,15 +20,19 @@ from faults.stage import CYCLES, PHOTO_INTERVAL_S  # noqa: E402
 HEAD = f"""\
 # Faults
 
-All of this was tried: `./porotwin test` starts a twin, injects one fault after the other, and
-checks how each one shows. `docs/make_faults.py` writes this page from that suite (`tests/faults`).
+This page is for the person beside a rig: the tested faults, their signs, the reaction of the twin,
+and the remedy. `./porotwin test` starts a twin, injects one fault after the other, and checks each
+sign. `docs/make_faults.py` writes this page from these tests (`tests/faults`).
 
-A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s. After the remedy the twin sets rates
-again, within {CYCLES} cycles too. No setpoint follows from a photograph or message that is bad, and
-every setpoint keeps the limits of `rig.yaml`.
+These rules hold for every fault:
 
-`./porotwin bench faults` is the long version. It kills each node at 100 random moments, watches the
-memory of all nodes for 24 hours of simulated time, and gives damaged files to every reader.
+- A fault shows within {CYCLES} cycles of {PHOTO_INTERVAL_S:g} s.
+- After the remedy the twin sets rates again within {CYCLES} cycles.
+- No setpoint follows from a bad photograph or message.
+- Every setpoint keeps the limits of `rig.yaml`.
+
+`./porotwin bench faults` is the long test. It kills each node at 100 random moments, measures the
+memory of all nodes over 24 hours of simulated time, and gives damaged files to every reader.
 """
 
 
@@ -50,7 +54,7 @@ def page() -> str:
             '\n'.join(
                 [
                     f'## {group}\n',
-                    '| fault | how it shows | what the twin does | what mends it |',
+                    '| fault | sign | reaction of the twin | remedy |',
                     '| --- | --- | --- | --- |',
                     *(row(fault) for fault in faults),
                     '',

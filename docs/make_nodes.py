@@ -50,11 +50,12 @@ HIDDEN_PARAMETERS = {'use_sim_time', 'start_type_description_service'}
 HEAD = """\
 # Nodes
 
-All topics, services, actions and parameters, as the nodes declare them. `docs/make_nodes.py` writes
-this page from the running nodes. Names are relative to the namespace `/porotwin`; `/clock` and
-`/diagnostics` are global. Units are SI. Every node also has the parameter `use_sim_time`.
+This page is a reference for ROS developers: all topics, services, actions and parameters of the
+nodes. `docs/make_nodes.py` writes it from the running nodes. Names are relative to the namespace
+`/porotwin`. `/clock` and `/diagnostics` are global. Units are SI. Every node also has the parameter
+`use_sim_time`.
 
-Start a node alone with, for example,
+`./porotwin up` starts all nodes. To start one node alone:
 
 ```
 .venv/bin/python -m porotwin_solver.solver_node --ros-args -r __ns:=/porotwin -p rig:=rig.yaml

@@ -26,6 +26,9 @@ from porotwin_recording.recording import Recording, open_recording
 from porotwin_solver.effects import parse_effect
 from porotwin_solver.learnt_coefficients import LearntModels
 
+PRECISE_PRESET = 'accurate'
+"""Scheme that missing physics is found with, whichever scheme COSTA corrects."""
+
 
 def source_name(recording: Recording) -> str:
     """Return the name under which a model remembers a recording that it learned from."""
@@ -122,8 +125,8 @@ def train_on_runs(
         InputError: too few maps, or the model cannot run.
     """
     with crew(workers=workers, scheduler=scheduler, threads=True) as pool, progress() as bar:
-        solvers = SolverOnGrids(rig, preset)
-        data = Experiments(rig, grid, experiments, time_step, preset, solvers, pool)
+        solver, precise = SolverOnGrids(rig, preset), SolverOnGrids(rig, PRECISE_PRESET)
+        data = Experiments(rig, grid, experiments, time_step, preset, solver, precise, pool)
         task = bar.add_task('training COSTA', total=None)
         return train_from_runs(
             data,

@@ -1,4 +1,4 @@
-"""The coarse grid on which many long simulations run: plans, and the siblings."""
+"""The coarse grid for many long simulations: plans of rates, and the siblings."""
 
 import math
 from typing import TYPE_CHECKING
@@ -15,6 +15,6 @@ at 58 (docs/control.md)."""
 
 
 def coarse_grid(rig: 'Rig', finest: Grid, cells: int = COARSE_CELLS) -> Grid:
-    """Return the grid of about `cells` square cells over `rig`, nowhere finer than `finest`."""
+    """Return a grid of about `cells` square cells over `rig`, at most as fine as `finest`."""
     wanted = rig.default_grid(math.sqrt(rig.width_m * rig.height_m / cells))
     return rig.grid(min(wanted.nx, finest.nx), min(wanted.nz, finest.nz))

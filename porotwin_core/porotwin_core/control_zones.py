@@ -50,8 +50,10 @@ def control_zones(rig: Rig) -> list[ControlZone]:
 
 
 def unwanted_tracer(rig: Rig, points: FloatArray) -> FloatArray | None:
-    """Return which points (n, 2) [m] lie where no tracer must be: in a zone to keep out of, or
-    outside of a zone to keep in. None: the objective has no such zone."""
+    """Return a function that marks the points (n, 2) [m] where no tracer must be.
+
+    These points lie in a zone to keep out of, or outside a zone to keep in. The result is None if
+    the objective has no such zone."""
     zones = [zone for zone in control_zones(rig) if zone.kind != 'target']
     if not zones:
         return None

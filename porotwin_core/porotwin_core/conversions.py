@@ -1,4 +1,4 @@
-"""Conversions between messages and the types of the algorithms; the only place that has both.
+"""Conversions between messages and the types of the algorithms, in both directions.
 
 The functions `..._from_msg` come from `from_messages`, which needs no ROS.
 """
@@ -87,7 +87,7 @@ def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> Trac
 
 
 def map_to_msg(values: FloatArray | None) -> MutableSequence[float]:
-    """Return the float32 field of a message for a map (nz, nx); empty for None: not known."""
+    """Return the float32 field of a message for a map (nz, nx); empty for None (unknown)."""
     if values is None:
         return array.array('f')
     return array.array('f', np.ascontiguousarray(values, dtype=np.float32).tobytes())
@@ -154,7 +154,7 @@ def ok() -> Outcome:
 
 
 def refusal(error: Exception) -> Outcome:
-    """Return the outcome of a request that raised `error`, with its message on one line."""
+    """Return the outcome of a request that raised `error`, with the message in one line."""
     code = Outcome.INVALID_INPUT if isinstance(error, InputError) else Outcome.FAILED
     text = ' '.join(str(error).split())
     return Outcome(code=code, message=text or type(error).__name__)
@@ -172,7 +172,7 @@ def _quantity_to_msg(value: float | FloatArray, rig: Rig) -> Quantity:
 
 
 def effect_to_msg(effect: EffectDescription) -> Effect:
-    """Return the message of an effect; NaN stands for a number where the value is a text."""
+    """Return the message of an effect; a text value has NaN as its number."""
     message = Effect(name=effect.name)
     for name, value in effect.parameters.items():
         text = isinstance(value, str)

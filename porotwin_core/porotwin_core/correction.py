@@ -1,4 +1,4 @@
-"""The answer of the data-driven model: the corrective source term sigma, or why there is none."""
+"""The answer of the data-driven model: the corrective source term sigma, or a reason for none."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from porotwin_core.wells import WellRates
 
 @dataclass(frozen=True)
 class Correction:
-    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` says why, in a line.
+    """The corrective source term `sigma` (nz, nx) [1/s], or None; `status` gives the reason.
 
-    `learnt` is the physics that sigma stands for: what a model of longer times should have.
+    `learnt` is the physics that sigma stands for, for models over longer times.
     """
 
     sigma: FloatArray | None
@@ -32,7 +32,7 @@ class Correction:
         """Return the corrected prediction (nz, nx), within 0..1; `predicted` without a sigma.
 
         `correct` is the physics-based model: it solves L c = f_c + sigma for c (paper, eq.
-        costa_residual). A correction may overshoot, a concentration cannot.
+        costa_residual). The result is clipped, because a correction may overshoot.
         """
         return predicted if self.sigma is None else np.clip(correct(self.sigma), 0.0, 1.0)
 

@@ -77,7 +77,7 @@ class CostTerm:
         return type(self)(self.start, self.end, amount(self.linear), amount(self.quadratic), target)
 
     def check(self, shape: tuple[int, int], horizon: float) -> None:
-        """Return if the term fits maps of `shape` (nz, nx) over `horizon` [s].
+        """Check that the term fits maps of `shape` (nz, nx) over `horizon` [s].
 
         Raises:
             InputError: the times lie outside the horizon, or a map is not finite or of another

@@ -1,4 +1,4 @@
-"""The rates that pumps deliver, where they deliver another share of what they are told."""
+"""The rates that pumps deliver if they deliver a constant share of the commanded rates."""
 
 import math
 from collections.abc import Mapping
@@ -11,8 +11,8 @@ def delivered(
 ) -> dict[str, WellRate]:
     """Return the delivered rates [m^3/s] for commanded `rates`.
 
-    In a `closed` rig, whose sides let nothing through, the wells that produce take out what is
-    injected, whatever their pumps are told.
+    In a `closed` rig, with four closed sides, the producing wells take out all injected water,
+    whatever rate their pumps have.
 
     Args:
         rates: as commanded.

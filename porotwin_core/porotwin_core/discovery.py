@@ -1,4 +1,4 @@
-"""Extension points: every module of a package folder is found by itself."""
+"""Extension points: finds every module in the folder of a package."""
 
 import importlib
 import importlib.util

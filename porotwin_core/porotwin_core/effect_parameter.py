@@ -12,7 +12,7 @@ Values = Mapping[str, Any]
 
 
 class Reading(NamedTuple):
-    """The unit of a parameter in a report: shown = `factor` * value, in `unit`."""
+    """The unit of a parameter in reports: shown value = `factor` * value, in `unit`."""
 
     factor: float
     unit: str
@@ -28,10 +28,10 @@ class Parameter:
         low: least value.
         high: greatest value.
         default: value where none is given; None where one must be given.
-        neutral: value without effect; 1 for a factor.
-        reading: unit of the report where the usual one for `unit` does not suit.
+        neutral: value that changes nothing; 1 for a factor.
+        reading: unit in reports, if the usual unit for `unit` does not suit.
         is_name: the value is the name of a well.
-        may_be_fixed: some candidates of a search hold it fixed instead of fitting it.
+        may_be_fixed: some candidates of a search fix the value instead of fitting it.
         is_logarithmic: errors of the value are errors of its logarithm.
         is_scored: the blind check compares the value with the truth. Places are scored by their
             distance instead.

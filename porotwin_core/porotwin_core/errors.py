@@ -1,4 +1,4 @@
-"""Errors that a user is meant to read: wrong input, and files that cannot be written."""
+"""Errors for users: wrong input, and files that cannot be written."""
 
 import errno
 import os
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 FULL_BYTES = 1_000_000
-"""Free space below which a disk counts as full [B]: libraries tell no reason for a failed write."""
+"""Free space below which a disk counts as full [B]: libraries give no reason for failed writes."""
 
 MAY_NOT = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
 """Faults of writing that another path mends."""
@@ -17,8 +17,8 @@ MAY_NOT = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, 
 class InputError(ValueError):
     """A file, value, name or message given to the twin is wrong.
 
-    The message is one line with the thing, its value and the remedy. Commands print it and exit
-    with status 2; nodes log it and go on.
+    The message is one line with the thing, its value and the remedy. Commands print the message
+    and exit with status 2. Nodes log the message and continue.
     """
 
 
@@ -27,10 +27,10 @@ def write_error(path: Path, error: Exception) -> Exception:
 
     Args:
         path: the output that the user named.
-        error: of the operating system, or of a library, which may not know the reason.
+        error: from the operating system, or from a library, which may not give the reason.
 
     Returns:
-        An InputError if another path is the remedy; an OSError if the disk is full or fails.
+        An InputError if another path helps; an OSError if the disk is full or fails.
     """
     number = error.errno if isinstance(error, OSError) else None
     if number in MAY_NOT:
@@ -59,7 +59,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Check that a file `path`, or a new folder of this name, may be written.
+    """Check that the file or new folder `path` may be written.
 
     Raises:
         InputError: its folder, or the file itself, may not be written.

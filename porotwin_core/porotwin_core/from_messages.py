@@ -132,7 +132,7 @@ def rates_from_msg(messages: Iterable[Any]) -> dict[str, WellRate]:
 
 
 def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
-    """Return the steps of a plan; `check_plan` judges their times.
+    """Return the steps of a plan; `check_plan` checks their times.
 
     Raises:
         InputError: as `rates_from_msg`.
@@ -141,7 +141,7 @@ def plan_from_msg(messages: Iterable[Any]) -> tuple[RateStep, ...]:
 
 
 def cost_term_from_msg(message: Any, grid: Grid) -> CostTerm:
-    """Return a cost term for maps on `grid`; `CostTerm.check` judges its times.
+    """Return a cost term for maps on `grid`; `CostTerm.check` checks its times.
 
     Raises:
         InputError: a map has not one value for each cell.
@@ -196,7 +196,7 @@ def _effect_from_msg(message: Any) -> dict[str, Any]:
 
 
 def effects_from_msg(messages: Iterable[Any]) -> tuple[EffectDescription, ...]:
-    """Return effects; names and parameters are judged by those who let them act.
+    """Return effects. The caller checks their names and parameters.
 
     Raises:
         InputError: a parameter has no value, or a number is not finite.

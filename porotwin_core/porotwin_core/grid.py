@@ -139,8 +139,8 @@ def relative_error(values: FloatArray, reference: FloatArray) -> float:
 def fill_unseen(observed: FloatArray, prediction: FloatArray | None) -> FloatArray:
     """Return the observed map (nz, nx), clipped to 0..1, with its unseen cells (NaN) filled in.
 
-    They take the `prediction`, or 0 without one. The physics-based model starts from this state in
-    the live twin, in the training data of COSTA and in its evaluation.
+    Unseen cells take the `prediction`, or 0 without one. The physics-based model starts from this
+    map in the live twin, in the training data of COSTA and in its evaluation.
     """
     substitute = np.zeros_like(observed) if prediction is None else prediction
     return np.where(np.isfinite(observed), np.clip(observed, 0.0, 1.0), substitute)

@@ -1,7 +1,7 @@
-"""Physics that a data-driven model has learnt: what the sand and the tracer do beyond rig.yaml.
+"""Physics that a data-driven model has learnt: properties of sand and tracer beyond rig.yaml.
 
-It is plain numbers, so that the data-driven model can keep it in a file and the solver can run it.
-Neither of them imports the other.
+The learnt physics consists of plain numbers. The data-driven model keeps them in a file, and the
+solver runs them. Neither of them imports the other.
 """
 
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ class SandPatch:
 
 @dataclass(frozen=True)
 class LearntPhysics:
-    """Changes of the coefficients of flow and transport; all zero is the model as described.
+    """Changes of the coefficients of flow and transport; all zero means the model as described.
 
     density_difference: added to the density of the tracer minus that of water [kg/m^3].
     longitudinal_dispersivity, transverse_dispersivity: added to Scheidegger's a_L and a_T [m].

@@ -1,8 +1,7 @@
-"""The solver as the data-driven model sees it: a model of every learnt physics.
+"""The interface of a solver for the data-driven model: a model for every learnt physics.
 
-The data-driven model never imports a solver. Whoever starts it hands one over: the command passes
-the class, and the node loads the class that its parameter `solver` names, as Navigation2 loads its
-planners.
+The data-driven model never imports a solver. The command passes a class, and the node loads the
+class in its parameter `solver`, as Navigation2 loads its planners.
 """
 
 import importlib

@@ -1,4 +1,4 @@
-"""Ends the program with one line if a library is too old, before its first use fails with many."""
+"""Ends the program with one line if a library is too old."""
 
 import sys
 

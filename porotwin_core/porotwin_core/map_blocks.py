@@ -1,7 +1,7 @@
-"""Blocks of cells: their means tell where a plume is, and how much of it.
+"""Blocks of cells: their means show the place and the amount of a plume.
 
-A block holds many cells, so that the noise of single cells counts little, and a front that lies
-elsewhere changes the blocks that it crosses.
+A block holds many cells, so noise of single cells counts little. A displaced front changes the
+blocks that it crosses.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Shared parts of all nodes: parameters, diagnostics, and the main loop with a clean end."""
+"""Shared parts of all nodes: parameters, diagnostics, and a main loop that ends cleanly."""
 
 import math
 import os
@@ -139,8 +139,8 @@ def declare_grid(node: Node, rig: Rig) -> Grid:
 class Diagnostics:
     """Publishes the health of one node on /diagnostics once a second (REP-107).
 
-    The executor of the node publishes. Silence therefore means that the executor is stuck or the
-    process is stopped; a long computation in a thread of its own is no silence.
+    The executor of the node publishes. Silence therefore means a stuck executor or a stopped
+    process. A long computation in another thread does not cause silence.
     """
 
     def __init__(self, node: Node) -> None:
@@ -166,7 +166,7 @@ class Diagnostics:
         self._beat()
 
     def busy(self, what: str, longest_s: float = math.inf) -> AbstractContextManager[None]:
-        """Return a context that marks a piece of work as in progress.
+        """Return a context manager that marks a piece of work as in progress.
 
         Args:
             what: the work in a few words, such as 'state 12'.
@@ -189,14 +189,14 @@ class Diagnostics:
 
 
 def ensure_diagnostics(node: Node) -> None:
-    """Publish the health of `node`, unless it does so by itself."""
+    """Publish the health of `node`, unless the node publishes it already."""
     if not any(publisher.topic_name == DIAGNOSTICS for publisher in node.publishers):
         Diagnostics(node)  # its timers keep it alive
 
 
 @contextmanager
 def until_shutdown(context: Context) -> Iterator[None]:
-    """Leave the block quietly when `context` is shut down while a node is made or spun in it.
+    """Leave the block without an error when `context` is shut down inside it.
 
     A signal or another thread may shut the context down at any time, also between the executor's
     check of the context and its use. Errors under a valid context are raised.

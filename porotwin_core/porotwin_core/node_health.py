@@ -75,12 +75,12 @@ class NodeHealth:
                 del self._works[number]
 
     def callbacks_ran(self) -> None:
-        """Note that a callback ran: no other callback of its group blocks it."""
+        """Note that a callback ran, so no other callback of its group blocks."""
         with self._lock:
             self._callbacks_ran = self._clock()
 
     def now(self) -> HealthReport:
-        """Return the last report with its age, and everything that takes too long now.
+        """Return the last report with its age, and all work that takes too long now.
 
         Stuck work is an error. Callbacks that wait are a warning, because one of them may compute.
         """

@@ -43,7 +43,7 @@ AHEAD = 2
 """Tasks per worker that wait beside the running one, so that no worker waits for its next task."""
 
 LOCALHOST = '127.0.0.1'
-"""The scheduler of this machine listens here alone: whoever reaches it may run programs."""
+"""The scheduler of this machine listens here only, because its clients may run programs."""
 
 SETTINGS = {
     # a worker with one task would pause for ever, or write to disk what is needed at once
@@ -73,7 +73,7 @@ class Crew(Executor):
     """Workers for independent tasks; leaving its context cancels the tasks that have not begun.
 
     Attributes:
-        workers: tasks at a time; of a cluster, at the moment when it was reached.
+        workers: tasks at a time; for a cluster, the number when it was first reached.
     """
 
     workers: int = 1
@@ -83,7 +83,7 @@ class Crew(Executor):
         return value
 
     def needs_folder(self, folder: Path) -> None:
-        """Return if all workers see the files in `folder`, which exists.
+        """Check that all workers see the files in the existing `folder`.
 
         Raises:
             InputError: a worker is on a machine without it.
@@ -128,13 +128,13 @@ class ClusterCrew(Crew):
         Its exception is that of the function, or SchedulerLost.
 
         Raises:
-            SchedulerLost: the scheduler is not there any more.
+            SchedulerLost: the scheduler is gone.
         """
         future: Future[Any] = Future()
         call = partial(function, **kwargs) if kwargs else function
         if self._client.status != 'running':
             raise self._lost()
-        task = self._client.submit(_in_worker, _versions(), call, *args, pure=False)
+        task = self._client.submit(_in_worker, versions(), call, *args, pure=False)
         self._tasks[task] = future
         task.add_done_callback(self._deliver)
         return future
@@ -144,7 +144,7 @@ class ClusterCrew(Crew):
         return self._client.scatter(value, hash=False)
 
     def needs_folder(self, folder: Path) -> None:
-        """Return if all workers see the files in `folder`, which exists.
+        """Check that all workers see the files in the existing `folder`.
 
         Raises:
             InputError: a worker is on a machine without it.
@@ -210,7 +210,7 @@ class ClusterCrew(Crew):
 
 
 class LastingCrew(Crew):
-    """A crew, and another one from the moment when the scheduler of the first goes away."""
+    """A crew that a second crew replaces when the scheduler of the first one goes away."""
 
     def __init__(self, first: Crew, second: Callable[[], Executor], tell: Tell) -> None:
         """Begin with `first`; make the `second` one when it is needed, and `tell` so."""
@@ -249,8 +249,8 @@ def crew(
         workers: tasks at a time on this machine; None for one per core. The memory that is free
             now bounds it.
         scheduler: address of a Dask scheduler whose workers do the tasks instead.
-        threads: whether threads of this process suffice, as for tasks in compiled code that read
-            no netCDF files.
+        threads: use threads of this process. They suffice for tasks in compiled code that read no
+            netCDF files.
         task_bytes: memory of one task [B].
         tell: called with a line about the workers and the address of their dashboard.
 
@@ -278,9 +278,9 @@ def in_order(
 ) -> Iterator[Result]:
     """Yield `function(*first, item)` in the order of `items`; few items are in work at a time.
 
-    `pool.map` takes all items at once. Here at most `ahead` are taken before their result is
-    wanted, so that thousands of photographs need the memory of a few; 0: a few per worker. What is
-    large in `first` should come from `Crew.share`.
+    `pool.map` takes all items at once. This function takes at most `ahead` items before their
+    results are wanted (0: a few per worker). So thousands of photographs need the memory of a few.
+    Pass large objects in `first` through `Crew.share`.
     """
     most = ahead or (1 + AHEAD) * getattr(pool, 'workers', os.cpu_count() or 1)
     waiting: deque[Future[Result]] = deque()
@@ -297,8 +297,8 @@ def workers_that_fit(
 ) -> int:
     """Return how many tasks this machine does at a time: `workers`, or one per core.
 
-    Fewer, and at least one, where the `free` memory [B] does not hold that many tasks of
-    `task_bytes` [B] each; None: the memory that is free now. `tell` then gets a line.
+    The number is smaller, but at least one, if the `free` memory [B] (None: as it is now) does not
+    hold that many tasks of `task_bytes` [B] each. Then `tell` gets a line.
     """
     asked = workers or _cores()
     room = free_memory() if free is None else free
@@ -312,7 +312,7 @@ def workers_that_fit(
 
 
 def free_memory(files: tuple[str, str] = MEMORY_FILES) -> float:
-    """Return the memory that is free [B]: of this machine, or of the container if that is less.
+    """Return the free memory [B] of this machine, or of the container if that is less.
 
     `files` hold the limit and the use of a container's memory.
     """
@@ -399,13 +399,13 @@ def _be_quiet() -> None:
 
 
 @cache
-def _versions() -> str:
+def versions() -> str:
     """Return this program and the versions that its results depend on."""
     found = [f'{name} {version(name)}' for name in LIBRARIES]
     return ', '.join([PROGRAM, f'Python {sys.version_info.major}.{sys.version_info.minor}', *found])
 
 
-def _in_worker(versions: str, function: Callable[..., Result], /, *args: Any) -> Result:
+def _in_worker(wanted: str, function: Callable[..., Result], /, *args: Any) -> Result:
     """Return `function(*args)`, computed in a worker as it would be computed here.
 
     Raises:
@@ -414,15 +414,15 @@ def _in_worker(versions: str, function: Callable[..., Result], /, *args: Any) ->
     from distributed import get_worker
 
     worker = get_worker()
-    if versions != _versions():
+    if wanted != versions():
         raise InputError(
-            f'worker {worker.address} has {_versions()}; this machine has {versions}: install the '
+            f'worker {worker.address} has {versions()}; this machine has {wanted}: install the '
             'same on both'
         )
     if worker.state.nthreads > 1:
         raise InputError(
             f'worker {worker.address} has {worker.state.nthreads} threads, and some libraries '
-            'bear one; start it with `dask worker --nthreads 1`'
+            'work with one only; start it with `dask worker --nthreads 1`'
         )
     if 'cv2' in sys.modules:  # the workers share the cores
         sys.modules['cv2'].setNumThreads(1)

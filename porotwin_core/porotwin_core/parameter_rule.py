@@ -1,4 +1,4 @@
-"""The rule of one parameter of a node: its default, its meaning, and the values that it takes."""
+"""The rule of one parameter of a node: default, meaning and allowed values."""
 
 import math
 from collections.abc import Mapping
@@ -51,7 +51,7 @@ class ParameterRule:
         return f'from {self.at_least:g} to {self.at_most:g}'
 
     def check(self, value: Any, node: str) -> None:
-        """Refuse a value of the right type that is out of range or no choice.
+        """Check that a value of the right type is in range, or one of the choices.
 
         Raises:
             InputError: one line with the parameter, the `node`, the value and what is allowed.
@@ -64,7 +64,7 @@ class ParameterRule:
             raise InputError(f"{where} '{value}'; choose {self.constraint}")
 
     def taken(self, value: Any, node: str) -> Any:
-        """Return `value` as the node will get it; a whole number is a number too.
+        """Return `value` as the node will get it; whole numbers also count as numbers.
 
         Raises:
             InputError: the value is of another type, out of range or no choice.

@@ -1,4 +1,4 @@
-"""The agreement of a node and its launcher: who launched it, and how a node refuses to run."""
+"""The agreement of a node and its launcher: the launching process, and the refusal to run."""
 
 import ctypes
 import os
@@ -19,7 +19,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def end_with_parent() -> None:
-    """Let Linux end this process when its parent ends, in whatever way the parent ends.
+    """Let Linux end this process when its parent ends, cleanly or not.
 
     Without the environment variable `PARENT`, or on another system, nothing happens. The kernel
     watches the thread that started this process, so that thread must live as long as the process.

@@ -1,8 +1,8 @@
-"""Plausible ranges of physical quantities, and the remark about a value outside of them.
+"""Plausible ranges of physical quantities, and remarks about values outside these ranges.
 
-A value outside `possible` cannot describe a laboratory rig with sand and water; it is refused. A
-value outside `usual` is odd; it is used, and a remark says so. The remark asks for the unit in
-which the number would be usual.
+A value outside `possible` cannot describe a laboratory rig with sand and water, and is refused. A
+value outside `usual` is odd: it is used, with a remark. The remark asks for another unit if the
+number would be usual with that unit.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ Interval = tuple[float, float]
 class Remark:
     """An odd or impossible value: `key` (where), `value`, `why` and `remedy` as text.
 
-    `refused` says whether the value is impossible, so that work with it makes no sense.
+    `refused` is true for an impossible value, which must not be used.
     """
 
     key: str
@@ -41,7 +41,7 @@ class PlausibleRange:
 
     unit: the unit, for messages.
     possible, usual: see the module.
-    known: the usual things, as words before the numbers.
+    known: the usual things in words, such as "sand lies".
     other_units: factors from other units that people use, by name.
     source: where the numbers come from.
     """

@@ -1,4 +1,4 @@
-"""Rates that a person may set or propose: are they plausible for the pumps of a rig?"""
+"""Checks whether rates from a person are plausible for the pumps of a rig."""
 
 import math
 
@@ -25,10 +25,10 @@ def greatest_rate_ml_h(rig: Rig) -> float:
 
 
 def refuse_too_great(rates: WellRates, rig: Rig) -> None:
-    """Return if the wells of `rates` [m^3/s] are in the rig and its pumps may run so fast.
+    """Check that the wells of `rates` [m^3/s] are in the rig and its pumps reach these rates.
 
     Raises:
-        InputError: a well is not known, or its rate is too great.
+        InputError: a well is unknown, or its rate is too large.
     """
     greatest = greatest_rate_ml_h(rig)
     for name, well in rates.items():

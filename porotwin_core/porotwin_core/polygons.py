@@ -1,4 +1,4 @@
-"""Polygons in the plane: places inside them, and outlines that cross themselves."""
+"""Polygons in the plane: points inside, signed area, and outlines that cross themselves."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""The rates that the wells pumped over an interval: measured, confirmed, or as commanded."""
+"""The rates of the wells over an interval: measured, confirmed or commanded."""
 
 import itertools
 from collections.abc import Sequence
@@ -28,9 +28,8 @@ MOST_PERIODS = 8
 class KnownRates(NamedTuple):
     """Rates [m^3/s] that the pumps measured or the operator confirmed.
 
-    Measured rates hold from `start` to `end`, times [s] by the photographs' clock. Confirmed
-    rates begin to hold at `start`; their `end` equals `start`, because nobody knows how long they
-    will hold.
+    Measured rates hold from `start` to `end` [s], on the clock of the photographs. Confirmed rates
+    hold from `start` until other rates are known; their `end` equals `start`.
     """
 
     start: float
@@ -61,9 +60,9 @@ def rates_in_force(
 ) -> tuple[RatePeriod, ...]:
     """Return the periods of constant rates that cover `start` to `end` [s].
 
-    Of several known rates, the ones that began last count. Where none are known, the `commanded`
-    rates count as pumped. There is one exception: until the operator confirms a change, the pumps
-    keep the rates of the end of the last interval (`before`).
+    Of several known rates, the latest count. Where no rates are known, the `commanded` rates count
+    as pumped. One exception: until the operator confirms a change, the rates at the end of the
+    last interval (`before`) count.
 
     Args:
         known: measured and confirmed rates, in any order.
@@ -121,7 +120,7 @@ def latest_known(known: Sequence[KnownRates], moment: float) -> WellRates | None
 
 
 def same_rates(first: WellRates, second: WellRates) -> bool:
-    """Return whether both are the same settings of the pumps, with the same fluids."""
+    """Return whether both are the same rates with the same fluids."""
     return not different_wells(first, second)
 
 
@@ -147,7 +146,7 @@ def _same(first: WellRate, second: WellRate, accuracy: float) -> bool:
 def balanced(rates: WellRates, producer: str) -> dict[str, WellRate]:
     """Return `rates` with the rate of the `producer` that balances all others.
 
-    In a rig whose sides are all closed the net rate is zero; meters never add up to zero.
+    In a closed rig the net rate is zero, but measured rates never add up to zero exactly.
     """
     others = {name: well for name, well in rates.items() if name != producer}
     return {**others, producer: WellRate(-net_rate(others))}
@@ -165,7 +164,7 @@ def injected_tracer(periods: Sequence[RatePeriod]) -> float:
 def describe_difference(periods: Sequence[RatePeriod], expected: WellRates) -> str:
     """Return in words, in ml/h, how the mean rates of `periods` differ from the `expected` ones.
 
-    Differences within the accuracy of a pump are left out; the text is empty if all are.
+    Differences within the accuracy of a pump are left out. The text may be empty.
     """
     mean = periods[0].rates if len(periods) == 1 else mean_rates(periods)
     parts = []

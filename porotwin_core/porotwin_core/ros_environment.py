@@ -1,6 +1,6 @@
 """The environment variables of ROS 2, checked before a node starts, and one graph per domain.
 
-ROS answers wrong values with an abort deep in a library, or ignores them.
+ROS aborts deep in a library at a wrong value, or ignores the value.
 """
 
 import errno
@@ -32,10 +32,10 @@ RANGES = ('LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT')
 
 
 def prepare_environment() -> None:
-    """Check the variables of ROS 2; without a discovery range, set the one of this machine.
+    """Check the variables of ROS 2; without a discovery range, set it to this machine.
 
     Raises:
-        InputError: one line with the variable and the values that are right.
+        InputError: one line with the variable and its allowed values.
     """
     check_environment(os.environ)
     if not os.environ.get(RANGE):
@@ -46,7 +46,7 @@ def check_environment(environ: Mapping[str, str]) -> None:
     """Check the variables of ROS 2 in `environ`.
 
     Raises:
-        InputError: one line with the variable and the values that are right.
+        InputError: one line with the variable and its allowed values.
     """
     domain_of(environ)
     found = environ.get(RANGE)
@@ -58,7 +58,7 @@ def check_environment(environ: Mapping[str, str]) -> None:
 
 
 def domain_of(environ: Mapping[str, str]) -> int:
-    """Return the domain that the variables name; 0 if they name none.
+    """Return the domain from the environment variables; 0 by default.
 
     Raises:
         InputError: it is no number from 0 to 232.
@@ -111,7 +111,7 @@ def namespace_of(text: str) -> str:
 
 
 def enter_domain(domain: int | None) -> None:
-    """Let the nodes of this process and its children use `domain`; None: the one they have.
+    """Set the domain of this process and its children to `domain`; None: change nothing.
 
     Raises:
         InputError: it is no number from 0 to 232.
@@ -123,8 +123,8 @@ def enter_domain(domain: int | None) -> None:
 class DomainClaim:
     """Keeps a domain for one graph on this machine; a context manager.
 
-    The end of the process gives it back, too. Graphs on other machines are not seen here; the hub
-    refuses to be the second one.
+    The domain is free again when the process ends. This class does not see graphs on other
+    machines; a second hub refuses to start there.
     """
 
     def __init__(self, domain: int) -> None:

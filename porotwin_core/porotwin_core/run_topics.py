@@ -1,4 +1,4 @@
-"""The topics that tell a node what happens in a run: maps, rates, interruptions, effects."""
+"""The topics with the course of a run: maps, rates, interruptions, effects."""
 
 from collections.abc import Callable
 
@@ -17,14 +17,14 @@ def follow_run(
     on_clean_state: Callable[[CleanState], None],
     on_effects: Callable[[ModelEffects], None],
 ) -> None:
-    """Let `node` receive the course of a run.
+    """Subscribe `node` to the course of a run.
 
     Args:
         node: the node.
         on_state: takes every map.
         on_setpoint: takes the rates that the hub commands.
         on_measured: takes the rates that the pumps delivered.
-        on_clean_state: takes the news that a sequence of states begins anew.
+        on_clean_state: takes the message that a new sequence of states begins.
         on_effects: takes the effects that act in the solver.
     """
     node.create_subscription(WellRates, 'wells/measured', on_measured, qos.FIELD)

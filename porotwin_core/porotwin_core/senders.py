@@ -1,7 +1,7 @@
-"""Who sends: the nodes that publish a topic or call a service, as the middleware knows them.
+"""The senders of messages: the nodes that publish a topic or call a service.
 
-ROS 2 Jazzy does not tell which node sent a message. It tells which nodes could have: a receiver
-that wants one sender refuses all messages while there is another.
+ROS 2 Jazzy does not tell which node sent a message. It tells which nodes could have sent it. A
+receiver that accepts one sender therefore refuses all messages while another node could send.
 """
 
 import time
@@ -41,39 +41,39 @@ def full_name(node: Any, name: str) -> str:
 
 
 def check_only_guard_publishes(node: Any) -> None:
-    """Return if the guard alone publishes setpoints; every receiver of them calls this.
+    """Check that only the guard publishes setpoints; every receiver of setpoints calls this.
 
     Raises:
-        InputError: another node does it too; one line with its name.
+        InputError: another node does so too; one line with its name.
     """
     found = publishers(node, 'wells/setpoint')
     refuse_others(found, full_name(node, GUARD), 'publishes wells/setpoint')
 
 
 def check_only_guard_calls(node: Any) -> None:
-    """Return if the guard alone commands the pumps; every asset calls this.
+    """Check that only the guard commands the pumps; every asset calls this.
 
     Raises:
-        InputError: another node does it too; one line with its name.
+        InputError: another node does so too; one line with its name.
     """
     refuse_others(callers(node, 'asset/control'), full_name(node, GUARD), 'calls asset/control')
 
 
 def publishers(node: Any, topic: str) -> list[Sender]:
-    """Return who publishes `topic`, a name relative to `node` (rclpy.node.Node)."""
+    """Return the publishers of `topic`, a name relative to `node` (rclpy.node.Node)."""
     return _named_senders(node, node.resolve_topic_name(topic), mangled=False)
 
 
 def callers(node: Any, service: str) -> list[Sender]:
-    """Return who has a client of `service`, a name relative to `node` (rclpy.node.Node)."""
+    """Return the clients of `service`, a name relative to `node` (rclpy.node.Node)."""
     # the DDS topic of the requests; the graph of ROS 2 Jazzy lists no clients of a service
     return _named_senders(node, f'rq{node.resolve_service_name(service)}Request', mangled=True)
 
 
 def servers(node: Any, service: str) -> frozenset[str]:
-    """Return the identities of those who answer `service`, a name relative to `node`.
+    """Return the identities of the servers of `service`, a name relative to `node`.
 
-    A service that is started again has a new identity; a killed one keeps its own for `LEASE_S`.
+    A restarted server has a new identity. A killed server stays visible for `LEASE_S`.
     """
     # the DDS topic of the answers
     topic = f'rr{node.resolve_service_name(service)}Reply'
@@ -82,7 +82,7 @@ def servers(node: Any, service: str) -> frozenset[str]:
 
 
 def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
-    """Return if every sender of `found` is the node `expected`.
+    """Check that every sender in `found` is the node `expected`.
 
     Args:
         found: from `publishers` or `callers`.
@@ -90,7 +90,7 @@ def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
         doing: the act in words, such as 'publishes wells/setpoint'.
 
     Raises:
-        InputError: another node does it too; one line with its name.
+        InputError: another node does so too; one line with its name.
     """
     others = sorted({sender.node for sender in found} - {expected})
     if others:
@@ -99,7 +99,7 @@ def refuse_others(found: Collection[Sender], expected: str, doing: str) -> None:
 
 
 def only(found: Collection[Sender], expected: str, doing: str) -> Sender | None:
-    """Return the only sender of `found`, the node `expected`, or None if there is none.
+    """Return the only sender in `found`, the node `expected`; None if `found` is empty.
 
     Args:
         found: from `publishers` or `callers`.
@@ -107,7 +107,7 @@ def only(found: Collection[Sender], expected: str, doing: str) -> Sender | None:
         doing: the act in words, such as 'publishes wells/setpoint'.
 
     Raises:
-        InputError: another node does it too, or there are several nodes `expected`.
+        InputError: another node does so too, or there are several nodes `expected`.
     """
     refuse_others(found, expected, doing)
     if len(found) > 1:

@@ -1,10 +1,10 @@
 """One node of a name per domain and namespace: a second one is refused with one line.
 
-Two graphs in one domain mix their photographs and setpoints without a word. On one machine a lock
-tells whether the other node lives; the kernel frees it when a process ends, however it ends. On
-other machines only discovery tells, and discovery still shows a killed process for some seconds: a
-ghost. The lock file holds the identity of its last owner, so that a restarted node knows its ghost
-and need not wait for it.
+Two graphs in one domain would mix their photographs and setpoints silently. On one machine a lock
+shows whether the other node lives. The kernel frees the lock when a process ends, however it ends.
+For other machines only discovery is left. Discovery still shows a killed process for some seconds:
+a ghost. The lock file holds the identity of its last owner. So a restarted node recognises its
+ghost and need not wait.
 """
 
 import fcntl
@@ -62,10 +62,10 @@ class Claim:
 
 
 def only_one(make_node: Callable[[], Node], name: str) -> Callable[[], Node]:
-    """Return `make_node` behind a check that no other node `name` lives in the domain.
+    """Return `make_node` with a check that no other node `name` lives in the domain.
 
     Use it in `main`: `run(only_one(SolverNode, 'solver'))`. The result raises InputError if
-    there is one; it waits for a node that has just died.
+    another node lives. It waits for a node that has just died.
     """
 
     def make() -> Node:
@@ -95,7 +95,7 @@ def claim_name(name: str) -> Claim:
 
 
 def another_lives(node: Node) -> str:
-    """Return in words that another node has the name of `node`, or an empty string.
+    """Return a line if another node has the name of `node`, else an empty string.
 
     Only a node that was made behind `only_one` knows; nodes that start at the same moment on two
     machines see each other here.

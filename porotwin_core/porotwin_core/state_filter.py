@@ -1,9 +1,9 @@
-"""The state estimate: photograph and prediction, weighed cell by cell by their errors.
+"""The state estimate: photograph and prediction, weighted in each cell by their errors.
 
 A Kalman filter with one variance for each cell. Its gain is the share of the prediction's error in
 the difference between photograph and prediction (Evensen et al., Data Assimilation Fundamentals,
-2022, ch. 6). How wrong predictions are is learnt from these differences. A second filter keeps the
-volume of tracer from three sources: pumps, photographs, and the scale of the photographs.
+2022, ch. 6). The filter learns the error of predictions from these differences. A second filter
+estimates the volume of tracer from pumps, photographs, and the scale of the photographs.
 """
 
 import math
@@ -17,10 +17,10 @@ from scipy.optimize import nnls
 from porotwin_core.grid import FloatArray, fill_unseen
 
 USUAL_RANDOM = 0.015
-"""Random deviation of a photograph that tells none [-]."""
+"""Random deviation of a photograph that states none [-]."""
 
 USUAL_SYSTEMATIC = 0.04
-"""Systematic deviation of a photograph that tells none, relative to its concentration [-]."""
+"""Systematic deviation of a photograph that states none, relative to its concentration [-]."""
 
 LEAST_RANDOM = 0.003
 """Least random deviation that is believed [-]: the resolution of a photograph."""
@@ -67,7 +67,7 @@ FULL_ROUNDS = 3
 class Seen:
     """A photograph's map and its errors, (nz, nx) [-]; NaN in `concentration` where unseen.
 
-    `random` is the deviation that is new in every photograph, `systematic` the one that stays.
+    `random` is the deviation that is new in every photograph; `systematic` stays the same.
     """
 
     concentration: FloatArray
@@ -92,7 +92,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Volume:
-    """The knowledge about the volume of tracer.
+    """The estimated volume of tracer.
 
     `scale` is the error of the photographs, in their systematic deviations; `covariance` (3, 3) is
     that of the volume [m^3], of the scale, and of the factor of the tracer's pump.
@@ -107,8 +107,8 @@ class Estimate:
     """A state: `concentration` and `variance` of its random error, (nz, nx); its `volume`.
 
     `observed` is the photograph's map without the error of its scale, (nz, nx); NaN where unseen.
-    `expected_error` [-] is the relative L2 difference of prediction and `observed` that was to be
-    expected by their deviations; NaN: there was no prediction.
+    `expected_error` [-] is the relative L2 difference of prediction and `observed` that follows
+    from their deviations; NaN without a prediction.
     """
 
     concentration: FloatArray
@@ -137,7 +137,7 @@ class StateFilter:
         self._target = np.zeros(3)
 
     def begin(self, seen: Seen, expected: FloatArray | None = None) -> Estimate:
-        """Return the state of a photograph that follows from no other one.
+        """Return the state of the first photograph of a sequence.
 
         Its unseen cells take the `expected` map (nz, nx), or 0 without one. Cells that do not
         differ from 0 by more than their noise hold no tracer.
@@ -168,7 +168,7 @@ class StateFilter:
             last: the state that the prediction started from.
             predicted: the prediction for the photograph, (nz, nx) [-].
             seen: the photograph.
-            injected: tracer that the pumps put in meanwhile [m^3].
+            injected: tracer that the pumps injected since `last` [m^3].
             pump_deviation: standard deviation of the rate factor of their pump [-].
         """
         known = np.isfinite(seen.concentration)

@@ -39,7 +39,7 @@ def to_ml_h(rate: float) -> float:
 
 
 def from_ml_min(dose_ml_min: float) -> float:
-    """Return a dose [m^3 s]: tracer where it must not be, over time, from ml min."""
+    """Return a dose [m^3 s], tracer in the disallowed zone over time, from ml min."""
     return dose_ml_min * ML_MIN
 
 

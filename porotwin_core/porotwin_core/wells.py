@@ -45,7 +45,7 @@ def net_rate(rates: WellRates) -> float:
 class RateStep(NamedTuple):
     """Rates [m^3/s] that hold from `start` [s] until the next step of a plan; the last one stays.
 
-    The times of a plan begin at 0, the moment of the state that it starts from.
+    The times of a plan begin at 0, the time of its initial state.
     """
 
     start: float
@@ -53,10 +53,10 @@ class RateStep(NamedTuple):
 
 
 def check_plan(plan: Sequence[RateStep]) -> None:
-    """Return if the steps of a plan begin at 0 and follow each other.
+    """Check that the steps of a plan begin at 0 and that their times increase.
 
     Raises:
-        InputError: there is none, the first one does not begin at 0, or the times do not increase.
+        InputError: there is no step, the first does not begin at 0, or times do not increase.
     """
     starts = [step.start for step in plan]
     if not starts or starts[0] != 0.0:
@@ -74,7 +74,7 @@ def plan_intervals(
 ) -> Iterator[tuple[float, float, int]]:
     """Yield (start, end, number of the step) of intervals from 0 to `end` [s].
 
-    No interval goes over the start of a step or over one of the `edges` [s].
+    No interval contains the start of a step or one of the `edges` [s] in its interior.
     """
     starts = [step.start for step in plan]
     moments = sorted({0.0, end, *(time for time in [*starts, *edges] if 0.0 < time < end)})
@@ -84,7 +84,7 @@ def plan_intervals(
 
 @dataclass(frozen=True)
 class ScheduleRow:
-    """A change of one well: from `time` [s] until its next row, `well` pumps `rate`."""
+    """One change of one well: it pumps `rate` from `time` [s] until its next row."""
 
     time: float
     well: str
@@ -125,7 +125,7 @@ class Schedule:
         return cls(tuple(rows))
 
     def at(self, time: float) -> dict[str, WellRate]:
-        """Return the rates that hold from `time` [s] on, of all wells that had a row by then."""
+        """Return the rates from `time` [s] on, of all wells with a row at or before that time."""
         return {row.well: row.rate for row in self.rows[: bisect.bisect_right(self._times, time)]}
 
     def intervals(
@@ -148,7 +148,7 @@ def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, W
     """Return the constant rates that pump as much water and tracer as periods of other rates.
 
     The mean rate of a well is sum(duration * rate) / sum(duration). Its concentration is the mean
-    over the water that it injected; a well that also produced counts by its injection alone.
+    over its injected water; production does not count.
 
     Args:
         periods: (start [s], end [s], rates), each longer than zero.

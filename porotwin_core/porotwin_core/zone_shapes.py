@@ -1,4 +1,4 @@
-"""Zones of the rig as shapes: polygons, and zones that a picture shows."""
+"""Zones of the rig: polygons, and zones from pictures."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,7 @@ class Zone(Protocol):
 
     @property
     def outlines(self) -> tuple[FloatArray, ...]:
-        """Its edges for drawings, each (m, 2) [m] and closed; a hole has one of its own."""
+        """The closed edges for drawings, (m, 2) [m] each; a hole has an edge of its own."""
         ...
 
     def contains(self, points: FloatArray) -> NDArray[np.bool_]:
@@ -35,8 +35,7 @@ class Zone(Protocol):
     def depth(self, points: FloatArray) -> FloatArray:
         """Return the distance [m] of `points` (n, 2) to the outside, (n,); 0 there.
 
-        A polygon ends at its outline, also where that runs along a side of the rig. A picture has
-        no edge there.
+        A polygon also ends along a side of the rig. A picture has no edge at a side.
         """
         ...
 

@@ -51,6 +51,12 @@ class Comparison:
         self._seen = np.isfinite(observed)
         self._observed = [self._means(values, n) for n, values in enumerate(observed)]
 
+    @property
+    def power(self) -> float:
+        """The sum of squares of the observed maps over TYPICAL_ERROR; at least 1."""
+        observed = np.concatenate(self._observed) / TYPICAL_ERROR
+        return max(1.0, float(np.sum(np.square(observed))))
+
     def errors(self, physics: LearntPhysics) -> FloatArray:
         """Return model minus observed over TYPICAL_ERROR, flat.
 

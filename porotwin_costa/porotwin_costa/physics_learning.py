@@ -2,7 +2,10 @@
 
 Every round tries each kind of part on top of those chosen before, refits all of them together on
 the experiments to learn from, and takes the best one. It stays if the error of the kept experiments
-falls as well. So a part that only imitates noise or numerics is left out.
+falls as well. So a part that only imitates noise is left out.
+
+The runs are those of a precise scheme, whichever scheme is corrected. The error of a coarse scheme
+is as large as that of a leak, and moves the leak to another place.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,9 +25,9 @@ from porotwin_costa.frames import Frames, cut, resampled, sequences
 from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
-LEARNING_COLUMNS = 96
-"""Most columns of the grid for choosing parts; the last fit is on the grid of the maps. On cells of
-20 mm on the small rig the scheme errs so much that a leak and a patch cannot be told apart."""
+LEARNING_COLUMNS = 48
+"""Most columns of the grid for learning. The model refines it itself, so that its scheme hardly
+errs; more columns only cost time."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -45,7 +48,11 @@ MOST_PARTS = 3
 
 ENOUGH = 0.85
 """Share of the squared error of fitted and kept runs that all parts together take; then the search
-ends. What is left is mostly the scheme's, and the fluxes correct that."""
+ends."""
+
+GOOD_ERROR = 0.03
+"""Relative error of free runs [-] at which the search ends: the noise of an ordinary camera and the
+rest of the scheme's error make as much. Then the fluxes correct the rest."""
 
 ITERATIONS = 6
 """Iterations of a fit; three are enough unless a place has to move."""
@@ -56,8 +63,8 @@ TRIED_PLACES = 2
 SCANNED_RUNS = 1
 """Runs for trying places: the ones with the largest errors."""
 
-MOST_FITTED = 4
-"""Most runs for fitting parts: the ones with most frames."""
+MOST_FITTED = 2
+"""Most runs for choosing parts: the ones with most frames. The last fit is to all of them."""
 
 KEPT_SHARE = 0.25
 """Share of a single experiment, its end, that is kept to judge parts."""
@@ -73,6 +80,16 @@ SolverOn = Callable[[Grid], LearntSolver]
 
 SayFn = Callable[[str], None]
 """Tells a person a line about the progress."""
+
+
+class Solvers(NamedTuple):
+    """Makers of solvers: with a `precise` scheme to fit physics, with a `quick` one to try places.
+
+    A change of the physics changes the maps of both nearly alike.
+    """
+
+    precise: SolverOn
+    quick: SolverOn
 
 
 class Learnt(NamedTuple):
@@ -94,22 +111,34 @@ class PhysicsTrial(NamedTuple):
     fitted: float
     kept: float
 
+    def ends_search(self, alone: 'PhysicsTrial', share: 'Share') -> bool:
+        """Return whether what is left is not worth another part."""
+        fitted, kept = share.power
+        good = max(self.fitted / fitted, self.kept / kept) < GOOD_ERROR**2
+        gains = _gain(alone.fitted, self.fitted), _gain(alone.kept, self.kept)
+        return good or min(gains) > ENOUGH
+
 
 @dataclass(frozen=True)
 class Share:
-    """Frames to compare with: those to learn from, and those kept to judge."""
+    """Frames to compare with: those to learn from, and those kept to judge.
+
+    `quick` are the fitted ones with a quick solver, `whole` all runs from their start to their end.
+    """
 
     fitted: Sequence[Comparison]
     kept: Sequence[Comparison]
+    quick: Sequence[Comparison]
+    whole: Sequence[Comparison]
 
     @classmethod
-    def of(cls, experiments: Sequence[Frames], grid: Grid, solver_on: SolverOn) -> 'Share':
+    def of(cls, experiments: Sequence[Frames], grid: Grid, solvers: Solvers) -> 'Share':
         """Keep the last experiment, or the end of a single one.
 
         Raises:
             InputError: there are too few frames.
         """
-        solver = solver_on(grid)
+        solver, quick = solvers.precise(grid), solvers.quick(grid)
         maps = [resampled(frames, grid) for frames in experiments]
         runs = [run for frames in maps for run in sequences(frames) if len(run.times) > 2]
         if not runs:
@@ -122,7 +151,17 @@ class Share:
             kept = [Comparison(whole, grid, solver, after=end)]
             fitted = [cut(whole, end)]
         longest = sorted(fitted, key=lambda run: len(run.times))[-MOST_FITTED:]
-        return cls([Comparison(run, grid, solver) for run in longest], kept)
+        return cls(
+            [Comparison(run, grid, solver) for run in longest],
+            kept,
+            [Comparison(run, grid, quick) for run in longest],
+            [Comparison(run, grid, solver) for run in runs],
+        )
+
+    @property
+    def power(self) -> tuple[float, float]:
+        """The sums of squares of the fitted and of the kept maps, in the units of `cost`."""
+        return sum(one.power for one in self.fitted), sum(one.power for one in self.kept)
 
     def cost(self, physics: LearntPhysics) -> tuple[float, float]:
         """Return the sums of squares of the fitted and of the kept comparisons."""
@@ -136,7 +175,7 @@ def learn_physics(
     rig: Rig,
     grid: Grid,
     experiments: Sequence[Frames],
-    solver_on: SolverOn,
+    solvers: Solvers,
     *,
     pool: Crew,
     say: SayFn = lambda _: None,
@@ -145,9 +184,9 @@ def learn_physics(
 
     Args:
         rig: the rig of the physics-based model.
-        grid: the grid of all maps.
+        grid: the grid of all maps; physics is learnt on at most LEARNING_COLUMNS columns.
         experiments: the maps to learn from; a fourth at least is kept to judge.
-        solver_on: returns a solver on a grid, which runs the model with any physics.
+        solvers: make solvers on a grid, which run the model with any physics.
         pool: its workers make the free runs.
         say: told every decision.
 
@@ -155,7 +194,7 @@ def learn_physics(
         InputError: there are too few frames, or the model cannot run.
     """
     coarse = no_finer(grid, LEARNING_COLUMNS)
-    share = Share.of(experiments, coarse, solver_on)
+    share = Share.of(experiments, coarse, solvers)
     maker = PartMaker(
         rig,
         coarse,
@@ -165,6 +204,8 @@ def learn_physics(
     search = PartSearch(maker, share, pool)
     alone = best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
+        if best.ends_search(alone, share):
+            break
         found = search.with_one_more(best.learnt)
         name = found.learnt.parts[-1].name
         gain, kept_gain = _gain(best.fitted, found.fitted), _gain(best.kept, found.kept)
@@ -173,14 +214,11 @@ def learn_physics(
             break
         say(f'learnt {name}: takes {kept_gain:.0%} of the squared gap of the kept free runs')
         best = found
-        if min(_gain(alone.fitted, best.fitted), _gain(alone.kept, best.kept)) > ENOUGH:
-            break
     if not best.learnt.parts:
+        say('the model lacks no physics that these maps show')
         return LearntPhysics()
     parts, start = best.learnt
-    whole = share if coarse == grid else Share.of(experiments, grid, solver_on)
-    everything = [*whole.fitted, *whole.kept]
-    values = fit(parts, everything, start, iterations=LAST_ITERATIONS, pool=pool)
+    values = fit(parts, share.whole, start, iterations=LAST_ITERATIONS, pool=pool)
     return physics_of(parts, values)
 
 
@@ -251,8 +289,11 @@ class PartSearch:
         """
         physics = known.physics
         light = replace(physics, density_difference=0.0)
-        runs = sorted(self.share.fitted, key=lambda one: one.cost(physics))[-SCANNED_RUNS:]
-        errors, base = _errors_together(runs, physics), _errors_together(runs, light)
+        precise = [one.errors(physics) for one in self.share.fitted]
+        worst = np.argsort([-float(np.sum(one**2)) for one in precise])[:SCANNED_RUNS]
+        errors = np.concatenate([precise[n] for n in worst])
+        runs = [self.share.quick[n] for n in worst]
+        base = _errors_together(runs, light)
 
         parts = [make(x, z, sign) for x, z in self.maker.places() for sign in (1.0, -1.0)]
         moved = [part.apply(light, *part.values(part.first)) for part in parts]

@@ -14,7 +14,7 @@ from porotwin_costa.dataset_builder import build_dataset
 from porotwin_costa.frames import Frames
 from porotwin_costa.free_run_gate import Judge, gated, kept_runs
 from porotwin_costa.networks import Architecture
-from porotwin_costa.physics_learning import SolverOn, learn_physics
+from porotwin_costa.physics_learning import SolverOn, Solvers, learn_physics
 from porotwin_costa.rollout_training import CURRICULUM, Stage, train_through_runs
 from porotwin_costa.training import ProgressFn, train
 
@@ -23,9 +23,10 @@ from porotwin_costa.training import ProgressFn, train
 class Experiments:
     """Maps to learn from, and the model that COSTA corrects.
 
-    `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme. The workers
-    of `pool` make free runs, and prepare the pairs, an experiment each. For a pool of other
-    processes, `solver_on` must be picklable.
+    `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme of
+    `solver_on`. `precise_on` has a scheme that hardly errs: missing physics is found with it. The
+    workers of `pool` make free runs, and prepare the pairs, an experiment each. For a pool of other
+    processes, both must be picklable.
     """
 
     rig: Rig
@@ -34,6 +35,7 @@ class Experiments:
     time_step: float
     preset: str
     solver_on: SolverOn
+    precise_on: SolverOn
     pool: Crew
 
     def pairs(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
@@ -107,7 +109,7 @@ def train_from_runs(
             experiments.rig,
             experiments.grid,
             experiments.frames,
-            experiments.solver_on,
+            Solvers(experiments.precise_on, experiments.solver_on),
             pool=experiments.pool,
             say=say,
         )

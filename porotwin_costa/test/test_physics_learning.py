@@ -7,16 +7,16 @@ from toy_solver import SPEED, MovingTracers, moving_frames
 from porotwin_core.errors import InputError
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.parallel import ThreadCrew
-from porotwin_costa.physics_learning import learn_physics, no_finer
+from porotwin_costa.physics_learning import Solvers, learn_physics, no_finer
+
+SOLVERS = Solvers(lambda _: MovingTracers(), lambda _: MovingTracers())
 
 
 def _learn(rig, grid, speed, starts=(0.2, 0.3), workers=1):
     frames = [moving_frames(grid, 30, speed=speed, at=at) for at in starts]
     said = []
     with ThreadCrew(workers) as pool:
-        learnt = learn_physics(
-            rig, grid, frames, lambda _: MovingTracers(), pool=pool, say=said.append
-        )
+        learnt = learn_physics(rig, grid, frames, SOLVERS, pool=pool, say=said.append)
     return learnt, said
 
 
@@ -32,13 +32,13 @@ def test_a_slower_tracer_is_learnt_as_sorption(rig, grid, starts):
 def test_nothing_is_learnt_where_nothing_is_missing(rig, grid):
     learnt, said = _learn(rig, grid, SPEED)
     assert learnt == LearntPhysics()
-    assert 'no more physics' in said[-1]
+    assert 'lacks no physics' in said[-1]
 
 
 def test_two_maps_are_too_few(rig, grid):
     few = [moving_frames(grid, 2)]
     with ThreadCrew(1) as pool, pytest.raises(InputError, match='three consecutive maps'):
-        learn_physics(rig, grid, few, lambda _: MovingTracers(), pool=pool)
+        learn_physics(rig, grid, few, SOLVERS, pool=pool)
 
 
 def test_parts_are_chosen_on_a_coarse_grid(rig):

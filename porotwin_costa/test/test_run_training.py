@@ -10,10 +10,14 @@ from porotwin_core.parallel import ThreadCrew
 from porotwin_costa.run_training import Experiments
 
 
+def _solver(_grid):
+    return MovingTracers()
+
+
 def test_workers_prepare_the_pairs_of_one_process(rig, grid):
     frames = [moving_frames(grid, count, at=at) for count, at in ((6, 0.2), (4, 0.5))]
     with ThreadCrew(1) as alone, ThreadCrew(2) as pool:
-        here = Experiments(rig, grid, frames, STEP_S, '', lambda _: MovingTracers(), alone)
+        here = Experiments(rig, grid, frames, STEP_S, '', _solver, _solver, alone)
         one = here.pairs(frames, LearntPhysics())
         both = replace(here, pool=pool).pairs(frames, LearntPhysics())
     assert np.array_equal(one.residual, both.residual)

@@ -1,1 +1,1 @@
-"""Diagnosis of the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
+"""Diagnosis of the sim-to-real gap: its place, the effect that causes it, and its reduction."""

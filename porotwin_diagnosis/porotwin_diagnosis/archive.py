@@ -77,7 +77,7 @@ def diagnose_archive(
     crew: Crew,
     done: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, Any]]:
-    """Diagnose the recordings whose report is missing; return the table of all, and write it.
+    """Diagnose the recordings without a report; write and return the table of all.
 
     Args:
         tasks: the recordings.
@@ -87,7 +87,7 @@ def diagnose_archive(
 
     Raises:
         InputError: a worker does not see `output`.
-        SchedulerLost: the scheduler went away; the same call goes on.
+        SchedulerLost: the scheduler went away; the same call continues.
     """
     listed = list(tasks)
     output.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The result of a diagnosis: one record, which the report and its callers read."""
+"""The result of a diagnosis, for the report and for callers."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from porotwin_recording.recording import Recording
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A verdict on one or several recordings of a rig, with everything that a report shows.
+    """A verdict on recordings of one rig, with all data for the report.
 
     Attributes:
         recordings: the recordings that were diagnosed.
@@ -25,7 +25,7 @@ class Diagnosis:
         verdict: the verdict.
         held_out: the held-out part of each recording, without and with the verdict's effects.
         gap: where and when the gap arises; without places if there is no gap.
-        strengths: the smallest strength of each effect that would have been visible, by name.
+        strengths: the smallest visible strength of each effect, by name.
         proposals: experiments that would separate the two best explanations.
         excluded: names of effects that were not considered.
         seconds: time that the diagnosis took [s].

@@ -60,12 +60,12 @@ class DiagnosisNode(Node):
         rig = declare_rig(self)
         grid = declare_grid(self, rig)
         self._preset = declare(
-            self, 'preset', 'accurate', 'preset whose gap is diagnosed', choices=PRESETS
+            self, 'preset', 'accurate', 'preset of the diagnosed model', choices=PRESETS
         )
         self._workers = declare(
             self, 'workers', 1, 'simulations at a time', at_least=1, at_most=MOST_WORKERS
         )
-        self._output = declare(self, 'output', '', 'folder of diagnoses; empty: a temporary one')
+        self._output = declare(self, 'output', '', 'folder for diagnoses; empty: a temporary one')
         self._lock = threading.Lock()
         self._busy = threading.Lock()
         self._run = LiveRun(rig, grid, _existing_folder(self._output))

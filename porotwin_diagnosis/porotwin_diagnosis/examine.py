@@ -1,4 +1,4 @@
-"""The diagnosis as a whole: recordings in, a verdict with its evidence out. It writes no files.
+"""The whole diagnosis: from recordings to a verdict with its evidence. It writes no files.
 
     diagnosis = examine([open_recording('runs/monday')])
     print(diagnosis.verdict.name, diagnosis.verdict.confidence)
@@ -48,9 +48,9 @@ def examine(
     Args:
         recordings: at least one recording; an effect has the same size in all of them.
         preset: preset of the solver whose gap is diagnosed.
-        excluded: names of effects that are not considered.
+        excluded: names of effects to leave out.
         crew: runs the simulations; None: one at a time.
-        progress: called with the stage and the fraction that is done, below 0.98.
+        progress: called with the stage and the fraction done, below 0.98.
 
     Raises:
         InputError: the preset is unknown, the recordings describe different rigs, or a recording
@@ -74,7 +74,7 @@ def examine(
     evidence = gather(samples, findings, explanation, numerics, held_out)
     verdict = decide(evidence)
     judged = _as_judged(held_out, samples, verdict)
-    progress('looking for experiments that would tell more', 0.95)
+    progress('looking for experiments that show more', 0.95)
     screening = levels.screening
     unexplained = verdict.name == UNEXPLAINED
     return Diagnosis(

@@ -1,7 +1,7 @@
-"""The node that lets the running twin get better: it asks, offers, watches, and takes back.
+"""The node that mends the running twin: asks for diagnoses, makes offers, and judges effects.
 
-A diagnosis is asked for from the thread that takes its answers. A worker runs the shadow forecasts,
-so that no message and no answer of the operator waits for them.
+The thread that takes the answers of a diagnosis also asks for it. A worker runs the shadow
+forecasts, so no message and no answer of the operator waits for them.
 """
 
 import os
@@ -62,7 +62,7 @@ MINUTE_S = 60.0
 
 
 class MendNode(Node):
-    """Offers sure diagnoses as `mend/offer`, takes `mend/answer`, and lets effects act."""
+    """Offers sure verdicts of the diagnosis; lets an accepted effect act in the model."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Read the parameters, and begin to listen.
@@ -88,7 +88,7 @@ class MendNode(Node):
             self,
             'lockstep',
             False,
-            'hold mend/seen back while a diagnosis runs or an offer waits, for a virtual rig',
+            'for a virtual rig: send mend/seen only after a running diagnosis and an open offer',
         )
         settings = self._declare_settings()
         self._lock = threading.RLock()
@@ -121,8 +121,8 @@ class MendNode(Node):
                 self,
                 'every_min',
                 20.0,
-                'time of the experiment between two diagnoses [min]; earlier when forecasts leave '
-                'their band',
+                'time between two diagnoses [min]; earlier when forecasts become worse than '
+                'expected',
                 at_least=1.0,
                 at_most=1e6,
             ),
@@ -130,7 +130,7 @@ class MendNode(Node):
                 self,
                 'least_confidence',
                 0.9,
-                'confidence from which on a verdict is offered',
+                'least confidence of a verdict that is offered',
                 at_least=0.5,
                 at_most=1.0,
             ),

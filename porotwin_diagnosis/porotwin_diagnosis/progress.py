@@ -1,4 +1,4 @@
-"""How a diagnosis reports its progress."""
+"""Functions that report the progress of a diagnosis."""
 
 from collections.abc import Callable
 

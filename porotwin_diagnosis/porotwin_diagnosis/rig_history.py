@@ -1,8 +1,8 @@
-"""Findings of earlier diagnoses of one rig: the starting belief of the next one, and drifts.
+"""Findings of earlier diagnoses of one rig: the belief before the next diagnosis, and drifts.
 
-A folder holds one file, `belief.json`, with a finding for each diagnosis. The belief in a parameter
-is the mean of all findings of its effect, weighted by their precision. A parameter drifts if two
-findings differ by more than their intervals allow.
+A folder holds one file, `belief.json`, with a finding for each diagnosis. The belief about a
+parameter is the mean of all findings of its effect, weighted by their precision. A parameter drifts
+if two findings differ by more than their intervals allow.
 """
 
 import json
@@ -146,7 +146,7 @@ def write_history(folder: Path, findings: Sequence[PastFinding]) -> None:
 
 
 def belief(findings: Sequence[PastFinding]) -> dict[tuple[str, str, str], Value]:
-    """Return the belief in every parameter that was found: the mean weighted by precision."""
+    """Return the belief about every found parameter: the mean weighted by precision."""
     found: dict[tuple[str, str, str], list[Value]] = {}
     for finding in findings:
         for value in finding.values:
@@ -163,7 +163,7 @@ def _weighted(values: Sequence[Value]) -> Value:
 
 
 def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
-    """Return lines on how a `new` finding fits to the `earlier` ones."""
+    """Return lines that compare a `new` finding with the `earlier` ones."""
     if not earlier:
         return ['no earlier finding: this one is the first belief']
     expected = belief(earlier)

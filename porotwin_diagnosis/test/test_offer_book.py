@@ -53,7 +53,7 @@ def test_answers_that_come_twice_or_too_late_are_refused_with_a_reason(book):
     with pytest.raises(InputError, match='nothing has been offered yet'):
         book.check(1)
     offered(book, finding())
-    with pytest.raises(InputError, match='offer 7: there is none; the newest is 1'):
+    with pytest.raises(InputError, match='offer 7 does not exist; the newest is 1'):
         book.check(7)
     book.check(1)
     book.accept()

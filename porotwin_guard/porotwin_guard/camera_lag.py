@@ -1,7 +1,7 @@
-"""How far the camera's clock is behind the guard's clock, from setpoints at a live pace.
+"""The lag of the camera's clock behind the guard's clock, from setpoints at a live pace.
 
-Nothing else tells a wrong clock from old photographs: a live camera keeps its lateness, while a
-backlog arrives faster than it was taken.
+Only the pace separates a wrong clock from old photographs: a live camera keeps its lateness, and
+a backlog arrives faster than it was taken.
 """
 
 from collections import deque
@@ -17,7 +17,7 @@ JITTER = 0.25
 
 
 class CameraLag:
-    """Believes the camera's clock at first, then whatever a live camera proves."""
+    """Believes the camera's clock at first, and then the lag that live setpoints prove."""
 
     def __init__(self, photo_interval: float) -> None:
         """Begin with clocks that agree; photographs come every `photo_interval` [s]."""
@@ -31,11 +31,11 @@ class CameraLag:
         return now - stamp - self._lag
 
     def agrees(self) -> None:
-        """Forget the doubts: a setpoint came in time."""
+        """Forget the collected latenesses, because a setpoint came in time."""
         self._odd.clear()
 
     def learns(self, stamp: float, now: float) -> bool:
-        """Return whether the last setpoints, this one included, prove another clock."""
+        """Return whether the last setpoints, including this one, prove another clock."""
         if self._odd and stamp <= self._odd[-1][0]:
             self._odd.clear()
         self._odd.append((stamp, now - stamp))

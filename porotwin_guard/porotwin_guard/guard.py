@@ -1,6 +1,7 @@
 """The last check of a setpoint before it reaches the pumps, independent of the hub.
 
-It reads rig.yaml by itself and shares no code with the hub's limits: no fault there hides here.
+The guard reads rig.yaml by itself and shares no code with the hub's limits. So it also finds faults
+of the hub's limits.
 """
 
 import math
@@ -29,7 +30,7 @@ ROUND_OFF_S = 1e-6
 class SetpointRequest:
     """A setpoint of a hub: times in [s], rates of all wells [m^3/s].
 
-    `hub` identifies the one process that sent it; a hub that was started again is another one.
+    `hub` identifies the sending process; a restarted hub has another identity.
     """
 
     sequence: int
@@ -40,7 +41,7 @@ class SetpointRequest:
 
 
 class Guard:
-    """Lets setpoints pass that keep all rules; it remembers the last one."""
+    """Passes setpoints that keep all rules, and remembers the last one."""
 
     def __init__(self, rig: Rig, *, photo_interval: float) -> None:
         """Read the limits of `rig`; photographs come every `photo_interval` [s]."""
@@ -62,7 +63,7 @@ class Guard:
         self._passed = -math.inf
 
     def check(self, request: SetpointRequest, *, now: float) -> None:
-        """Return if `request` may be pumped from `now` [s] on, by the clock of its stamps.
+        """Check that the pumps may run `request` from `now` [s] on, on the clock of its stamps.
 
         Raises:
             InputError: a rule is broken; one line with the well or the time.
@@ -74,7 +75,7 @@ class Guard:
         self._last, self._passed = request, now
 
     def expired(self, now: float) -> int | None:
-        """Return the number of the last setpoint if it is over at `now` [s], else None."""
+        """Return the number of the last setpoint if it has expired at `now` [s], else None."""
         return self._last.sequence if self._last and not self._in_force(now) else None
 
     def _check_rates(self, rates: WellRates) -> None:
@@ -102,7 +103,7 @@ class Guard:
             raise InputError(f'{net:g} ml/h more is injected than produced; the sum must be zero')
 
     def _check_settings(self, rates: WellRates, now: float) -> None:
-        """Return if pumps can be set to `rates`, after those in force at `now` [s].
+        """Check that the pumps can change to `rates` from the rates in force at `now` [s].
 
         All control wells may always be switched off.
 

@@ -1,4 +1,4 @@
-"""The guard as a node: it takes the hub's setpoints, checks them, and hands them to the pumps."""
+"""The node of the guard: takes setpoints of the hub, checks them, and sends them to the pumps."""
 
 import threading
 from typing import Any
@@ -98,7 +98,7 @@ class GuardNode(Node):
         return senders.callers(self, 'guard/control')
 
     def _check_alone(self) -> None:
-        """Return if no other node publishes setpoints.
+        """Check that no other node publishes setpoints.
 
         Raises:
             InputError: another node does; one line with its name.
@@ -112,7 +112,7 @@ class GuardNode(Node):
     def _command(self, request: Control.Request) -> Outcome:
         """Return the answer of the pumps to a setpoint that has passed."""
         if not self._pumps.wait_for_service(timeout_sec=min(self._patience, LONGEST_SEARCH_S)):
-            return Outcome(code=Outcome.NOT_READY, message='nobody answers asset/control')
+            return Outcome(code=Outcome.NOT_READY, message='no node answers asset/control')
         answered = threading.Event()
         future = self._pumps.call_async(request)
         future.add_done_callback(lambda _: answered.set())
@@ -150,7 +150,7 @@ class GuardNode(Node):
 
 
 def main() -> None:
-    """Run the node, unless another guard stands before the pumps."""
+    """Run the node, unless another guard runs."""
     run(only_one(GuardNode, senders.GUARD), threads=3)
 
 

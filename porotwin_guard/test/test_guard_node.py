@@ -102,7 +102,7 @@ def loop(domain: int) -> Iterator[Loop]:
 
 
 def test_only_valid_setpoints_of_the_only_hub_reach_the_pumps(loop: Loop) -> None:
-    assert 'nobody answers asset/control' in loop.send(1).message
+    assert 'no node answers asset/control' in loop.send(1).message
     loop.attach_pumps()
     assert loop.send(2).code == Outcome.OK
     refused = loop.send(3, control1_ml_h=900.0)

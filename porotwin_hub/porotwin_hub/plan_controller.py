@@ -24,7 +24,7 @@ from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
-from porotwin_hub.control_plan import ControlPlan, growing_blocks
+from porotwin_hub.control_plan import ControlPlan, growing_blocks, same
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.objective_registry import make_objective
@@ -48,6 +48,11 @@ SWITCHES = (0.25, 0.5, 0.75)
 
 JOININGS = 3
 """Orders tried to be taken back before the others stay."""
+
+
+BUSY_S = 300.0
+"""Every order costs once more for each order of so many seconds before it: a person who has just
+walked to the pumps walks again for a good reason only."""
 
 
 class PlanModel(Protocol):
@@ -87,6 +92,8 @@ class LastPlan:
     begins: float = -math.inf
     plan: ControlPlan | None = None
     turn: int = 0
+    orders: tuple[float, ...] = ()
+    """Times of the last orders [s]."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +159,10 @@ class PlanController:
         if remembered is not None:
             task.standing = remembered.rates[0]
             begin = remembered.after(max(begins - self.last.begins, 0.0), horizon - ahead.lead)
+        recent = tuple(time for time in self.last.orders if 0.0 <= now - time < BUSY_S)
+        task.recent_orders = len(recent)
         chosen = task.search(begin, turn=self.last.turn, first=first)
+        self.last.orders = (*recent, now) if task.is_new(chosen) else recent
         self.last.asked, self.last.begins, self.last.plan = now, begins, chosen
         self.last.turn += LATER_SEQUENCES
         return Decision(
@@ -257,6 +267,8 @@ class _Task:
         """The last order (wells,) [m^3/s]: it costs nothing to repeat, set or not."""
         held = np.minimum(self._before, self._greatest)
         self.hold = ControlPlan.constant(held, self._horizon)
+        self.recent_orders = 0
+        """Orders of the last BUSY_S."""
         self.hold_cost = math.nan
         self.best_cost = math.inf
         self.best = self.hold
@@ -287,6 +299,19 @@ class _Task:
             )
             self._with_fewer_orders(ControlPlan(blocks, improved, self._horizon))
         return self.best
+
+    def is_new(self, plan: ControlPlan) -> bool:
+        """Return whether a plan begins with an order: rates that are neither set nor ordered."""
+        return not any(same(plan.rates[0], rates) for rates in self._free())
+
+    def _free(self) -> tuple[FloatArray, ...]:
+        """Return the rates (wells,) that need no new order: ordered before, or else set."""
+        return (self._before,) if self._waits else (self._before, self.standing)
+
+    def _orders(self, plan: ControlPlan) -> int:
+        """Return the orders of a plan; one that follows others soon counts more than once."""
+        count = min(plan.orders(rates) for rates in self._free())
+        return count + self.recent_orders * self.is_new(plan)
 
     def steps(self, plan: ControlPlan) -> tuple[RateStep, ...]:
         """Return the rates of all wells from the state on, under an executable plan."""
@@ -342,10 +367,7 @@ class _Task:
         """
         plan = plan.executable(self._limits, self._previous, self._interval).stages()
         cost = self._cost(plan, with_gradient=False)[0]
-        orders = plan.orders(self._before)
-        if not self._waits:
-            orders = min(orders, plan.orders(self.standing))
-        cost += self._change_cost * orders
+        cost += self._change_cost * self._orders(plan)
         if cost < self.best_cost:
             self.best, self.best_cost = plan, cost
         return cost

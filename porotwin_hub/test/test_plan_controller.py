@@ -18,6 +18,7 @@ from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_hub.controller import Controller, WithSubstitute
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.objective import WeightedTracer
+from porotwin_hub.order_delay import OrdersAhead
 from porotwin_hub.plan_controller import PlanController
 
 SHAPE = (2, 3)
@@ -159,6 +160,42 @@ def test_an_order_that_nobody_has_set_yet_is_repeated() -> None:
         decision = planner.decide(ToyModel(), STATE, LIMITS.safe(), now=now)
         asked.append(control_ml_h(decision.rates))
     assert asked == [[500.0, 0.0, 0.0]] * 3
+
+
+def test_orders_to_a_late_person_are_given_in_time() -> None:
+    model = TwoStages()
+    planner, previous = controller(model), LIMITS.setpoint(np.array([FULL, 0.0, 0.0]))
+    ahead = OrdersAhead(240.0, (RateStep(0.0, previous),))
+    asked = []
+    for now in np.arange(2400.0, SWITCH + 1.0, 60.0):
+        model.now = float(now)
+        decision = planner.decide(ToyModel(), STATE, previous, now=float(now), ahead=ahead)
+        asked.append((float(now), control_ml_h(decision.rates)))
+    first = next(time for time, rates in asked if rates == [0.0, 0.0, 500.0])
+    assert first == pytest.approx(SWITCH - 240.0, abs=60.0)
+
+
+def test_an_order_that_waits_is_the_base_of_the_next_one() -> None:
+    model, waiting = TwoStages(), LIMITS.setpoint(np.array([0.0, FULL, 0.0]))
+    ahead = OrdersAhead(waits=True)
+    held = controller(model, change_cost=1e9).decide(
+        ToyModel(), STATE, waiting, now=0.0, ahead=ahead
+    )
+    assert held.rates == waiting
+
+
+def test_an_order_soon_after_another_costs_more() -> None:
+    model = TwoStages()
+    planner = controller(model, change_cost=1000.0)
+    planner.last.orders = (0.0,) * 10
+    decision = planner.decide(ToyModel(), STATE, LIMITS.safe(), now=60.0)
+    assert decision.rates == LIMITS.safe()
+    assert (
+        controller(model, change_cost=1000.0)
+        .decide(ToyModel(), STATE, LIMITS.safe(), now=60.0)
+        .rates
+        != LIMITS.safe()
+    )
 
 
 def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:

@@ -169,6 +169,22 @@ def test_a_setpoint_is_decided_before_any_forecast_is_made(make_twin: MakeTwin) 
     assert cycle.forecast.rates == cycle.setpoint.rates
 
 
+def test_an_order_counts_when_a_person_who_tells_has_told_it(
+    make_twin: MakeTwin, toy_limits: Limits
+) -> None:
+    twin, safe = make_twin(), toy_limits.safe()
+    first = twin.cycle(empty(0.0)).setpoint
+    assert first is not None
+    unknown = twin.cycle(empty(30.0))
+    assert unknown.pumped == first.rates
+    told = twin.cycle(empty(60.0), [KnownRates(45.0, 45.0, first.rates)])
+    assert [period.rates for period in told.periods] == [first.rates]
+    other = toy_limits.setpoint(np.array([from_ml_h(100.0)]))
+    twin.cycle(empty(90.0), [KnownRates(90.0, 90.0, other), KnownRates(60.0, 90.0, safe)])
+    waiting = twin.cycle(empty(120.0))
+    assert waiting.pumped == safe
+
+
 def test_a_state_too_old_to_act_on_is_forecast_and_judged_without_a_setpoint(
     make_twin: MakeTwin, toy_limits: Limits
 ) -> None:

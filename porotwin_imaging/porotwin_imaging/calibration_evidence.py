@@ -10,9 +10,9 @@ from porotwin_imaging.front_response import FrontFit
 Anchor = Literal['dilutions', 'core', 'mass', 'strongest signal']
 """Where the level of tracer stock comes from: photographs of known dilutions, the core of the
 injected plume, the mass of the pump log, or the strongest signal."""
-FactorSource = Literal['core', 'interface', 'prior']
-"""Where the factor of a sand comes from: its core, the signal across its interfaces, or the
-appearance of its grains."""
+FactorSource = Literal['core', 'same sand', 'interface', 'prior']
+"""Where the factor of a sand comes from: its core, a core in the same sand at another place, the
+signal across its interfaces, or the appearance of its grains."""
 
 _ANCHORS: dict[Anchor, str] = {
     'dilutions': 'photographs of known dilutions',

@@ -36,6 +36,7 @@ from porotwin_imaging.calibration_evidence import (
     evidence_lines,
 )
 from porotwin_imaging.calibration_trust import CalibrationRefused, Trust, judged
+from porotwin_imaging.described_sands import described_kinds, described_parts
 from porotwin_imaging.front_response import FrontPhotographs, PlumeModel, fit_fronts
 from porotwin_imaging.mass_balance_fit import MassLine, fit_line, injected_volume
 from porotwin_imaging.photo_to_map import LogRatioMap, compare_with_baseline
@@ -154,7 +155,9 @@ def fit_calibration(
     lines = list(baseline.remarks)
     compared, times = _compare_all(baseline, states, lines, progress)
     colours, texture = baseline.sand_appearance()
-    labels = sands.segment(colours, texture, compared[0].visible, settings.sands)
+    looks = sands.segment(colours, texture, compared[0].visible, settings.sands)
+    parts = described_parts(looks, described_kinds(rig, grid, settings.sands), settings.sands)
+    labels = parts.labels
     lights = sands.sand_lights(colours, labels, compared[0].visible)
     choice = choose_signal(
         [one.log_ratio for one in compared],
@@ -168,7 +171,9 @@ def fit_calibration(
     injected = _injected(schedule, times)
     concentrations = _core_concentrations(schedule, times)
     stock = stock_levels(raw, labels, concentrations, settings.core)
-    factors = sands.fit_factors(raw, labels, stock.levels, stock.strong, lights, settings.sands)
+    factors = sands.fit_factors(
+        raw, labels, stock.levels, stock.strong, lights, parts.same, settings.sands
+    )
     factor_map = np.array(factors.values)[labels]
     signals = [plane * factor_map for plane in raw]
     volume = rig.cell_pore_volume(grid)

@@ -144,6 +144,7 @@ def _validity(axes: Any, fit: CalibrationFit) -> None:
 _EVIDENCE: dict[FactorSource, str] = {
     'core': 'seen: the core of a plume',
     'interface': 'seen: a plume across its interface',
+    'same sand': 'from its core at another place',
     'prior': 'guessed from its brightness: no plume there',
 }
 """Words for the evidence of a factor."""

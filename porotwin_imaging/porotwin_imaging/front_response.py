@@ -143,15 +143,21 @@ def fit_fronts(
     by_bend = likely.sum(axis=(0, 2))
     bend = float(np.average(bends, weights=by_bend))
     spread = float(np.sqrt(np.average((bends - bend) ** 2, weights=by_bend)))
-    blur = float(np.average(blurs, weights=likely.sum(axis=(0, 1))))
+    # the best blur, not the mean: dispersion ends at 0, and the mean would lean to less blur
+    blur = float(blurs[best[2]])
     return FrontFit(
         bend=bend,
-        deviation=float(np.hypot(spread, settings.model_error)),
+        deviation=float(np.hypot(spread, _model_error(misfit, settings))),
         blur_px=float(np.hypot(blur, _interpolation_px(modelled[0][0], seen))),
         dispersivity_m=float(np.average(roots**2, weights=likely.sum(axis=(1, 2)))),
         misfit=misfit,
         at_end=not _BENDS[0] + _EDGE < bend < _BENDS[-1] - _EDGE,
     )
+
+
+def _model_error(misfit: float, settings: FrontSettings) -> float:
+    """Return the deviation of the bend from a model that is not the rig, by how ill it fits."""
+    return settings.model_error * max(1.0, misfit / settings.level_error)
 
 
 def _interpolation_px(concentration: Array, seen: FrontPhotographs) -> float:

@@ -1,14 +1,14 @@
 """Sharpening of fronts: lens, glass, JPEG and remapping blur a photograph by a known width.
 
 A photograph shows the tracer c blurred, v = G c, with a Gaussian G of known width. Where cells are
-about as small as the blur, v is too high in front of a front and too low behind it. One step of Van
-Cittert's iteration (Jansson, Deconvolution of Images and Spectra, 1997) takes most of it back:
+about as small as the blur, v is too high in front of a front and too low behind it. Two steps of
+Van Cittert's iteration (Jansson, Deconvolution of Images and Spectra, 1997) take most of it back:
 
-    u = v + (v - G v)
+    u = v + (v - G v),    then    w = u + (v - G u)
 
-It multiplies no wave by more than 2. Each u stays between the least and the largest v of its cell
-and the eight neighbours, so that no front overshoots and plateaus keep their height. The step comes
-after the denoising, which hardly widens fronts, so that little noise is amplified.
+They multiply no wave by more than 3. Each value stays between the least and the largest v of its
+cell and the eight neighbours, so that no front overshoots and plateaus keep their height. The steps
+come after the denoising, which hardly widens fronts, so that little noise is amplified.
 """
 
 import math
@@ -29,6 +29,10 @@ _REMAPPING_PX = math.sqrt(1 / 6)
 """Blur of linear interpolation [decoded px]: a (1 - a) in squares, the mean over all places a."""
 _KERNEL_REACH = 4.0
 """Half width of a kernel relative to its standard deviation [-]."""
+_STEPS = 2
+"""Steps of the iteration; more change little."""
+_FREQUENCIES = 64
+"""Frequencies over which the gain of noise is averaged."""
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
@@ -64,17 +68,24 @@ def sharpened(smoothed: SmoothedMap, blur: tuple[float, float]) -> SmoothedMap:
         known = np.isfinite(values)
         filled = np.where(known, values, np.float32(0.0))
         # a hidden neighbour counts as equal to the cell
-        seen = cv2.sepFilter2D(
-            known.astype(np.float32), -1, across, up, borderType=cv2.BORDER_REPLICATE
-        )
-        around = cv2.sepFilter2D(filled, -1, across, up, borderType=cv2.BORDER_REPLICATE)
+        hidden = 1.0 - _blurred(known.astype(np.float32), up, across)
         least = cv2.erode(np.where(known, values, np.float32(np.inf)), _NEIGHBOURS)
         largest = cv2.dilate(np.where(known, values, np.float32(-np.inf)), _NEIGHBOURS)
-        sharp = np.clip(filled + (filled * seen - around), least, largest)
+        sharp = filled
+        for _ in range(_STEPS):
+            again = _blurred(sharp, up, across) + hidden * sharp
+            limited = np.clip(sharp + (filled - again), least, largest)
+            sharp = np.where(known, limited, np.float32(0.0))
         return (np.where(known, sharp, np.float32(np.nan)),)
 
-    (sharp,) = by_overlapping_bands(band, up.size // 2, smoothed.values.astype(np.float32))
+    reach = _STEPS * (up.size // 2)
+    (sharp,) = by_overlapping_bands(band, reach, smoothed.values.astype(np.float32))
     return SmoothedMap(sharp, smoothed.noise * _noise_factor(up, across))
+
+
+def _blurred(values: Array, up: Array, across: Array) -> Array:
+    """Return `values` (nz, nx) blurred by the kernels."""
+    return np.asarray(cv2.sepFilter2D(values, -1, across, up, borderType=cv2.BORDER_REPLICATE))
 
 
 def _kernel(width: float) -> Array:
@@ -89,6 +100,14 @@ def _kernel(width: float) -> Array:
 
 def _noise_factor(up: Array, across: Array) -> float:
     """Return the standard deviation of sharpened white noise, relative to that before."""
-    kernel = -np.outer(up, across)
-    kernel[up.size // 2, across.size // 2] += 2.0
-    return float(np.linalg.norm(kernel))
+    lost = 1.0 - np.outer(_transfer(up), _transfer(across))
+    gain = sum(lost**power for power in range(_STEPS + 1))
+    return float(np.sqrt(np.mean(gain**2)))
+
+
+def _transfer(kernel: Array) -> Array:
+    """Return the factor of a symmetric kernel on waves of evenly spaced frequencies."""
+    middle = kernel.size // 2
+    waves = np.linspace(0.0, np.pi, _FREQUENCIES)
+    places = np.arange(1, middle + 1)
+    return np.asarray(kernel[middle] + 2.0 * np.cos(np.outer(waves, places)) @ kernel[middle + 1 :])

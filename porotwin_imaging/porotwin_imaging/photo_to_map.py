@@ -14,13 +14,14 @@
 | compute the signal and its concentration | `tracer_signal`, `calibration` |
 | denoise | `denoising`, `total_variation`, `level_smoothing` |
 | take the blur of the camera back | `front_sharpening` |
+| correct fronts across a cell | `front_curvature` |
 | estimate the deviation | `map_deviation`, `light_error` |
 
 Both functions here are pure: the same photograph and baseline give the same result.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.baseline_subtraction import log_ratio_variance
 from porotwin_imaging.colour_correction import checker_gain
 from porotwin_imaging.denoising import denoised
+from porotwin_imaging.front_curvature import without_curvature
 from porotwin_imaging.front_sharpening import blur_in_cells, sharpened
 from porotwin_imaging.level_smoothing import smooth_along_levels
 from porotwin_imaging.light_correction import corrected_light
@@ -122,6 +124,10 @@ def concentration_map(data: bytes, baseline: Baseline) -> ConcentrationMap:
             concentration, noise, values, baseline.grid.dx, baseline.settings.level_smoothing
         )
         sharp = sharpened(smoothed, _blur(baseline))
+        straight = without_curvature(
+            sharp.values, baseline.calibration, baseline.sampling.samples_across
+        )
+        sharp = replace(sharp, values=straight)
         seen = SeenTracer(
             compared.log_ratio, compared.light_variance, baseline.sand_factors, sharp.values
         )

@@ -5,7 +5,7 @@ one factor. Cores of plumes, the jumps of the signal at the interfaces between s
 2.2.1) and a prior determine the factors.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -307,15 +307,16 @@ def fit_factors(
     levels: Mapping[int, SandLevel],
     strong: float,
     lights: Array,
+    same: Sequence[tuple[int, int]] = (),
     settings: SandSettings = DEFAULTS.sands,
 ) -> SandFactors:
     """Return the factors that make the signal of the same tracer the same in all sands.
 
-    Three kinds of evidence meet in one least squares fit of the log signals of stock. The core of a
+    Four kinds of evidence meet in one least squares fit of the log signals of stock. The core of a
     plume shows the signal of stock in its sand. At interfaces the signal is continuous: a pair is
     two cells on either side, extrapolated to the interface, so that a slope of concentration is no
-    jump. A prior from their light keeps all sands plausible (`expected_logs`). The reference sand,
-    with the factor 1, has the largest core.
+    jump. One sand in two places has nearly one factor. A prior from their light keeps all sands
+    plausible (`expected_logs`). The reference sand, with the factor 1, has the largest core.
 
     Args:
         signals: signal of each photograph, shape (nz, nx), NaN where it is not visible.
@@ -323,6 +324,7 @@ def fit_factors(
         levels: signal of stock by sand, where a core shows it.
         strong: strong signal of all photographs [-]; far paler pairs are not used.
         lights: log of the light of each sand (`sand_lights`), shape (sands,).
+        same: pairs that are one sand by the description of the rig (`described_sands`).
         settings: thresholds and prior.
     """
     count = int(labels.max()) + 1
@@ -330,13 +332,12 @@ def fit_factors(
     pairs = np.bincount(np.concatenate([first, second]), minlength=count)
     reference = _reference(levels, pairs)
     expected = expected_logs(lights, reference, settings)
-    logs, deviations = _joint_fit(expected, reference, levels, (first, second, jump), settings)
+    logs, deviations = _joint_fit(
+        expected, reference, levels, (first, second, jump), same, settings
+    )
     bound = np.log(settings.widest_factor)
     inside = np.clip(logs, -bound, bound)
-    sources: list[FactorSource] = [
-        'core' if n in levels else 'interface' if pairs[n] >= settings.fewest_pairs else 'prior'
-        for n in range(count)
-    ]
+    sources = [_source(n, levels, pairs, same, settings) for n in range(count)]
     after = jump - inside[first] + inside[second]
     return SandFactors(
         tuple(float(value) for value in np.exp(-inside)),
@@ -386,6 +387,21 @@ def expected_logs(lights: Array, reference: int, settings: SandSettings = DEFAUL
     )
 
 
+def _source(
+    sand: int,
+    levels: Mapping[int, SandLevel],
+    pairs: Array,
+    same: Sequence[tuple[int, int]],
+    settings: SandSettings,
+) -> FactorSource:
+    """Return the strongest evidence of the factor of a sand."""
+    if sand in levels:
+        return 'core'
+    if any(a in levels or b in levels for a, b in same if sand in (a, b)):
+        return 'same sand'
+    return 'interface' if pairs[sand] >= settings.fewest_pairs else 'prior'
+
+
 def _reference(levels: Mapping[int, SandLevel], pairs: Array) -> int:
     """Return the sand with the largest core, or without cores the one with most pairs."""
     if levels:
@@ -398,6 +414,7 @@ def _joint_fit(
     reference: int,
     levels: Mapping[int, SandLevel],
     found: tuple[Array, Array, Array],
+    same: Sequence[tuple[int, int]],
     settings: SandSettings,
 ) -> tuple[Array, Array]:
     """Return the log signals of stock relative to the reference and their deviations.
@@ -419,9 +436,14 @@ def _joint_fit(
         relative_to = reference if sand != reference else None
         add(sand, relative_to, float(expected[sand]), settings.prior_deviation)
     for sand, one in levels.items():
-        add(sand, None, float(np.log(one.level / unit)), one.deviation)
+        elsewhere = 0.0 if sand == reference else settings.place_error
+        deviation = float(np.hypot(one.deviation, elsewhere))
+        add(sand, None, float(np.log(one.level / unit)), deviation)
     if not levels:
         add(reference, None, 0.0, _FIXED)
+    for a, b in same:
+        if a in levels or b in levels:  # two guesses do not confirm each other
+            add(a, b, 0.0, settings.same_sand_error)
     first, second, jump = found
     for a, b in combinations(range(count), 2):
         one_way, other_way = (first == a) & (second == b), (first == b) & (second == a)

@@ -61,11 +61,10 @@ class LevelSmoothingSettings:
 class SharpeningSettings:
     """Taking the blur of the camera back (`front_sharpening.py`)."""
 
-    blur_px: float = 1.9
-    """Standard deviation of the blur of tracer in a photograph [px of the file]. Lens, glass and
-    demosaicing spread light over 1.5 px or more. JPEG keeps colours at half the resolution, which
-    adds 1 px. Fronts on composed photographs are wider by 2.3 px; less is taken back, because too
-    much would invent steep fronts."""
+    blur_px: float = 0.7
+    """Standard deviation of the blur of tracer in a photograph whose fronts were not compared with
+    a model [px of the file]: JPEG and demosaicing alone. Fronts on composed photographs tell 1.2 to
+    2.8 px. Taking too much back invents steep fronts, and costs more than taking too little."""
 
 
 @dataclass(frozen=True)
@@ -375,6 +374,18 @@ class SandSettings:
     prior_deviation: float = 0.15
     """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
     large FluidFlower differ by up to 0.3 from the law, those of composed photographs by 0.09."""
+    same_sand_error: float = 0.03
+    """Standard deviation of the log factors of two parts that the rig describes as one sand:
+    packing, and light that the picture does not tell from sand. An estimate."""
+    place_error: float = 0.02
+    """Relative standard deviation of the signal of stock from place to place in a sand [-]. A small
+    core tells only its own place. An estimate."""
+    described_reach_cells: int = 4
+    """The edges of the described sands are known to this many cells, 28 mm on 2.8 m."""
+    described_share: float = 0.008
+    """Smaller parts of a described sand, relative to the rig, join the sand around them [-]."""
+    most_described: int = 12
+    """More permeabilities than this are no sands but a field."""
     widest_factor: float = 2.5
     """Largest factor of a sand, and the inverse of the smallest."""
 
@@ -429,8 +440,9 @@ class MassBalanceSettings:
     expected_bend: float = -0.02
     """Bend before any evidence [-]: light that the dye does not reach, from the glass and from the
     fronts of grains, bends absorbance. Three percent of stray light give -0.02."""
-    bend_deviation: float = 0.04
-    """Standard deviation of the bend before any evidence [-]."""
+    bend_deviation: float = 0.07
+    """Standard deviation of the bend before any evidence [-]: dyes differ. A narrow one would pull
+    strong bends, which fronts or dilutions tell, towards the straight line."""
     dilution_error: float = 0.01
     """Standard deviation of the concentration in a photograph of a known dilution [-]."""
 
@@ -451,8 +463,9 @@ class FrontSettings:
     """Standard deviation of the volume of one photograph, relative [-]: light."""
     factor_error: float = 0.1
     """Standard deviation of the common factor of all volumes [-]: porosity, sorption, pumps."""
-    model_error: float = 0.02
-    """Standard deviation of the bend from a model that is not the rig [-]."""
+    model_error: float = 0.015
+    """Standard deviation of the bend from a model that is not the rig [-], if it fits to
+    `level_error`: 0.01 on composed photographs. It grows with the misfit."""
     most_misfit: float = 0.06
     """Larger distances from the model are no evidence, relative to the width of a front [-]."""
     least_share: float = 0.1

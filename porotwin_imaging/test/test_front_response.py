@@ -66,7 +66,7 @@ def test_fronts_tell_bend_and_blur_for_any_sand(bend, dispersivity_m, factor, co
     found = fit_fronts(seen, model, factor)
     assert found is not None
     assert abs(found.bend - bend) < 0.02
-    assert 0.02 <= found.deviation < 0.04
+    assert 0.015 <= found.deviation < 0.04
     assert found.blur_px == pytest.approx(np.sqrt(2), abs=0.5)  # the fine model interpolates little
 
 

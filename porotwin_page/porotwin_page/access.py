@@ -1,11 +1,11 @@
-"""Who may use the page: names of its host, sites of a request, and the token of the operator.
+"""Access to the page: names of its host, sites of a request, and the token of the operator.
 
-Everyone who reaches the page may read it: a screen on the wall needs no token. Whoever confirms
-rates needs the token. It stands behind the # of the address that `./porotwin up` shows, so no
-browser sends it to a server by itself, and another site does not know it.
+Everyone who reaches the page may read it, so a screen on the wall needs no token. Confirming rates
+needs the token. The token stands behind the # of the address that `./porotwin up` prints. So no
+browser sends it to a server by itself, and no other site knows it.
 
-A page of another site cannot read this one either. It could only try under a name of its own that
-points here (DNS rebinding); then the header Host names that site, and the request is refused.
+Another site cannot read this page. It could try with a name of its own that points here (DNS
+rebinding). Then the header Host names that site, and the request is refused.
 """
 
 import ipaddress
@@ -22,7 +22,7 @@ LOCAL_NAMES = frozenset({'localhost', '127.0.0.1', '::1'})
 """Names of this machine for itself; an SSH tunnel uses them too."""
 
 _ALPHABET = 'abcdefghjkmnpqrstuvwxyz23456789'
-"""Letters and digits that nobody confuses: a token may be typed into a phone."""
+"""Letters and digits that are hard to confuse, because people type a token into a phone."""
 
 _GROUPS, _GROUP_LENGTH = 3, 4
 """Groups of a token and their length: 12 of 31 characters are 59 bits, beyond any guessing."""
@@ -32,7 +32,7 @@ SHORTEST_TOKEN = 8
 
 
 class AccessRefused(Exception):  # noqa: N818  it is an answer, not a mistake of the program
-    """A request may not do this; the message is one line that names the remedy."""
+    """A request is refused; the message is one line with the remedy."""
 
 
 def new_token() -> str:
@@ -44,9 +44,9 @@ def new_token() -> str:
 
 
 def token_in(path: Path) -> str:
-    """Return the token in the file `path`, which is made if it is missing; only its owner reads it.
+    """Return the token in the file `path`. A missing file is made, readable by its owner only.
 
-    A node that is started again reads the same token, so open pages go on.
+    A restarted node reads the same token, so open pages keep working.
 
     Raises:
         InputError: the file cannot be read or made, or its token is too short.
@@ -85,7 +85,7 @@ def parse_hosts(text: str) -> frozenset[str]:
 
 
 def host_name(header: str) -> str:
-    """Return the name or address in a header Host, without port and brackets, in small letters."""
+    """Return the name or address in a header Host in lower case, without port and brackets."""
     try:
         return (urlsplit(f'//{header}').hostname or '').rstrip('.')
     except ValueError:
@@ -97,7 +97,7 @@ class Access:
     """The rules for requests.
 
     Attributes:
-        token: the token that changes need.
+        token: the token that requests for changes need.
         names: more names of the page's host, beside localhost.
     """
 
@@ -105,7 +105,7 @@ class Access:
     names: frozenset[str] = frozenset()
 
     def check_host(self, headers: Iterable[str], reached: str) -> None:
-        """Return if a request names a host of the page.
+        """Check that a request names a host of the page.
 
         Args:
             headers: all headers Host of the request; there must be one.
@@ -126,7 +126,7 @@ class Access:
             )
 
     def check_change(self, origin: str | None, host: str, token: str) -> None:
-        """Return if a request may change something.
+        """Check that a request may change something.
 
         Args:
             origin: the header Origin; None if there is none.

@@ -111,7 +111,7 @@ def _refusal(address: str, port: int, error: OSError) -> str:
 
 
 def settled(address: str) -> str:
-    """Return `address` with host and port, after a check that it is free; port 0 is replaced.
+    """Return `address` as host and port after a check that it is free; replace port 0.
 
     Raises:
         InputError: as `listen`.
@@ -135,7 +135,7 @@ def interface_addresses() -> list[str]:
 
 
 def reachable_hosts(host: str) -> list[str]:
-    """Return the hosts under which a page at `host` is found.
+    """Return the hosts under which a browser finds a page at `host`.
 
     A page of all interfaces is found under `127.0.0.1` here, and under every address of this
     machine's interfaces from elsewhere.
@@ -146,11 +146,11 @@ def reachable_hosts(host: str) -> list[str]:
 
 
 def page_lines(address: str, token: str) -> list[str]:
-    """Return one line for people for every address under which the page can be opened.
+    """Return a line for each address that opens the page.
 
     Args:
         address: HOST:PORT, as `settled` returns it.
-        token: the token that confirmations need; a browser keeps it from the address.
+        token: the token for confirmations; a browser takes it from the address.
     """
     host, port = parse(address)
     lines = []

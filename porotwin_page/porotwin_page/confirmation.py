@@ -1,7 +1,7 @@
 """The operator's confirmation of rates, as a browser sends it.
 
-A browser names the rate of every well: the page records the rates that it shows. Impossible rates
-are refused. Odd rates are a question to the operator first.
+A browser sends the rate of every well, so the record holds the rates that it showed. Impossible
+rates are refused. For odd rates the page first asks the operator.
 """
 
 import json
@@ -39,7 +39,7 @@ ORDERS = ('setpoint', 'safe')
 
 
 class ConfirmationDoubt(Exception):  # noqa: N818  it is a question to the operator
-    """The rates are odd; the message asks the operator. `sure` in a confirmation answers yes."""
+    """The rates are odd. The message is a question; `sure` in a confirmation answers yes."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def decoded(body: bytes) -> Any:
     """Return the JSON value in the body of a request.
 
     Raises:
-        InputError: it is no JSON, names a key twice, or has a number that is none.
+        InputError: it is no JSON, repeats a key, or has an invalid number.
     """
     try:
         return json.loads(
@@ -185,8 +185,8 @@ def _is_finite(value: float) -> bool:
 def plausible_bound_ml_h(rates: WellRates, rig: Rig | None) -> float:
     """Return the largest plausible size of a rate [ml/h].
 
-    It is ten times the sum of all wells, by the limits of `rig` or else by `rates` [m^3/s], and
-    never more than the sand of the rig stands.
+    The bound is ten times the sum over all wells, from the limits in `rig` or else from `rates`
+    [m^3/s]. It is at most the plausible rate for the sand of the rig.
     """
     together = math.fsum(abs(to_ml_h(rate.rate)) for rate in rates.values()) / 2
     if rig is not None and rig.control is not None:

@@ -18,7 +18,7 @@ def point_view(point: CyclePoint, panels: Mapping[str, Panel]) -> Json:
 def history_view(snapshot: GraphSnapshot, panels: Mapping[str, Panel], *, after: int) -> Json:
     """Return the points that a browser lacks.
 
-    The last point is sent again, because its setpoint may have arrived after its report.
+    The last point is sent again, because its setpoint may arrive after its report.
 
     Args:
         snapshot: holds the points.
@@ -26,9 +26,9 @@ def history_view(snapshot: GraphSnapshot, panels: Mapping[str, Panel], *, after:
         after: number of points that the browser holds; -1 for none.
 
     Returns:
-        `points`; `begin`, the number of the first of them: the browser replaces all points from
-        there on; `end`, the number of points ever added; `reset`, whether the browser first drops
-        all its points, because a new experiment began or because it has none.
+        `points`; `begin`, the number of the first point (the browser replaces all points from there
+        on); `end`, the number of points ever added; `reset`, whether the browser first drops all
+        its points, for a new experiment or if it has none.
     """
     first = snapshot.history_end - len(snapshot.history)
     reset = after < snapshot.history_start or after < first or after > snapshot.history_end

@@ -45,7 +45,7 @@ def past_view(snapshot: GraphSnapshot, panels: Mapping[str, Panel]) -> Json:
 
 
 def event_view(snapshot: GraphSnapshot, moment: Moment, panels: Mapping[str, Panel]) -> Json:
-    """Return everything but the curves: header, rig, rates, interruptions, contents of panels."""
+    """Return all data except the curves: header, rig, rates, interruptions, panel contents."""
     return {
         'start_s': snapshot.start,
         'header': header_view(snapshot, moment.steady),

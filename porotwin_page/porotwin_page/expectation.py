@@ -25,13 +25,13 @@ class Expectation:
     """A forecast of the siblings under one plan of rates.
 
     Attributes:
-        time: of the state that it starts from [s].
+        time: time of its initial state [s].
         rates: rates of the wells at its start [m^3/s].
         times: times after that state [s], (nt,).
-        zone_tracer: tracer where it must not be [m^3], (3, nt): 5 %, median, 95 %.
-        zone_reached: probability that it is reached by then [-], (nt,).
+        zone_tracer: tracer in the disallowed zone [m^3], (3, nt): 5 %, median, 95 %.
+        zone_reached: probability that tracer has reached the zone [-], (nt,).
         outline_time: time after the state [s] of `outlines`.
-        outlines: of the mean plume then.
+        outlines: outlines of the mean plume at `outline_time`.
         now: outlines of the plume of the newest photograph.
     """
 

@@ -1,4 +1,4 @@
-"""The newest data of the graph at one moment, and the change by every message.
+"""The newest data of the graph at one moment, and its change with every message.
 
 A snapshot is immutable: every `with_...` function returns a new one. A browser's view is made from
 one snapshot, so it never mixes two moments.
@@ -87,7 +87,7 @@ class Setpoint:
         reason: one line for people.
         arrival: when it arrived, on the graph's clock [s]; None if that clock had not started.
         clock: when it arrived, on this machine's clock [s since 1970].
-        doubt: why its rates are no order, in one line; empty for an order.
+        doubt: reason not to pump its rates, in one line; empty without doubt.
     """
 
     sequence: int
@@ -155,7 +155,7 @@ class CyclePoint:
         rates: commanded rates [m^3/s].
         objective: cost f with the new setpoint [m^3].
         objective_unchanged: cost f with unchanged rates [m^3].
-        expected_error: relative L2 error that the deviations of map and forecast let expect [-].
+        expected_error: relative L2 error that follows from the deviations of map and forecast [-].
     """
 
     time: float
@@ -186,11 +186,11 @@ class MendOffer:
 
     Attributes:
         sequence: its number.
-        state: what became of it, in words.
+        state: its state in words.
         is_open: whether it waits for an answer.
         time: of the last photograph that the diagnosis has seen [s].
         confidence: of the verdict [-].
-        sentence: what the operator hears.
+        sentence: text for the operator.
     """
 
     sequence: int
@@ -220,8 +220,8 @@ class Health:
     Attributes:
         level: its health.
         message: one line.
-        arrival: when the node itself reported last, on this machine's steady clock [s].
-        present: whether the graph shows the node; None if it never did.
+        arrival: time of the last report of the node itself, on this machine's steady clock [s].
+        present: whether the node is in the graph; None if it never was.
         gap: time between its last two reports [s]; 0 before the second one.
     """
 
@@ -238,15 +238,15 @@ class GraphSnapshot:
 
     Attributes:
         rig: description of the rig.
-        preparation: words on the work before the graph runs; empty if there is none.
+        preparation: text on the work before the graph runs; may be empty.
         observed: the newest state.
         difference: newest observed map minus its forecast (nz, nx) [-].
         predicted: newest physics-based forecasts.
         corrected: newest corrected forecasts.
         setpoints: newest setpoints.
-        set_rates: rates [m^3/s] that a person has reported; None if nobody did.
+        set_rates: rates [m^3/s] that a person has reported; None without a report.
         measured: newest rates at the pumps [m^3/s].
-        pumps_report: whether the pumps measure, so that nobody has to report.
+        pumps_report: whether the pumps measure, so that no person has to report.
         confirmed: number of the setpoint that was confirmed last on this page, and whether the
             safe rates were confirmed, because it had expired.
         expired: number of the setpoint whose expiry is in the log; None if it is not over.
@@ -334,8 +334,8 @@ class GraphSnapshot:
     def photo_interval(self) -> float | None:
         """Expected time between photographs [s]; None before the second one.
 
-        The longer of the recorded interval and the interval between arrivals: a replay may be
-        faster or slower than its clock, and neither makes it stale.
+        This is the longer of the recorded interval and the interval between arrivals, because a
+        replay may run faster or slower than its clock.
         """
         gaps = [b - a for a, b in zip(self.arrivals, self.arrivals[1:], strict=False)]
         recorded = self.observed.time_step if self.observed else 0.0
@@ -359,7 +359,7 @@ def with_rig(now: GraphSnapshot, rig: Rig) -> GraphSnapshot:
 
 
 def with_preparation(now: GraphSnapshot, preparation: str) -> GraphSnapshot:
-    """Return the snapshot with words on the work before the graph runs."""
+    """Return the snapshot with a text on the work before the graph runs."""
     return replace(now, preparation=preparation)
 
 
@@ -379,8 +379,8 @@ def _minus_forecast(observed: Map, now: GraphSnapshot) -> FloatArray | None:
 def with_observed_state(now: GraphSnapshot, state: ObservedState) -> GraphSnapshot:
     """Return the snapshot with a new state and its difference from the forecast.
 
-    A state that is older than the last one changes nothing else: one photograph with a wrong time
-    must not drop the curves.
+    A state older than the last one changes nothing else, so one wrong time stamp does not drop the
+    curves.
     """
     time = state.map.time
     now, map_ = _numbered(now, state.map)
@@ -415,9 +415,9 @@ def with_expectation(now: GraphSnapshot, expected: Expectation) -> GraphSnapshot
 def with_setpoint(now: GraphSnapshot, setpoint: Setpoint) -> GraphSnapshot:
     """Return the snapshot with a new setpoint.
 
-    A restarted hub counts from one again; then the confirmation of an old setpoint is dropped.
-    Topics keep no order between them: the report of the cycle may have arrived before its
-    setpoint, and receives the rates here.
+    A restarted hub counts from one again; then the confirmation of an old setpoint is dropped. The
+    report of a cycle may arrive before its setpoint, because topics keep no order between them.
+    This function then adds the rates to the report.
     """
     restarted = now.setpoints and setpoint.sequence <= now.setpoints[-1].sequence
     kept = () if restarted else now.setpoints
@@ -442,7 +442,7 @@ def _with_line(
 
 
 def with_graph_time(now: GraphSnapshot, graph: float | None, clock: float) -> GraphSnapshot:
-    """Return the snapshot at a time; the log has a line when the newest setpoint has expired.
+    """Return the snapshot at a later time; add a line to the log if the newest setpoint expired.
 
     Args:
         now: the snapshot before.
@@ -489,13 +489,13 @@ def with_measured(
 def with_confirmation(now: GraphSnapshot, sequence: int, *, safe: bool = False) -> GraphSnapshot:
     """Return the snapshot with the confirmation of setpoint `sequence`.
 
-    `safe` tells whether it had expired, so that the safe rates were confirmed.
+    `safe` is true if the setpoint had expired and the safe rates were confirmed.
     """
     return replace(now, confirmed=(sequence, safe))
 
 
 def with_cycle(now: GraphSnapshot, point: CyclePoint) -> GraphSnapshot:
-    """Return the snapshot with a new point of the curves; the oldest is dropped if it is full."""
+    """Return the snapshot with a new point of the curves; drop the oldest point if full."""
     rates = next((s.rates for s in reversed(now.setpoints) if s.time == point.time), {})
     newest = replace(
         point,
@@ -519,8 +519,8 @@ def _packed(history: tuple[CyclePoint, ...]) -> tuple[CyclePoint, ...]:
 def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
     """Return the snapshot without the data of experiments that began before `time` [s].
 
-    Rig, pumps and nodes remain. So does the first photograph of the new experiment, which may
-    arrive before this message.
+    Rig, pumps and nodes remain. The first photograph of the new experiment remains too, because it
+    may arrive before this message.
     """
     shown = now.observed
     begun = shown is not None and abs(shown.map.time - time) <= TIME_TOLERANCE
@@ -543,7 +543,7 @@ def with_new_experiment(now: GraphSnapshot, time: float) -> GraphSnapshot:
 
 
 def with_interruption(now: GraphSnapshot, mark: Mark) -> GraphSnapshot:
-    """Return the snapshot after an interruption: forecasts are void."""
+    """Return the snapshot after an interruption, without forecasts."""
     return replace(now, marks=(*now.marks, mark)[-MARKS_KEPT:], predicted=(), corrected=())
 
 
@@ -558,7 +558,7 @@ def _newest_nodes(health: dict[str, Health]) -> dict[str, Health]:
 
 
 def with_health(now: GraphSnapshot, name: str, report: Health) -> GraphSnapshot:
-    """Return the snapshot with the report of a node, or with another's report on its silence."""
+    """Return the snapshot with the report of a node, or of the supervisor on its silence."""
     before = now.health.get(name)
     if before is not None:
         reported = before.level is not Level.QUIET

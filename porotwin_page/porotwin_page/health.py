@@ -23,7 +23,7 @@ _SYMBOLS = {'error': '✖', 'silent': '✖', 'warn': '▲'}
 
 
 def silent_after(report: Health, interval: float) -> float:
-    """Return the longest time [s] between two reports; later the node is silent.
+    """Return the longest time [s] between two reports, after which the node counts as silent.
 
     Args:
         report: its last report.
@@ -38,8 +38,8 @@ def node_view(
 ) -> Json:
     """Return the line of one node.
 
-    A node that has left the graph is an error, unless the experiment is over. A node that no longer
-    reports is silent, whoever says so.
+    A node that has left the graph is an error, unless the experiment is over. A node without
+    reports is silent, even if another node reports for it.
 
     Args:
         name: name of the node.

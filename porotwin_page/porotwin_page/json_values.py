@@ -10,7 +10,7 @@ Json = dict[str, Any]
 
 
 def finite(value: float | None, digits: int = 6) -> float | None:
-    """Return `value` with so many significant digits; None, JSON's null, unless it is finite."""
+    """Return `value` with so many significant digits; None (JSON null) if not finite."""
     if value is None or not math.isfinite(value):
         return None
     return float(f'{value:.{digits}g}')

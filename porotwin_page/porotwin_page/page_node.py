@@ -95,14 +95,14 @@ class PageNode(Node):
         rig = declare(self, 'rig', '', 'path of rig.yaml; empty: from rig/description')
         if rig:
             self._store.update(graph_snapshot.with_rig, load_rig(rig))
-        preparation = declare(self, 'preparation', '', 'words on the work before the graph runs')
+        preparation = declare(self, 'preparation', '', 'text on the work before the graph runs')
         self._store.update(graph_snapshot.with_preparation, preparation)
         address_text = declare(
-            self, 'address', '127.0.0.1:8765', 'HOST:PORT to serve at; 0.0.0.0: for phones as well'
+            self, 'address', '127.0.0.1:8765', 'HOST:PORT of the page; host 0.0.0.0: for phones too'
         )
         hosts = declare(self, 'hosts', '', 'other names of this machine in a browser, with commas')
         token_file = declare(
-            self, 'token_file', '', 'file with the token of confirmations; empty: a new token'
+            self, 'token_file', '', 'file with the token for confirmations; empty: a new token'
         )
         self._confirm_timeout = declare(
             self,
@@ -114,7 +114,7 @@ class PageNode(Node):
             on_change=self._set_confirm_timeout,
         )
         browsers = declare(
-            self, 'browsers', 64, 'most browsers at a time', at_least=1, at_most=1000
+            self, 'browsers', 64, 'largest number of browsers at a time', at_least=1, at_most=1000
         )
         states = declare(
             self,
@@ -345,7 +345,7 @@ class PageNode(Node):
         """
         client = self._what_if_client
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
-            raise SiblingsUnavailable('nobody can tell: the node siblings does not run')
+            raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
         request = WhatIf.Request(proposed=conversions.plan_to_msg([RateStep(0.0, rates)]))
         response = _answered(client, request, ANSWER_TIMEOUT)
         if response is None:
@@ -363,7 +363,7 @@ class PageNode(Node):
         """
         client = self._mend_client
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
-            raise ConfirmationUnavailable('nobody receives answers: the node mend does not run')
+            raise ConfirmationUnavailable('no answer possible: the node mend does not run')
         request = AnswerMend.Request(sequence=answer.sequence, accept=answer.accept)
         response = _answered(client, request, MEND_TIMEOUT)
         if response is None:
@@ -382,9 +382,7 @@ class PageNode(Node):
         """
         client = self._confirm_client
         if not client.wait_for_service(timeout_sec=SERVICE_TIMEOUT):
-            raise ConfirmationUnavailable(
-                'nobody receives confirmations: the operator node is absent'
-            )
+            raise ConfirmationUnavailable('no confirmation possible: the operator node is absent')
         timeout, wells = self._confirm_timeout, conversions.rates_to_msg(given.rates)
         request = ConfirmRates.Request(sequence=given.sequence, wells=wells)
         response = _answered(client, request, timeout)

@@ -1,4 +1,4 @@
-"""Panels of the page: what they take from a snapshot and how they are drawn.
+"""Panels of the page: their content from a snapshot, and their drawing.
 
 A panel is one module in the folder `panels` with a constant PANEL of one of these kinds:
 
@@ -59,7 +59,7 @@ class Panel:
     """Kind of panel, for the browser."""
 
     def declaration(self) -> Json:
-        """Return everything about the panel that does not change, for the browser."""
+        """Return all constant data of the panel, for the browser."""
         return {'title': self.title, 'region': str(self.region), 'drawing': self.drawing}
 
     def content(self, snapshot: GraphSnapshot, moment: Moment) -> Any:
@@ -104,8 +104,8 @@ class ChartPanel(Panel):
     """Curves over time. Their values travel with the history, once for every cycle.
 
     Attributes:
-        values: returns the values of all curves in one cycle, by name; None or NaN is a gap. The
-            order of the names selects the colours. The name of a single curve may be empty.
+        values: returns the values of all curves in one cycle, by name; None or NaN interrupts the
+            curve. The order of the names selects the colours. A single curve may have no name.
         unit: unit of the values.
         dashed: names of curves that are dashed beside others.
         steps: whether a value holds until the next one.
@@ -120,7 +120,7 @@ class ChartPanel(Panel):
     drawing: ClassVar[str] = 'chart'
 
     def declaration(self) -> Json:
-        """Return everything about the panel that does not change, for the browser."""
+        """Return all constant data of the panel, for the browser."""
         return super().declaration() | {
             'unit': self.unit,
             'dashed': list(self.dashed),
@@ -167,7 +167,7 @@ class MapPanel(Panel):
         unit: text at the colour scale.
         empty: text while there is no map.
         time_prefix: word before the time.
-        large: a wide map with labels, which also shows the warning about old photographs.
+        large: whether the map is wide, with labels and the warning about old photographs.
     """
 
     shown: Callable[[GraphSnapshot], ShownMap | None]
@@ -179,7 +179,7 @@ class MapPanel(Panel):
     drawing: ClassVar[str] = 'map'
 
     def declaration(self) -> Json:
-        """Return everything about the panel that does not change, for the browser."""
+        """Return all constant data of the panel, for the browser."""
         return super().declaration() | {
             'unit': self.unit,
             'empty': self.empty,

@@ -64,19 +64,19 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 ConfirmFn = Callable[[Confirmation], str]
 """Passes a confirmation on; blocks and returns one line.
 
-Raises InputError if it is refused, ConfirmationUnavailable if nobody receives it.
+Raises InputError if it is refused, ConfirmationUnavailable if no node receives it.
 """
 
 AskFn = Callable[[WellRates], Expectation]
 """Asks for the outlook of proposed rates [m^3/s] of control wells; blocks.
 
-Raises InputError if the question is refused, SiblingsUnavailable if nobody answers.
+Raises InputError if the question is refused, SiblingsUnavailable if no node answers.
 """
 
 MendFn = Callable[[MendAnswer], None]
 """Passes the answer to an offer on; blocks.
 
-Raises InputError if it is refused, ConfirmationUnavailable if nobody receives it.
+Raises InputError if it is refused, ConfirmationUnavailable if no node receives it.
 """
 
 ClockFn = Callable[[], float | None]
@@ -93,12 +93,12 @@ class SiblingsUnavailable(Exception):  # noqa: N818  it is a state of the graph,
 
 def nobody_to_ask(_: WellRates) -> Expectation:
     """Answer no question."""
-    raise SiblingsUnavailable('nobody can tell: the node siblings does not run')
+    raise SiblingsUnavailable('no forecast: the node siblings does not run; start it')
 
 
 def nobody_to_mend(_: MendAnswer) -> None:
     """Receive no answer."""
-    raise ConfirmationUnavailable('nobody receives answers: the node mend does not run')
+    raise ConfirmationUnavailable('no answer possible: the node mend does not run')
 
 
 @dataclass(frozen=True)
@@ -128,8 +128,8 @@ class PageApplication:
         confirm: passes confirmations on.
         clock: returns the time on the graph's clock [s].
         access: the rules for requests.
-        ask: asks for the outlook of proposed rates; nobody by default.
-        mend: passes answers to offers on; nobody receives them by default.
+        ask: asks for the forecast with proposed rates; unavailable by default.
+        mend: passes answers to offers on; unavailable by default.
         past: holds earlier states; an empty one by default.
         panels: panels by name; all panels of the registry by default.
         rigs: the rigs to choose from.
@@ -358,9 +358,9 @@ class PageApplication:
             return 503, {'error': str(error)}
 
     async def what_if(self, request: web.Request) -> web.Response:
-        """Answer with the outlook of proposed rates; nothing is pumped.
+        """Answer with the forecast for proposed rates; nothing is pumped.
 
-        A question costs the machine of the twin some time, so that only one is asked at a time.
+        Only one forecast runs at a time, because it takes computing time from the twin.
         """
 
         async def outlook(data: Any) -> tuple[int, Json]:

@@ -1,4 +1,4 @@
-"""Who publishes setpoints: only the guard may, and only one of them."""
+"""Checks that one guard, and no other node, publishes setpoints."""
 
 from collections.abc import Iterable
 
@@ -17,7 +17,7 @@ class SetpointSource:
         self._two_since: float | None = None
 
     def doubt(self, publishers: Iterable[str], steady: float) -> str:
-        """Return one line if others than one guard publish setpoints; empty if all is well.
+        """Return a line if any node but one guard publishes setpoints, else an empty text.
 
         Args:
             publishers: full names of the publishing nodes, one for each publisher.

@@ -1,5 +1,5 @@
-"""Real pumps: `pump_file` says which well has which pump, `bridge` sets and measures them.
+"""Real pumps: `pump_file` says which well has which pump, `bridge` sets and measures the pumps.
 
-Each protocol is one module in `protocols`, found by its `protocol_registry`. docs/pumps.md says how
-to describe pumps and how to add a protocol.
+Each protocol is one module in `protocols`, and `protocol_registry` finds it. docs/pumps.md explains
+the pump file and how to add a protocol.
 """

@@ -1,7 +1,7 @@
 """The bridge between setpoints and pumps: it sets, watches and measures them.
 
-It goes to the safe rates by itself when a setpoint ends without a successor, when a pump fails,
-and at the end. It knows neither ROS nor any protocol.
+The bridge sets the safe rates by itself when a setpoint expires without a successor, when a pump
+fails, and at the end. It uses neither ROS nor a protocol directly.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,10 +33,10 @@ class _Channel:
     told_ml_h: float = 0.0
     fault: str = ''
     base_ml: float = field(default=0.0)
-    """Volume at the begin of the measurement."""
+    """Volume at the beginning of the measurement."""
 
     def set_rate(self, rate_ml_h: float) -> None:
-        """Set the pump, if it is not set so already."""
+        """Set the pump, unless it already has this rate."""
         if self.pump is not None and rate_ml_h == self.told_ml_h:
             return
         try:
@@ -52,7 +52,7 @@ class _Channel:
         self.pump, self.fault = None, str(error)
 
     def check(self) -> None:
-        """Note a fault if the pump does not do as it was told."""
+        """Note a fault if the pump does not run at its commanded rate."""
         try:
             if self.pump is not None:
                 self.pump.check()
@@ -60,7 +60,7 @@ class _Channel:
             self.fail(error)
 
     def pumped_ml(self) -> float | None:
-        """Return the volume since the last call or setting, None if the pump does not tell."""
+        """Return the volume since the last call or setting; None if the pump gives none."""
         try:
             if self.pump is None:
                 return None
@@ -81,7 +81,7 @@ class Measurement:
 
 
 class PumpBridge:
-    """All pumps of a rig; times [s] are by a clock that nobody sets."""
+    """All pumps of a rig. Times [s] are on a clock that nobody sets."""
 
     def __init__(
         self,
@@ -142,7 +142,7 @@ class PumpBridge:
             raise PumpError(self._fault_line())
 
     def tick(self, now: float) -> str | None:
-        """Watch the pumps and the end of the setpoint; return a line if something has happened."""
+        """Check the pumps and the expiry of the setpoint; return a line on any event."""
         if self._until is not None and now > self._until:
             self._until = None
             self._go_safe()
@@ -164,7 +164,7 @@ class PumpBridge:
     def measure(self, now: float) -> Measurement | None:
         """Return the mean rates since the last call or setting.
 
-        None: the time is too short, or a pump did not work.
+        None if the time is too short, or if a pump did not work.
         """
         duration = now - self._since
         if duration < SHORTEST_MEASUREMENT_S:

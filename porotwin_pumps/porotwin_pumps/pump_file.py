@@ -1,4 +1,4 @@
-"""The file of the pumps: the pump of every well, and its serial line."""
+"""The pump file: the pump of every well, and its serial line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +17,7 @@ from porotwin_pumps.serial_line import SerialLine
 
 
 class PumpEntry(pydantic.BaseModel):
-    """The pump of one well; further keys are the options of its protocol, all numbers."""
+    """The pump of one well. Additional keys are options of its protocol, all numbers."""
 
     model_config = ConfigDict(frozen=True, extra='allow')
 

@@ -34,7 +34,7 @@ class PumpsNode(Node):
         """
         super().__init__('pumps', **kwargs)
         rig = declare_rig(self)
-        path = Path(declare(self, 'pumps', '', 'path of the file of the pumps'))
+        path = Path(declare(self, 'pumps', '', 'path of the pump file'))
         self._period = declare(
             self, 'measure_period_s', 30.0, 'time over which rates are measured [s]',
             at_least=1.0, at_most=3600.0, on_change=self._set_period,

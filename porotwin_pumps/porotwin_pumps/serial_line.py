@@ -13,7 +13,7 @@ LONGEST_ANSWER = 256
 
 
 class LineError(Exception):
-    """A serial line is gone, or nobody answers on it; one line."""
+    """A serial line is gone, or no device answers; the message is one line."""
 
 
 class SerialLine:
@@ -53,8 +53,8 @@ class SerialLine:
     def ask(self, question: bytes, *, end: bytes) -> bytes:
         """Return the answer to `question` with its last byte `end`.
 
-        Bytes that came before the question are dropped: they answer an older one. After a fault the
-        line is opened again with the next question.
+        Bytes that came before the question are dropped, because they answer an older question.
+        After a fault the next question opens the line again.
 
         Raises:
             LineError: the line is gone, or no whole answer came in time.

@@ -58,7 +58,7 @@ def test_the_delivered_volume_is_read_back(line: PumpLine) -> None:
         ('partial', "no answer within 0.3 s, only b'\\x0200' came"),
         ('garbage', 'which makes no sense'),
         ('other_address', 'which makes no sense'),
-        ('deaf', 'it has stopped, and was told otherwise'),
+        ('deaf', 'it has stopped, against its command'),
     ],
 )
 def test_a_pump_that_answers_wrongly_is_a_fault(line: PumpLine, fault: str, words: str) -> None:
@@ -96,7 +96,7 @@ def test_a_rate_beyond_the_pump_is_refused_by_it(line: PumpLine) -> None:
     pump = connect(line)
     with pytest.raises(PumpError, match=r"it refuses 'RAT 2500MH': the value is out of its range"):
         pump.set_rate(2500.0)
-    with pytest.raises(PumpError, match='more than the pump can be told'):
+    with pytest.raises(PumpError, match='more than the pump accepts'):
         pump.set_rate(1e300)
 
 

@@ -1,1 +1,1 @@
-"""A virtual rig: an independent stand-in for the physical asset, with a photograph renderer."""
+"""A virtual rig: an independent simulator in place of the physical rig, with photographs."""

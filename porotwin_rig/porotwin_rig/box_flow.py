@@ -1,9 +1,9 @@
 """Darcy flow of the virtual rig: vertex-centred box method with analytic wells.
 
-The unknown is the potential h [m] at the vertices of bilinear elements; water is balanced over the
+The unknown is the potential h [m] at the vertices of bilinear elements. Water is balanced over the
 box around every vertex (control-volume finite elements; Baliga & Patankar 1980; Bank & Rose 1987).
-The potential of a well is singular. Its singular part, h_w = -Q ln(r) / (2 pi T_w), is analytic and
-only the smooth remainder is computed. A well therefore keeps its exact place within a cell.
+The potential of a well is singular. Its singular part, h_w = -Q ln(r) / (2 pi T_w), is analytic.
+Only the smooth remainder is computed, so a well keeps its exact place within a cell.
 """
 
 import math
@@ -192,7 +192,7 @@ def held_vertices(mesh: Mesh, boundaries: Boundaries) -> NDArray[np.bool_]:
 class BoxFlow:
     """Flow through sand of a given transmissivity with some vertices at a known potential.
 
-    Without such vertices one corner fixes the level, and the rates must add up to zero.
+    Without held vertices one corner fixes the level, and the rates must add up to zero.
 
     Args:
         mesh: the mesh.
@@ -293,7 +293,7 @@ class BoxFlow:
         return self._through_open_sides(smooth + extra, supply)
 
     def through_walls(self, forced: Fluxes) -> Fluxes:
-        """Return the fluxes where those through the walls are `forced`.
+        """Return the fluxes with the `forced` fluxes through the walls.
 
         Only for sand without held vertices; inflow and outflow must balance.
         """

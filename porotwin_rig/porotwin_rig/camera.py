@@ -2,7 +2,7 @@
 
 A tilted pinhole camera gives a homography. The lens bends straight lines by a radial (barrel) term,
 p = m + (p' - m)(1 + bulge |p' - m|^2 / R^2) with m the middle and R half the diagonal of the
-photograph. The owner of the rig knows only the `camera` section of rig.yaml: the corners, and
+photograph. The owner of the rig knows only the section `camera` of rig.yaml, with corners and
 fitted curvature terms.
 """
 
@@ -142,7 +142,7 @@ class VirtualCamera:
         return _project(np.linalg.inv(self.homography), along + mx, down + my)
 
     def description(self) -> Camera:
-        """Return the `camera` section of rig.yaml that an owner would measure."""
+        """Return the section `camera` of rig.yaml, as an owner would measure it."""
         layout = self.layout
         corners = self._pixels_of(
             [(0, layout.height), (0, 0), (layout.width, 0), (layout.width, layout.height)]
@@ -183,8 +183,8 @@ def _project(homography: FloatArray, a: FloatArray, b: FloatArray) -> tuple[Floa
 def fitted_curvature(camera: VirtualCamera) -> dict[str, float]:
     """Return the published bulge and stretch terms that fit `camera` best, by name.
 
-    The terms act on the crop between the corners in pixels and keep its edges in place. Each has
-    its own centre: stretch X' = X + a X (X1 - X)(X - X0), then bulge
+    The terms act on the crop between the corners in pixels and keep its edges in place. Each term
+    has a centre of its own: stretch X' = X + a X (X1 - X)(X - X0), then bulge
     X" = X' + b X' (Y1 - Y')(Y' - Y0), and likewise for rows (curvature correction of DarSIA).
     """
     width, height = camera.layout.width, camera.layout.height

@@ -1,4 +1,4 @@
-"""The signal that the camera takes from the visible tracer, with the effects of the camera."""
+"""The camera signal of the visible tracer, with the effects of the camera."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ FloatArray = NDArray[np.floating]
 def signal_seen(rig: VirtualRig, grid: Grid, *, time: float) -> FloatArray:
     """Return the signal of the photograph at `time` [s] on `grid`, (nz, nx), 0 to 1, without noise.
 
-    Effects act on the brightness first. A displacement of the picture follows on cells half as
-    large, so that it does not blur the fronts.
+    Effects on the brightness act first. A displacement of the picture follows, on cells half as
+    large, to keep fronts sharp.
     """
     displaced = [(effect.on_picture, values) for effect, values in rig.effects if effect.on_picture]
     if not displaced:

@@ -1,11 +1,12 @@
 """Transport along characteristics, traced backward from every vertex.
 
-The concentration at a vertex is the old concentration where its water came from (semi-Lagrangian;
-Staniforth & Cote 1991). It is read by quintic interpolation, clipped to the range of the four
-neighbours (Bermejo & Staniforth 1992), once per interval however many cells the water crosses.
-Fronts therefore stay sharp. The velocity is free of sources at every point outside the discs of the
-wells: an analytic radial flow for each well plus a remainder that is linear across each box
-(lowest-order Raviart-Thomas).
+The concentration at a vertex is the old concentration at the origin of its water (semi-Lagrangian;
+Staniforth & Cote 1991). Quintic interpolation reads the old concentration, clipped to the range of
+the four neighbours (Bermejo & Staniforth 1992). One interpolation serves an interval, however many
+cells the water crosses. So fronts stay sharp.
+
+The velocity is free of sources at every point outside the discs of the wells: an analytic radial
+flow for each well plus a remainder that is linear across each box (lowest-order Raviart-Thomas).
 """
 
 import math
@@ -263,8 +264,8 @@ def arriving(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the concentration at points after some time, with lower and upper bounds.
 
-    A correction of the mass may move the concentration within the bounds, the range of the
-    neighbours that were interpolated. All arrays except `field` have one shape.
+    The bounds are the range of the interpolated neighbours; a mass correction may use this range.
+    All arrays except `field` have one shape.
 
     Args:
         carrier: the velocity field.

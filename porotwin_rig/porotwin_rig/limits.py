@@ -1,6 +1,6 @@
 """The limits of the pumps in rig.yaml, checked by the virtual rig itself.
 
-The twin keeps these limits too; the virtual rig is an independent check.
+The twin checks these limits too. The virtual rig checks them independently.
 """
 
 import math
@@ -18,7 +18,7 @@ _ROUND_OFF_CONCENTRATION = 1e-6
 
 
 def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
-    """Refuse rates that break the limits of `rig`.
+    """Check that rates keep the limits of `rig`.
 
     Raises:
         InputError: a limit is broken; one line with the well, the rate and the limit.

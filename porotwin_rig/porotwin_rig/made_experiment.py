@@ -1,4 +1,4 @@
-"""An experiment on the virtual rig, written as a laboratory would keep it."""
+"""An experiment on the virtual rig, written as an experiment folder."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
@@ -32,7 +32,7 @@ HELD_OUT_START = 0.7
 
 @dataclass(frozen=True)
 class MadeExperiment:
-    """Facts about an experiment that was made.
+    """Facts about a simulated experiment.
 
     Args:
         times: times of the frames [s]; lost frames are left out.
@@ -56,7 +56,7 @@ class NoiseFloor:
         self._signal = 0.0
 
     def add(self, seen: FloatArray, signal: FloatArray) -> None:
-        """Add a frame: the map `seen`, NaN where blind, and its `signal`, (nz, nx) [-] each."""
+        """Add a frame: the map `seen` (NaN in blind spots) and its `signal`, (nz, nx) [-] each."""
         self._difference += float(np.nansum((seen - signal) ** 2))
         self._signal += float(np.sum(np.where(np.isfinite(seen), signal, 0.0) ** 2))
 
@@ -101,10 +101,10 @@ def make_experiment(
     truth: Path | None = None,
     cell: float | None = None,
 ) -> MadeExperiment:
-    """Run an experiment and write it into `folder`, without its effects.
+    """Run an experiment and write it into `folder`; the folder does not name the effects.
 
     Args:
-        folder: the experiment folder; must not hold one.
+        folder: the experiment folder; must not hold an experiment yet.
         rig: the nominal rig; written as it is.
         commanded: the commanded rates.
         duration: length of the experiment [s].
@@ -114,9 +114,9 @@ def make_experiment(
         noise: noise of the maps; None for a perfect camera, whose maps are kept unpacked.
         pumps: how the pumps follow their commands; exactly by default.
         grid: grid of the maps; cells of about 5 mm by default.
-        photo_width_px: width of photographs (8:5) to be taken as well; None for none.
+        photo_width_px: width of photographs (8:5); None for no photographs.
         conditions: conditions of the photographs.
-        truth: file for the signal without noise at the times of the frames; keep it elsewhere.
+        truth: file for the noise-free signal at the times of the frames, outside `folder`.
         cell: size of the elements of the virtual rig [m]; its default if None.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Concentration maps as an image analysis delivers them: grain, noise, blur, lost frames."""
+"""Concentration maps like those from photographs, with grain, noise, blur and lost frames."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class MapNoise:
-    """How an image analysis blurs and disturbs a concentration map.
+    """Blur and noise of a concentration map from photographs.
 
     Args:
         grain: standard deviation of the fixed pattern of the sand, relative to the signal.
@@ -37,7 +37,7 @@ class MapNoise:
 
     @classmethod
     def drawn(cls, seed: int) -> 'MapNoise':
-        """Return random noise as strong as an ordinary camera has it."""
+        """Return noise of random strength in the range of ordinary cameras."""
         generator = np.random.default_rng([seed, 5])
         return cls(
             grain=float(generator.uniform(0.015, 0.035)),
@@ -50,10 +50,10 @@ class MapNoise:
 
 
 class MapCamera:
-    """Turns signals into maps as an image analysis delivers them.
+    """Turns signals into maps like those from photographs.
 
-    The noise of a frame depends on `seed` and the number of the frame only, so that frames may be
-    made in any order.
+    The noise of a frame depends only on `seed` and the number of the frame, so frames may be made
+    in any order.
 
     Args:
         grid: grid of signals and maps.

@@ -52,11 +52,11 @@ class Mesh:
     def over(cls, rig: Rig, *, cell: float | None = None) -> Self:
         """Return a mesh of nearly square elements over `rig`.
 
-        Numbers of elements are odd, so that the mesh is no multiple of the grid of a model.
+        Numbers of elements are odd, so the mesh is not a multiple of the grid of a model.
 
         Args:
             rig: the rig.
-            cell: approximate size of an element [m]; follows from the sands where it is None.
+            cell: approximate size of an element [m]; None: it follows from the sands.
         """
         cell = cell or _default_cell(rig)
         nx, nz = (max(9, 2 * round(size / cell / 2) + 1) for size in (rig.width_m, rig.height_m))
@@ -108,7 +108,7 @@ class Mesh:
         return np.outer(self.box_height, self.box_width)
 
     def off_faces(self, x: float, z: float) -> tuple[float, float]:
-        """Return the place (x, z) [m], moved into one box where it lies on a face.
+        """Return the place (x, z) [m]; a place on a face is moved into one box.
 
         On a face, round-off would decide which box holds a well. The middle of every rig is on a
         face, because the numbers of elements are odd.

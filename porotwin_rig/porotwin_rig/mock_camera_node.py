@@ -1,4 +1,4 @@
-"""A camera for tests: publishes the photographs of a folder, some of them broken on purpose."""
+"""A mock camera for tests: publishes photographs of a folder, with faults on request."""
 
 import array
 import threading
@@ -37,10 +37,14 @@ class MockCameraNode(Node):
         """
         super().__init__('mock_camera', **kwargs)
         folder = Path(declare(self, 'photos', '', 'experiment folder, or folder of photographs'))
-        interval = float(declare(self, 'interval_s', 30.0, 'between exposures of a plain folder'))
+        interval = float(
+            declare(self, 'interval_s', 30.0, 'time between photographs of a plain folder [s]')
+        )
         self._period = float(declare(self, 'period_s', 1.0, 'wall time between photographs [s]'))
-        faults = declare(self, 'faults', '', 'NUMBER:FAULT,... with states counted from 0')
-        self._patience = float(declare(self, 'startup_timeout_s', 60.0, 'wait for a listener [s]'))
+        faults = declare(self, 'faults', '', 'faults as NUMBER:FAULT,...; states count from 0')
+        self._patience = float(
+            declare(self, 'startup_timeout_s', 60.0, 'longest wait for a subscriber [s]')
+        )
         self._faults = parse_faults(faults)
         self._baselines, self._states = _photographs(folder, interval)
         self._clock_topic = self.create_publisher(Clock, '/clock', 10)

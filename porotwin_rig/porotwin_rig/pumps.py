@@ -12,7 +12,7 @@ from porotwin_rig.effects import EffectSet
 
 @dataclass(frozen=True)
 class Pumps:
-    """How the pumps follow their commands.
+    """The delivery of the pumps.
 
     In the paper (sec. 4) the pump of the producer delivered about 1 % less than prescribed:
     `Pumps({'producer': 0.99})`.
@@ -60,11 +60,11 @@ class RunningPumps:
         self.commanded = dict(rates)
 
     def start(self) -> None:
-        """Begin an interval with the commanded rates: the flow meters show them."""
+        """Begin an interval: the flow meters show the rates for the present commands."""
         self.measured = self.pumps.measured(self.commanded)
 
     def true_rates(self, start: float, end: float) -> dict[str, WellRate]:
-        """Return the mean true rates in [start, end] [s]; wells at rest are left out."""
+        """Return the mean true rates from `start` to `end` [s], without wells at rest."""
         return {
             name: WellRate(
                 rate.rate * self._effects.rate_factor(name, start=start, end=end),
@@ -76,7 +76,7 @@ class RunningPumps:
 
 
 def balanced(rates: WellRates) -> dict[str, WellRate]:
-    """Return the rates in a rig without an open side: sinks take out as much as is injected.
+    """Return balanced rates for a closed rig: sinks take out as much as is injected.
 
     Sand and water are incompressible. The pressure at the producers changes until the rates
     balance.

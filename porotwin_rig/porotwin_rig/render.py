@@ -1,9 +1,9 @@
-"""Photographs as a laboratory takes them, from a map of the tracer.
+"""Renders photographs from a map of the tracer.
 
 The dye absorbs light. A signal s multiplies each colour channel of a sand by
 1 - (1 - T)(1 - exp(-b s)) / (1 - exp(-b)), T the transmission at full signal: monotone and nearly
 proportional. Lamps drift, the camera shakes, the sensor is noisy, and the file is a JPEG with its
-time of exposure. Everything follows from a seed and the time of the photograph.
+time of exposure. A seed and the time of the photograph determine everything.
 """
 
 import math
@@ -113,8 +113,8 @@ def _expose(
 class Photographer:
     """Takes photographs of one rig with one camera.
 
-    The scene takes about a second at 1600 px and half a minute at 8000 px; a photograph takes a
-    small part of this time.
+    Building the scene takes about a second at 1600 px and half a minute at 8000 px. A photograph
+    takes a small part of this time.
 
     Args:
         rig: sizes, wells and sands; its `camera` section is ignored.
@@ -158,7 +158,7 @@ class Photographer:
         Args:
             signal: signal of the tracer, (nz, nx), 0 to 1; its cells cover the whole rig.
             time: time of the photograph [s].
-            baseline: taken before the camera was displaced.
+            baseline: whether the photograph is taken before the camera is displaced.
 
         Raises:
             InputError: the signal is not a map of finite numbers.

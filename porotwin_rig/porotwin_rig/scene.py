@@ -35,7 +35,7 @@ _FRAME = np.array([0.012, 0.012, 0.013])
 
 @dataclass(frozen=True)
 class SandAppearance:
-    """One sand as the camera sees it.
+    """The appearance of one sand in photographs.
 
     Args:
         colour: mean linear (red, green, blue).

@@ -1,4 +1,4 @@
-"""An experiment on the virtual rig as it happens: photograph, command, wait, photograph."""
+"""A live experiment on the virtual rig: photograph, command, wait, photograph."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from porotwin_rig.virtual_rig import VirtualRig
 
 @dataclass(frozen=True)
 class Command:
-    """Rates that hold until `valid_until` [s]; then the safe rates hold."""
+    """Rates that hold until `valid_until` [s]; afterwards the safe rates hold."""
 
     rates: dict[str, WellRate]
     valid_until: float
@@ -22,8 +22,8 @@ class Command:
 class AssetSession:
     """The virtual rig from photograph to photograph.
 
-    It begins with the safe rates. Commands are checked against the limits of the rig, and hold
-    until they expire.
+    The session begins with the safe rates. It checks each command against the limits of the rig. A
+    command holds until it expires.
 
     Args:
         asset: the virtual rig.
@@ -56,7 +56,7 @@ class AssetSession:
         return self._photographer.photograph(signal, time=self.time)
 
     def advance_with_safe_rates(self, until: float) -> None:
-        """Pump the safe rates until the time `until` [s]: what happened before the twin started."""
+        """Pump the safe rates until the time `until` [s], before the twin starts."""
         self.asset.set_rates(self._safe)
         self.asset.advance(max(0.0, until - self.time))
 
@@ -64,7 +64,7 @@ class AssetSession:
         """Command `rates` from now until `valid_until` [s].
 
         Raises:
-            InputError: the rates break a limit of the rig, or have expired already.
+            InputError: the rates break a limit of the rig, or have already expired.
         """
         refuse_broken_limits(self.asset.rig, rates)
         if valid_until < self.time:

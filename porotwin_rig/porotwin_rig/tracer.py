@@ -28,7 +28,7 @@ class TracerBalance:
         injected: injected through the wells.
         removed: taken out by wells and leaks, or lost through open sides.
         decayed: lost by reactions.
-        corrected: sum of the absolute corrections that keep the mass of every step.
+        corrected: sum of the absolute corrections that conserve the mass of every step.
     """
 
     injected: float = 0.0

@@ -35,7 +35,7 @@ BESIDE_TRACER = 1e-3
 
 
 class TracerTransport:
-    """Steps of the tracer in a rig that does not change."""
+    """Time steps of the tracer in a constant rig."""
 
     def __init__(self, rig: TrueRig, effects: EffectSet) -> None:
         """Prepare steps of `rig`; the reactions of `effects` act in every step."""
@@ -245,15 +245,15 @@ def with_mass(
 ) -> FloatArray:
     """Return `field` changed so that sum(field * volume) = `due`, within 0 and `highest`.
 
-    Values may move within [low, high], which differ at the fronts only: the change goes there, in
-    proportion to the room. A remainder goes to the vertices beside tracer, then anywhere.
+    Values change within [low, high], in proportion to their room. The bounds differ at fronts
+    only, so only fronts change. A remainder goes to the vertices beside tracer, then anywhere.
 
     Args:
         field: carried concentration, (nz + 1, nx + 1).
         low: least value of the interpolation, same shape.
         high: greatest value of the interpolation, same shape.
         volume: storage volume of the boxes [m^3], same shape.
-        due: volume of stock that is to be there [m^3].
+        due: wanted volume of stock [m^3].
         highest: highest concentration in the rig and in the wells.
     """
     near_tracer = (high > BESIDE_TRACER * highest).astype(np.uint8)

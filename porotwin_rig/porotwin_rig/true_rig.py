@@ -1,4 +1,4 @@
-"""The true rig: the nominal description changed by effects that the owner does not know."""
+"""The true rig: the nominal description with effects that the owner does not know."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -134,7 +134,7 @@ class TrueRig:
         return self.pore_depth * self.mobile_fraction * self.retardation_factor
 
     def checked(self) -> Self:
-        """Return the rig where it is possible.
+        """Return the rig after a check that it is possible.
 
         Raises:
             InputError: the porosity exceeds 1, or a source or sink lies outside the rig.

@@ -1,4 +1,4 @@
-"""The virtual rig: an independent stand-in for the physical asset."""
+"""The virtual rig: an independent simulator in place of the physical rig."""
 
 import math
 from collections.abc import Iterable

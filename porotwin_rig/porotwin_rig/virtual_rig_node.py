@@ -56,7 +56,7 @@ class VirtualRigNode(Node):
         self.set_parameters([Parameter('use_sim_time', value=True)])
         rig = declare_rig(self)
         interval = declare(self, 'photo_interval_s', 30.0, 'time between photographs [s]')
-        duration = declare(self, 'duration_s', 4800.0, 'time at which the experiment ends [s]')
+        duration = declare(self, 'duration_s', 4800.0, 'end of the experiment [s]')
         self._start = declare(
             self, 'start_s', 0.0, 'time of the first photograph; safe rates until then [s]'
         )
@@ -68,12 +68,19 @@ class VirtualRigNode(Node):
                 f'before the end at {self._duration:g} s'
             )
         self._pace = parse_speed(
-            declare(self, 'speed', 'max', 'max, or times faster than real time')
+            declare(self, 'speed', 'max', 'max, or the speed relative to real time')
         )
-        self._patience = declare(self, 'lock_step_timeout_s', 60.0, 'wall time for a setpoint [s]')
-        self._start_patience = declare(self, 'startup_timeout_s', 90.0, 'wait for the graph [s]')
+        self._patience = declare(
+            self, 'lock_step_timeout_s', 60.0, 'longest wait for a setpoint, wall time [s]'
+        )
+        self._start_patience = declare(
+            self, 'startup_timeout_s', 90.0, 'longest wait for the graph [s]'
+        )
         self._waits_for_mend = declare(
-            self, 'wait_for_mend', False, 'also wait for mend/seen: diagnoses take no time then'
+            self,
+            'wait_for_mend',
+            False,
+            'also wait for mend/seen: diagnoses take no simulated time',
         )
         needed = 'solver/predict,costa/corrective_source,guard/control'
         needed = declare(self, 'wait_for_services', needed, 'services to wait for at the start')

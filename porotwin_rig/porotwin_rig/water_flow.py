@@ -20,7 +20,7 @@ FloatArray = NDArray[np.floating]
 
 
 class WaterFlow:
-    """Flow in a rig that does not change; fluxes of unit rates are computed once and kept.
+    """Flow in a constant rig; fluxes of unit rates are computed once and kept.
 
     Attributes:
         places: (x, z, radius) [m] of every source and sink, off the faces of the boxes.
@@ -51,7 +51,7 @@ class WaterFlow:
             rates: true rates of all sources and sinks.
             tracer: concentration of the mobile water, (nz + 1, nx + 1); its density and viscosity
                 act on the flow.
-            time: time since the start [s]; the water table may sway.
+            time: time since the start [s], for a water table that sways.
         """
         total = self._background
         if self._rig.density_difference == 0.0 and self._rig.viscosity_ratio == 1.0:

@@ -1,4 +1,4 @@
-"""The cost of a plan that some siblings expect on average, and its gradient.
+"""The cost of a plan that some siblings expect on average, or the worst of them, and its gradient.
 
 A plan that is good for the mean alone may be poor for half of the siblings; the mean of their costs
 counts their doubt (robust optimisation; van Essen et al., SPE Journal 14 (2009) 202-210).
@@ -90,13 +90,20 @@ def judge_plan(order: CostOrder) -> ScheduleCost:
     return ScheduleCost(found.cost, found.gradient * shares)
 
 
-def expected_cost(orders: Sequence[CostOrder], executor: Executor) -> ScheduleCost:
-    """Return the mean of the costs and gradients of `orders`, one for each sibling.
+def expected_cost(
+    orders: Sequence[CostOrder], executor: Executor, *, worst_share: float = 1.0
+) -> ScheduleCost:
+    """Return the mean cost of `orders`, one for each sibling, and its gradient.
+
+    A `worst_share` below 1 takes the mean over that share of the siblings with the highest costs
+    only: a cautious plan (conditional value at risk; Rockafellar and Uryasev, J. Risk 2 (2000)
+    21-41). It is what a quantile is meant for, and it has a gradient.
 
     Raises:
         InputError: as `schedule_cost`.
     """
-    found = list(executor.map(judge_plan, orders))
-    cost = float(np.mean([one.cost for one in found]))
-    gradients = [one.gradient for one in found if one.gradient is not None]
+    found = sorted(executor.map(judge_plan, orders), key=lambda one: -one.cost)
+    worst = found[: max(1, round(worst_share * len(found)))]
+    cost = float(np.mean([one.cost for one in worst]))
+    gradients = [one.gradient for one in worst if one.gradient is not None]
     return ScheduleCost(cost, np.mean(gradients, axis=0) if gradients else None)

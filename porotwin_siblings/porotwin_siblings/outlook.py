@@ -14,6 +14,21 @@ TIMES = 12
 that twice as many take twice as long."""
 
 
+MOST_ANSWERS, ANSWERED_S = 16, 2700.0
+"""Most siblings that answer a question, and the horizon up to which so many do [s]. Their courses
+take half a second of processor time. About a longer time fewer answer, so that it takes no longer:
+a person moves a slider and waits."""
+
+LEAST_ANSWERS = 8
+"""Fewest siblings that answer: both ends of the band need one or two of their own."""
+
+
+def answers(count: int, horizon: float) -> int:
+    """Return how many of `count` siblings answer a question about `horizon` [s]."""
+    share = min(1.0, ANSWERED_S / horizon)
+    return min(count, max(LEAST_ANSWERS, int(MOST_ANSWERS * share)))
+
+
 @dataclass(frozen=True)
 class Outlook:
     """The expectations from `start` [s] on under a `plan` of rates over `horizon` [s].
@@ -22,7 +37,8 @@ class Outlook:
     of the 90 % band about the median, in the order of `BAND`. `zone_reached` (times,) is the share
     of siblings whose tracer has reached the zone by then. All three are NaN without a zone. `mean`
     and `deviation` are the maps (map times, nz, nx) [-] at `map_times` [s] after `start`. `ranked`
-    are the numbers of the siblings in the order of their tracer in the zone, summed over all times.
+    are the numbers of those that were asked, in the order of their tracer in the zone, summed over
+    all times.
     """
 
     start: float

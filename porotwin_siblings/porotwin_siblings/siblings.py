@@ -26,6 +26,7 @@ from porotwin_siblings.forecast_check import (
     USUAL_TRACER,
     ForecastCheck,
 )
+from porotwin_siblings.front_check import FrontCheck, front_miss, widened
 from porotwin_siblings.learning import Learning
 from porotwin_siblings.outlook import BAND, Outlook
 from porotwin_siblings.photograph import Photograph
@@ -104,6 +105,7 @@ class Siblings:
         self._learnt = -math.inf
         self.area_check = ForecastCheck(USUAL_AREA, LEAST_AREA)
         self.tracer_check = ForecastCheck(USUAL_TRACER, LEAST_TRACER)
+        self.front_check = FrontCheck()
         self._filter = self._new_filter()
         self._newest: _Standing | None = None
 
@@ -146,6 +148,7 @@ class Siblings:
         self.learning.begin_anew()
         self.area_check.begin_anew()
         self.tracer_check.begin_anew()
+        self.front_check.begin_anew()
         self._filter = self._new_filter()
 
     def rate_factors(self) -> dict[str, tuple[float, float]]:
@@ -200,6 +203,7 @@ class Siblings:
         map_times: Iterable[float] = (),
         *,
         executor: Executor | None = None,
+        numbers: Sequence[int] = (),
     ) -> Outlook:
         """Return the expectations from the newest state on; any thread may ask at any time.
 
@@ -209,19 +213,21 @@ class Siblings:
             times: after the newest state [s], increasing.
             map_times: after the newest state [s], increasing; when maps are wanted.
             executor: runs the courses instead of the usual one.
+            numbers: of the siblings that are asked; empty: all.
 
         Raises:
             InputError: a course cannot be run.
         """
         after, maps_after = np.array(list(times)), np.array(list(map_times))
         begin, traits = self._standing()
+        asked = np.array(numbers or range(len(traits)))
         periods = plan_periods(plan, begin.time, horizon)
         # the mean of all, on both grids, shows the smear of the coarse grid
         fine, coarse, *courses = self._run(
             [
                 self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid),
-                self._order(begin, begin.mean, periods, after, np.empty(0)),
-                *(self._order(begin, one, periods, after, maps_after) for one in traits),
+                self._order(begin, begin.mean, periods, after, after),
+                *(self._order(begin, traits[one], periods, after, maps_after) for one in asked),
             ],
             executor,
         )
@@ -230,6 +236,7 @@ class Siblings:
         area = np.array([course.zone_area for course in courses])
         area = np.maximum(area + fine.zone_area - coarse.zone_area, 0.0)
         maps = np.array([course.maps for course in courses])
+        bands = self._bands(tracer, area, coarse.maps, after)
         reached = np.maximum.accumulate(tracer, axis=1) > self.zone.reached_tracer
         reached_share = reached.mean(axis=0) if self.zone.known else np.full(len(after), np.nan)
         return Outlook(
@@ -237,13 +244,33 @@ class Siblings:
             tuple(plan),
             horizon,
             after,
-            self.tracer_check.widened(np.quantile(tracer, BAND, axis=0), after),
-            self.area_check.widened(np.quantile(area, BAND, axis=0), after),
+            *bands,
             reached_share,
             maps_after,
             maps.mean(axis=0),
             maps.std(axis=0),
-            tuple(int(number) for number in np.argsort(tracer.sum(axis=1), kind='stable')),
+            tuple(map(int, asked[np.argsort(tracer.sum(axis=1), kind='stable')])),
+        )
+
+    def _bands(
+        self, tracer: FloatArray, area: FloatArray, mean: FloatArray, times: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the bands of tracer and area in the zone, (3, times).
+
+        Args:
+            tracer: [m^3] that each sibling expects, (siblings, times).
+            area: [m^2], (siblings, times).
+            mean: maps of the mean belief (times, nz, nx) [-].
+            times: after the newest state [s], (times,).
+        """
+        tracer_band = self.tracer_check.widened(np.quantile(tracer, BAND, axis=0), times)
+        area_band = self.area_check.widened(np.quantile(area, BAND, axis=0), times)
+        zone, distances = self._zones[self.grid], self.front_check.distances(times)
+        if not zone.known:
+            return tracer_band, area_band
+        return (
+            widened(tracer_band, mean, distances, self.grid, zone.tracer),
+            widened(area_band, mean, distances, self.grid, zone.plume_area),
         )
 
     def cost_orders(
@@ -331,9 +358,10 @@ class Siblings:
             for period in moment.periods
         ]
         after = np.array([now.time - begin.time])
-        order = self._order(begin, begin.mean, periods, after, np.empty(0), self.map_grid)
+        order = self._order(begin, begin.mean, periods, after, after, self.map_grid)
         (course,) = self._run([order])
         seen = np.clip(now.state - now.mean.photograph_error * now.systematic, 0.0, 1.0)
+        self.front_check.compare(front_miss(course.maps[0], seen, self.map_grid))
         self.area_check.compare(float(course.zone_area[0]), self.zone.plume_area(seen))
         self.tracer_check.compare(float(course.zone_tracer[0]), self.zone.tracer(seen))
 

@@ -34,7 +34,7 @@ from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setp
 from porotwin_msgs.srv import CostGradient, WhatIf
 from porotwin_siblings.diagnosed_effects import read_diagnosis
 from porotwin_siblings.expected_cost import chosen_judges, expected_cost
-from porotwin_siblings.outlook import TIMES, Outlook
+from porotwin_siblings.outlook import TIMES, Outlook, answers
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
@@ -108,6 +108,15 @@ class SiblingsNode(Node):
             'gradient of the solver',
             at_least=1,
             at_most=1000,
+        )
+        self._worst_share = declare(
+            self,
+            'worst_share',
+            1.0,
+            'share of the judges, those with the highest costs, whose mean counts: 1 is the '
+            'expected cost, 0.5 the mean of the worse half, for a cautious plan',
+            at_least=0.01,
+            at_most=1.0,
         )
         diagnosis = declare(
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
@@ -284,7 +293,7 @@ class SiblingsNode(Node):
                 timeout=SETPOINT_WAIT_S if self.count_publishers('wells/setpoint') else 0.0,
             )
             present = self._rates.present(time)
-        self._forecast = self._outlook([RateStep(0.0, present)], self._ahead(), None)
+        self._forecast = self._outlook([RateStep(0.0, present)], self._ahead())
         self._publisher.publish(self._as_message(self._forecast))
 
     def _ahead(self) -> float:
@@ -295,17 +304,25 @@ class SiblingsNode(Node):
         left = self._began + MINUTE_S * control.end_min - self.siblings.time
         return left if left > 0.0 else self._horizon
 
-    def _outlook(
-        self, plan: Sequence[RateStep], horizon: float, executor: Executor | None
-    ) -> Outlook:
+    def _outlook(self, plan: Sequence[RateStep], horizon: float, *, quick: bool = False) -> Outlook:
         """Return the expectations under `plan` over `horizon` [s].
+
+        A `quick` answer comes from prompt threads, and from fewer siblings, who stand for equal
+        shares of all.
 
         Raises:
             InputError: the plan is wrong.
         """
         times = np.linspace(0.0, horizon, TIMES + 1)[1:]
         maps = np.linspace(0.0, horizon, MAPS + 1)[1:]
-        return self.siblings.outlook(plan, horizon, times, maps, executor=executor)
+        if not quick:
+            return self.siblings.outlook(plan, horizon, times, maps)
+        last = self._forecast
+        ranked = last.ranked if last is not None else ()
+        numbers = chosen_judges(ranked, answers(len(ranked), horizon))
+        return self.siblings.outlook(
+            plan, horizon, times, maps, executor=self._quick, numbers=numbers
+        )
 
     # --- messages out -------------------------------------------------------------------------
 
@@ -334,9 +351,9 @@ class SiblingsNode(Node):
         plan = proposed_plan(steps, [RateStep(0.0, rates)], self._producer)
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan[0].rates != rates:
-            present = self._outlook([RateStep(0.0, rates)], horizon, self._quick)
+            present = self._outlook([RateStep(0.0, rates)], horizon, quick=True)
         response.present = self._as_message(present)
-        response.proposed = self._as_message(self._outlook(plan, horizon, self._quick))
+        response.proposed = self._as_message(self._outlook(plan, horizon, quick=True))
 
     def _as_message(self, outlook: Outlook) -> Forecast:
         return forecast_to_msg(outlook, self.siblings.grid)
@@ -378,7 +395,7 @@ class SiblingsNode(Node):
             terms=[conversions.cost_term_from_msg(term, grid) for term in request.terms],
             with_gradient=request.with_gradient,
         )
-        return expected_cost(orders, self._quick)
+        return expected_cost(orders, self._quick, worst_share=self._worst_share)
 
 
 def _learning_executor(scheduler: str, workers: int, tell: Callable[[str], Any]) -> Executor:

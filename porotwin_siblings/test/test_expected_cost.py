@@ -48,6 +48,15 @@ def test_the_expected_cost_is_the_mean_of_those_of_the_siblings(pool: ThreadPool
     assert alone[0].cost != alone[1].cost
 
 
+def test_a_cautious_plan_counts_the_worst_siblings_only(pool: ThreadPoolExecutor) -> None:
+    orders = [order(factor) for factor in (0.7, 0.9, 1.1, 1.3)]
+    alone = sorted((judge_plan(one) for one in orders), key=lambda one: -one.cost)
+    found = expected_cost(orders, pool, worst_share=0.5)
+    assert found.cost == pytest.approx(np.mean([one.cost for one in alone[:2]]))
+    np.testing.assert_allclose(found.gradient, np.mean([one.gradient for one in alone[:2]], axis=0))
+    assert expected_cost(orders, pool, worst_share=0.01).cost == alone[0].cost
+
+
 def test_the_gradient_is_by_the_rate_that_is_asked_for_not_by_the_delivered_one() -> None:
     rate = RATES['control1'].rate
     step = 1e-3 * rate

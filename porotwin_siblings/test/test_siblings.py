@@ -12,7 +12,8 @@ from siblings_examples import EMPTY, GRID, RATES, RIG, period, photograph
 from porotwin_core.errors import InputError
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_siblings.course import CourseOrder, run_course
-from porotwin_siblings.outlook import Outlook
+from porotwin_siblings.expected_cost import chosen_judges
+from porotwin_siblings.outlook import Outlook, answers
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.traits import Traits
 
@@ -72,6 +73,23 @@ def test_bands_widen_and_the_zone_is_never_left_again(threads: Executor) -> None
     assert outlook.mean.shape == outlook.deviation.shape == (1, *GRID.shape)
     assert 0.0 <= outlook.mean.min() <= outlook.mean.max() <= 1.0
     assert sorted(outlook.ranked) == list(range(32))
+
+
+def test_a_few_siblings_answer_for_all(threads: Executor) -> None:
+    siblings = followed(threads, {})
+    everyone = siblings.outlook(PLAN, TIMES[-1], TIMES)
+    few = chosen_judges(everyone.ranked, answers(32, TIMES[-1]))
+    found = siblings.outlook(PLAN, TIMES[-1], TIMES, numbers=few)
+    assert sorted(found.ranked) == sorted(few)
+    width = everyone.zone_tracer[2, -1] - everyone.zone_tracer[0, -1]
+    np.testing.assert_allclose(
+        found.zone_tracer[:, -1], everyone.zone_tracer[:, -1], atol=0.25 * width
+    )
+
+
+def test_the_longer_the_time_the_fewer_answer() -> None:
+    assert [answers(32, horizon) for horizon in (600.0, 2700.0, 4050.0, 86400.0)] == [16, 16, 10, 8]
+    assert answers(4, 600.0) == 4
 
 
 def test_water_beside_the_plume_changes_what_is_expected(threads: Executor) -> None:

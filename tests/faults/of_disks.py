@@ -13,8 +13,8 @@ FULL_AT_BYTES = 1000
 @fault(
     'The disk of the recorder is full.',
     Status('recorder', 'ERROR', 'the disk refuses data'),
-    does='The recorder says how much is recorded and lost. Control goes on.',
-    mends='room on the disk: the recorder goes on by itself',
+    does='Reports the recorded and the lost amount. Control continues.',
+    mends='free space on the disk: the recorder then continues',
 )
 def full_disk(stage: Stage) -> Iterator[None]:
     recorder = stage.pid('recorder')

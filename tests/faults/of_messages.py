@@ -21,8 +21,8 @@ from porotwin_core.wells import WellRate
 from porotwin_hub.graph import NAMESPACE
 from porotwin_msgs.msg import NewState, Setpoint, StateRefreshed, WellRates
 
-REMOVED = 'the foreign node is gone'
-NO_SETPOINT = 'Ignores it. No setpoint follows from any state while a foreign node sends states.'
+REMOVED = 'end the foreign node'
+NO_SETPOINT = 'Ignores the state. No setpoint follows while a foreign node sends states.'
 NX, NZ = (int(number) for number in GRID.split('x'))
 
 
@@ -97,7 +97,7 @@ def negative_state(stage: Stage) -> Iterator[None]:
 @fault(
     'A foreign node sends a state that looks right.',
     Remark('a second node publishes asset/new_state'),
-    does='Does not use it, and lets no setpoint follow while the foreign node is there.',
+    does='Does not use the state. No setpoint follows while the foreign node is there.',
     mends=REMOVED,
 )
 def plausible_state(stage: Stage) -> Iterator[None]:
@@ -122,8 +122,8 @@ def foreign_photograph(stage: Stage) -> Iterator[None]:
     'A foreign node sends a setpoint that keeps all limits.',
     Status('guard', 'ERROR', 'no setpoint can pass'),
     LogLine('operator', 'not shown'),
-    does='The operator is not told it, and the pumps do not take it. No setpoint passes while the '
-    'foreign node is there.',
+    does='Operator and pumps refuse the setpoint. No setpoint passes while the foreign node is '
+    'there.',
     mends=REMOVED,
 )
 def foreign_setpoint(stage: Stage) -> Iterator[None]:
@@ -143,8 +143,8 @@ def foreign_setpoint(stage: Stage) -> Iterator[None]:
 @fault(
     'Measured rates name a well that is not in rig.yaml.',
     LogLine('hub', "well 'elsewhere' is not in rig.yaml"),
-    does='Ignores them.',
-    mends='right names',
+    does='Ignores these rates.',
+    mends='correct the names',
 )
 def unknown_well(stage: Stage) -> Iterator[None]:
     yield from foreign_rates(stage, {'elsewhere': WellRate(1e-8)})
@@ -153,8 +153,8 @@ def unknown_well(stage: Stage) -> Iterator[None]:
 @fault(
     'Measured rates are in m3/h where m3/s belong.',
     LogLine('hub', 'this rig stands at most'),
-    does='Ignores them.',
-    mends='the right unit',
+    does='Ignores these rates.',
+    mends='correct the unit',
 )
 def wrong_unit_of_rates(stage: Stage) -> Iterator[None]:
     yield from foreign_rates(stage, {'injector': WellRate(5e-4, 1.0)})
@@ -172,8 +172,8 @@ def foreign_rates(stage: Stage, rates: dict[str, WellRate]) -> Iterator[None]:
 @fault(
     'A second hub is started in the same domain.',
     Answer('ROS_DOMAIN_ID'),
-    does='The second one ends at once with one line that says how to run two.',
-    mends='nothing needs to be mended',
+    does='The second hub ends at once. One line says how to run two.',
+    mends='nothing',
 )
 def second_hub(stage: Stage) -> None:
     command = [sys.executable, '-m', 'porotwin_hub.hub_node', '--ros-args']
@@ -194,7 +194,7 @@ def second_hub(stage: Stage) -> None:
     'A parameter of the hub is set out of its range while it runs.',
     Answer('it must be'),
     does='Refuses the value with its range, and keeps the old one.',
-    mends='a value in the range',
+    mends='set a value within the range',
 )
 def parameter_out_of_range(stage: Stage) -> None:
     for name, value in (('horizon_s', -5.0), ('evaluations', -3), ('model_timeout_s', math.nan)):

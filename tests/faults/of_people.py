@@ -10,7 +10,7 @@ from porotwin_core import conversions
 from porotwin_core.wells import WellRate
 from porotwin_msgs.srv import ConfirmRates
 
-NOTHING = 'nothing needs to be mended'
+NOTHING = 'nothing'
 
 
 def asked(stage: Stage, path: str, *, host: str = '', body: object = None) -> tuple[int, str]:
@@ -32,7 +32,7 @@ def asked(stage: Stage, path: str, *, host: str = '', body: object = None) -> tu
 @fault(
     'A browser opens the page under the name of a foreign site (DNS rebinding).',
     Answer('is not a name of this page'),
-    does='Refuses it with status 403.',
+    does='Refuses the request with status 403.',
     mends=NOTHING,
 )
 def foreign_host(stage: Stage) -> None:
@@ -44,8 +44,8 @@ def foreign_host(stage: Stage) -> None:
 @fault(
     'Somebody confirms rates at the page without the token.',
     Answer('confirming needs the token'),
-    does='Refuses it with status 403.',
-    mends='the address with the token, which `up` shows',
+    does='Refuses the request with status 403.',
+    mends='open the address with the token, which `up` prints',
 )
 def no_token(stage: Stage) -> None:
     sequence = stage.graph.messages['wells/setpoint'][-1].sequence
@@ -57,8 +57,8 @@ def no_token(stage: Stage) -> None:
 @fault(
     'A confirmation names a setpoint that never was.',
     Answer('setpoint 9999 is not known'),
-    does='Refuses it.',
-    mends='a confirmation of the setpoint that is shown',
+    does='Refuses the confirmation.',
+    mends='confirm the setpoint on the page',
 )
 def unknown_setpoint(stage: Stage) -> None:
     answer = stage.call(ConfirmRates, 'operator/confirm', ConfirmRates.Request(sequence=9999))
@@ -68,8 +68,8 @@ def unknown_setpoint(stage: Stage) -> None:
 @fault(
     'A person confirms 1e300 ml/h, or -1e9 ml/h at the injector.',
     Answer('refused'),
-    does='Refuses it.',
-    mends='the rates of the pumps',
+    does='Refuses the confirmation.',
+    mends='confirm the rates of the pumps',
 )
 def impossible_confirmation(stage: Stage) -> None:
     sequence = stage.graph.messages['wells/setpoint'][-1].sequence

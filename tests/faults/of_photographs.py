@@ -10,8 +10,8 @@ from faults.fault import LogLine, Remark, Status, fault
 from faults.stage import Stage, decoded, encoded
 from porotwin_rig.faults import FAULTS as SPOILED
 
-NEXT_GOOD = 'the next good photograph'
-LEFT_OUT = 'Leaves it out. No state and no setpoint follow.'
+NEXT_GOOD = 'nothing: the next good photograph counts'
+LEFT_OUT = 'Leaves out the photograph. No state and no setpoint follow.'
 
 
 def put_spoiled(stage: Stage, name: str) -> None:
@@ -22,8 +22,8 @@ def put_spoiled(stage: Stage, name: str) -> None:
 @fault(
     'A photograph shows a plume that no pump has made: it is from another experiment.',
     Remark('ml of tracer, and by the pumps it would be'),
-    does='Uses it, with a warning and both volumes: the pumps may be wrong instead.',
-    mends='a look at the photographs, the baseline and the pumps',
+    does='Uses the photograph, because the pumps may be wrong. Warns with both volumes.',
+    mends='check the photographs, the baseline and the pumps',
 )
 def other_plume(stage: Stage) -> None:
     stage.good_picture(radius_m=0.12)
@@ -102,8 +102,8 @@ def upside_down(stage: Stage) -> None:
 @fault(
     'Hands cover a part of the sand.',
     Status('imaging', 'WARN', 'of the sand is covered or damaged'),
-    does='Leaves out the covered cells. The forecast fills them, and control goes on.',
-    mends='the next photograph without hands',
+    does='Leaves out the covered cells. The forecast fills them. Control continues.',
+    mends='remove the hands',
 )
 def hands(stage: Stage) -> None:
     pixels = decoded(stage.picture())
@@ -114,7 +114,7 @@ def hands(stage: Stage) -> None:
 @fault(
     'The camera sends the same photograph again under another name.',
     Status('camera', 'ERROR', 'is a duplicate of'),
-    does='Leaves out the second one.',
+    does='Leaves out the second photograph.',
     mends=NEXT_GOOD,
 )
 def repeated(stage: Stage) -> None:
@@ -137,7 +137,7 @@ def out_of_order(stage: Stage) -> None:
     Status('camera', 'ERROR', 'has no believable time'),
     does='Believes none of these times. At the pace of a camera the arrival counts, otherwise the '
     'photograph is left out.',
-    mends="the camera's clock is set",
+    mends="set the camera's clock",
 )
 def impossible_file_times(stage: Stage) -> None:
     for taken in (0.0, 1e9 - 86400.0, 2.0**31 - 86400.0):
@@ -149,7 +149,7 @@ def impossible_file_times(stage: Stage) -> None:
     LogLine('camera', 'is not believed'),
     does='Believes the time of the file, which another clock wrote, and at last the arrival. '
     'Control goes on.',
-    mends="the camera's clock is set",
+    mends="set the camera's clock",
 )
 def camera_clock_ahead(stage: Stage) -> None:
     picture = stage.picture(ahead_s=3600.0)
@@ -158,8 +158,8 @@ def camera_clock_ahead(stage: Stage) -> None:
 
 @fault(
     'A file name is not UTF-8.',
-    does='Reads it like any other; messages show the name with escapes.',
-    mends='nothing needs to be mended',
+    does='Reads the photograph. Messages show the name with escapes.',
+    mends='nothing',
 )
 def name_not_utf8(stage: Stage) -> None:
     stage.good_photograph(name=b'gr\xfcn_\xff.jpg')
@@ -168,8 +168,8 @@ def name_not_utf8(stage: Stage) -> None:
 @fault(
     'A FIFO has the name of a photograph.',
     Status('camera', 'ERROR', 'is a FIFO, socket or device'),
-    does='Leaves it out, and does not wait for it.',
-    mends='the FIFO is removed, or not',
+    does='Leaves out the FIFO, and does not wait for it.',
+    mends='nothing',
 )
 def fifo(stage: Stage) -> Iterator[None]:
     path = stage.photos / 'fifo.jpg'
@@ -181,7 +181,7 @@ def fifo(stage: Stage) -> Iterator[None]:
 @fault(
     'A camera uses one file name again and again.',
     does='Reads each new content as a new photograph.',
-    mends='nothing needs to be mended',
+    mends='nothing',
 )
 def reused_name(stage: Stage) -> None:
     for _ in range(2):
@@ -192,7 +192,7 @@ def reused_name(stage: Stage) -> None:
     'The photographs are twice as bright: somebody changed the exposure.',
     Status('imaging', 'ERROR', 'over-exposed'),
     does=LEFT_OUT,
-    mends='the old exposure, or a new baseline',
+    mends='set the old exposure, or take a new baseline',
 )
 def twice_as_bright(stage: Stage) -> None:
     pixels = decoded(stage.picture()).astype(float)
@@ -202,7 +202,7 @@ def twice_as_bright(stage: Stage) -> None:
 @fault(
     'All photographs so far are copied into the folder again under other names.',
     Status('camera', 'ERROR', 'is a duplicate of'),
-    does='Leaves them out.',
+    does='Leaves out the copies.',
     mends=NEXT_GOOD,
 )
 def sent_again(stage: Stage) -> None:
@@ -214,7 +214,7 @@ def sent_again(stage: Stage) -> None:
     'The folder is away for a while, as a network share may be.',
     Status('camera', 'ERROR', 'does not answer'),
     does='Waits. No setpoint follows without a photograph.',
-    mends='the folder is back',
+    mends='connect the folder again',
 )
 def folder_away(stage: Stage) -> Iterator[None]:
     away = stage.photos.with_name('away')

@@ -9,8 +9,8 @@ from faults.fault import Remark, Status, SupervisorLine, fault
 from faults.stage import Stage
 
 RESTARTED = 'Starts the node again.'
-BY_ITSELF = 'the restarted node'
-HUNG = 'Shows it as stale after 5 s. After `restart_after_s` it is killed and started again.'
+BY_ITSELF = 'nothing: the restarted node continues'
+HUNG = 'Shows the node as stale after 5 s. Kills and restarts it after `restart_after_s`.'
 
 
 def kill(stage: Stage, node: str) -> None:
@@ -135,7 +135,7 @@ def page_killed(stage: Stage) -> None:
     Remark('not optimised'),
     does='Waits for the model no longer than `model_timeout_s`. The last setpoint holds while it '
     'is valid; afterwards the safe rates.',
-    mends='the solver answers again',
+    mends='nothing: control continues when the solver answers again',
 )
 def solver_silent(stage: Stage) -> Iterator[None]:
     with stopped(stage, 'solver'):
@@ -146,8 +146,8 @@ def solver_silent(stage: Stage) -> Iterator[None]:
 @fault(
     'COSTA hangs (SIGSTOP).',
     Remark('costa'),
-    does='The forecast is not corrected. Control goes on.',
-    mends='COSTA answers again',
+    does='Does not correct the forecast. Control continues.',
+    mends='nothing: corrections continue when COSTA answers again',
 )
 def costa_silent(stage: Stage) -> Iterator[None]:
     with stopped(stage, 'costa'):
@@ -158,8 +158,8 @@ def costa_silent(stage: Stage) -> Iterator[None]:
 @fault(
     'The operator bridge hangs (SIGSTOP): nobody takes the setpoint.',
     Remark('not taken'),
-    does='Says so. The setpoint does not count as pumped.',
-    mends='the operator bridge answers again',
+    does='Reports this. The setpoint does not count as pumped.',
+    mends='nothing: the pumps are set when the operator bridge answers again',
 )
 def operator_silent(stage: Stage) -> Iterator[None]:
     with stopped(stage, 'operator'):

@@ -24,7 +24,7 @@ LONG = {
     'mend': 'porotwin_cli.bench_mend',
     'physics': 'porotwin_cli.bench_physics',
     'faults': 'porotwin_cli.bench_faults',
-    'calibration': 'porotwin_validation.calibration_bench',
+    'calibration': 'porotwin_cli.bench_calibration',
     'scaling': 'porotwin_cli.bench_scaling',
     'decision': 'porotwin_cli.bench_decision',
 }
@@ -46,20 +46,20 @@ def command(
             'and decision. Default: all but these.'
         ),
     ] = None,
-    kills: Annotated[int, typer.Option(help='faults: how often each node is killed.', min=0)] = 100,
+    kills: Annotated[int, typer.Option(help='faults: kills of each node.', min=0)] = 100,
     hours: Annotated[
-        float, typer.Option(help='faults: simulated time with the memory written down [h].', min=0)
+        float, typer.Option(help='faults: simulated time of the memory test [h].', min=0)
     ] = 24.0,
     tries: Annotated[
         int, typer.Option(help='faults: damaged files for each reader.', min=0)
     ] = 1000,
     seed: Annotated[
         int,
-        typer.Option(help='loop, mend, physics, faults, calibration: seed of everything drawn.'),
+        typer.Option(help='loop, mend, physics, faults, calibration: random seed.'),
     ] = 1,
     baseline: Annotated[
         Path | None,
-        typer.Option(help='calibration: experiment folder with a real baseline and its sands.'),
+        typer.Option(help='calibration: experiment folder with a real photograph and its sands.'),
     ] = None,
     cases: Annotated[int, typer.Option(help='calibration: composed cases.', min=1)] = 20,
     scenarios: Annotated[
@@ -74,7 +74,7 @@ def command(
         bool,
         typer.Option(
             '--maps',
-            help='loop: maps with noise, on coarse grids, instead of photographs; quicker.',
+            help='loop: noisy maps on coarse grids instead of photographs; faster.',
         ),
     ] = False,
     workers: Workers = None,
@@ -82,14 +82,15 @@ def command(
     output: Annotated[
         Path | None,
         typer.Option(
-            help='loop, mend, physics: folder of its runs; one with earlier runs is continued.'
+            help='loop, mend, physics, calibration: folder of its runs; one with earlier runs is '
+            'continued.'
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed and accuracy on this machine.
 
-    Some figures are ratios to a baseline, which runs on the same data beside the measured part.
+    Some figures are ratios to a baseline method, which runs on the same data.
 
     Example: ./porotwin bench solver
 
@@ -110,7 +111,9 @@ def command(
     options: dict[str, dict[str, Any]] = {
         'faults': {'kills': kills, 'hours': hours, 'tries': tries, 'seed': seed},
         'mend': {'scenarios': scenarios or SCENARIOS, 'seed': seed, 'output': output, **many},
-        'calibration': {'baseline': baseline, 'cases': cases, 'seed': seed, 'tell': say, **many},
+        'calibration': {
+            'baseline': baseline, 'cases': cases, 'seed': seed, 'output': output, **many,
+        },
         'loop': {
             'scenarios': scenarios or SCENARIOS, 'seed': seed, 'output': output,
             'photographs': not maps, **many,

@@ -24,13 +24,13 @@ def command(
     ] = 'maps',
     baseline: Annotated[
         Path | None,
-        typer.Option(help='Experiment folder with the photograph of a real rig to compose on.'),
+        typer.Option(help='Experiment folder with a photograph of a real rig as background.'),
     ] = None,
     several: Annotated[
         bool, typer.Option(help='Only cases with three effects, or with two of one kind.')
     ] = False,
     coarse: Annotated[
-        bool, typer.Option(help='Cells twice as large: about five times as quick.')
+        bool, typer.Option(help='Cells twice as large: about five times faster.')
     ] = False,
     workers: Workers = None,
     scheduler: Scheduler = '',
@@ -42,9 +42,9 @@ def command(
     hashes of all hidden effects are written before the first diagnosis. The process that diagnoses
     gets the folder of a recording and nothing else.
 
-    With --from photographs the virtual rig is photographed, with all disturbances of its camera. A
-    known injection on the same flawed rig calibrates, and imaging makes the maps. Then the
-    diagnosis begins. With --baseline the tracer is composed on the photograph of a real rig.
+    With --from photographs, the virtual rig is photographed with all disturbances of its camera. A
+    known injection on the same flawed rig gives the calibration, and imaging makes the maps. With
+    --baseline, the tracer is composed on the photograph of a real rig.
 
     Example: ./porotwin blind-check --cases 100 --output blind --workers 8
 

@@ -30,14 +30,14 @@ def command(
 ) -> None:
     """Calibrate a camera and rig from photographs of a known injection, with pictures of each step.
 
-    The folder holds a baseline photograph and some photographs of an injection of tracer stock
-    (imaging.csv), and the injected rates (rates.csv), against which the mass in the maps is
-    checked. The core of the plume is taken for stock. The fronts of the plume beside those of the
-    model of the rig tell the response and the blur of the camera. Photographs of known dilutions
-    (role dilution) determine the response better.
+    The folder holds a baseline photograph, some photographs of an injection of tracer stock
+    (imaging.csv), and the injected rates (rates.csv). The core of the plume counts as stock. A
+    comparison of plume fronts with the model gives the response and the blur of the camera. The
+    rates check the mass in the maps. Photographs of known dilutions (role dilution) improve the
+    response.
 
-    A calibration that cannot be trusted is refused: exit status 1, a line with the reasons,
-    pictures that show them, and no calibration.yaml.
+    An untrustworthy calibration is refused: exit status 1, a line with the reasons, pictures that
+    show them, and no calibration.yaml.
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """

@@ -27,8 +27,8 @@ def command(
 ) -> None:
     """Check a rig or a recording before work begins.
 
-    It lists odd and impossible values, each with its reason and remedy, tells the cost of a
-    prediction and draws one picture. Exit status 2: it cannot be run; 0: it can.
+    The command lists odd and impossible values with reason and remedy, estimates the cost of a
+    prediction, and draws a picture. Exit status 0: the rig can be used; 2: it cannot.
 
     Example: ./porotwin check rig.yaml --output check.png
     """

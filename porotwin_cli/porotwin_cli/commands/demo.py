@@ -19,14 +19,12 @@ def command(
             min=1.0,
         ),
     ] = None,
-    speed: Annotated[
-        str, typer.Option(help="'max', or how many times faster than the laboratory.")
-    ] = 'max',
+    speed: Annotated[str, typer.Option(help="'max', or the speed relative to real time.")] = 'max',
     seed: Annotated[int, typer.Option(help='Seed of sand, camera and training.')] = 7,
     hidden_effect: Annotated[
         str,
         typer.Option(
-            help="Effect of the rig that the twin is not told, and finds: 'surprise', a name, or "
+            help="Effect of the rig that the twin does not know: 'surprise', a name, or "
             'NAME:PARAM=VALUE,... (docs/mend.md).'
         ),
     ] = '',
@@ -62,8 +60,8 @@ def command(
 
     Example: ./porotwin demo
 
-    With --hidden-effect the rig differs from its description. The twin diagnoses itself while it
-    runs, and an automatic operator accepts its offers.
+    With --hidden-effect the rig differs from its description. The running twin diagnoses the
+    difference and offers a correction, which an automatic operator accepts.
 
     Example: ./porotwin demo --minutes 80 --page 0.0.0.0:8765
 
@@ -92,7 +90,7 @@ def command(
         f'into {folder}'
     )
     if hidden_effect:
-        say('the rig has an effect that the twin is not told')
+        say('the rig has an effect that the twin does not know')
     if settings.start_minute > 0.0:
         say(f'the twin takes over {settings.start_minute:g} min after the start of the injection')
     say(f'this takes about {duration_in_words(settings.expected_seconds())} on two cores')

@@ -38,9 +38,7 @@ def command(
     ] = False,
     history: Annotated[
         Path | None,
-        typer.Option(
-            help='Folder with the findings of earlier recordings of this rig; this one is added.'
-        ),
+        typer.Option(help='Folder with earlier findings on this rig; the new finding is added.'),
     ] = None,
     namespace: Namespace = NAMESPACE,
     domain: Domain = None,
@@ -48,7 +46,7 @@ def command(
         bool,
         typer.Option(
             '--each',
-            help='Diagnose each recording alone, several at a time; reports in OUTPUT/NAME. '
+            help='Diagnose each recording alone, with reports in OUTPUT/NAME. '
             'A second call continues.',
         ),
     ] = False,
@@ -58,10 +56,10 @@ def command(
 ) -> None:
     """Find the cause of the gap between model and rig.
 
-    The diagnosis says where the gap is, which effect causes it, and how far it shrinks with this
-    effect. Several recordings of one rig are diagnosed together, or with --each one by one. The
-    report is a page with pictures. With --live the running twin makes the report while it continues
-    to work.
+    The diagnosis finds where the gap arises, which effect causes it, and how much of it closes with
+    this effect. Several recordings of one rig are diagnosed together, or with --each one by one.
+    The report is a page with pictures. The same command goes on after an interruption. With --live
+    the running twin makes the report while it works.
 
     Example: ./porotwin diagnose runs/monday --output monday-diagnosis
 
@@ -72,6 +70,7 @@ def command(
     from porotwin_core.parallel import crew
     from porotwin_core.rig import load_rig
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
+    from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_diagnosis.rig_history import read_history
     from porotwin_recording.recording import open_recording
@@ -107,8 +106,12 @@ def command(
         def show(stage: str, fraction: float) -> None:
             bar.update(task, completed=round(100 * fraction), description=stage)
 
-        result = examine(opened, preset=preset, crew=pool, progress=show)
+        simulations = KeptSimulations(pool, folder)
+        if simulations.found:
+            say(f'going on with {simulations.found} simulations of an interrupted call')
+        result = examine(opened, preset=preset, crew=simulations, progress=show)
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
+        simulations.remove()
     told = _remember(history, earlier, summary, recordings[0]) if history is not None else []
     if as_json:
         print_json({'output': output, **summary, **({'history': told} if history else {})})

@@ -54,9 +54,9 @@ def command(
 ) -> None:
     """Repeat an experiment of the paper on the virtual rig, with its figures.
 
-    diffusive: the model smears the plume, COSTA corrects it; maps at 10 and 30 min. complex: a
-    large rig with layers and a tracer that is denser than the model knows; errors over 27.5 h.
-    control: the twin keeps tracer out of a zone. The paper's network stands beside ours.
+    diffusive: the model smears the plume and COSTA corrects it; maps at 10 and 30 min. complex: a
+    large rig with layers, and a tracer denser than in the model; errors over 27.5 h. control: the
+    twin keeps tracer out of a zone. The results include the paper's network beside ours.
 
     Example: ./porotwin experiment diffusive --output runs/diffusive
     """

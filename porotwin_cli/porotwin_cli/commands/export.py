@@ -29,7 +29,7 @@ def command(
 ) -> None:
     """Convert an MCAP bag into an experiment folder, or a recording into a dataset for notebooks.
 
-    The folder holds the experiment only. The command names the topics that it leaves out.
+    The folder holds the data of the experiment. The command lists the topics that it leaves out.
 
     Example: ./porotwin export bags/sample sample_experiment
 

@@ -36,10 +36,9 @@ def command(
 ) -> None:
     """Turn the photographs of an experiment into maps of tracer concentration.
 
-    A photograph that cannot be used is named and left out; the others are imaged. Where the plume
-    reaches a sand that the calibration has only guessed, its core tells the factor. A picture of
-    the maps lies beside the output, with the same name and the ending .png. After an interruption a
-    second call goes on.
+    A bad photograph is named and left out. If the calibration only guessed the factor of a sand,
+    the core of the plume in that sand corrects it. A picture of the maps lies beside the output,
+    with the same name and the suffix .png. After an interruption a second call continues.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """

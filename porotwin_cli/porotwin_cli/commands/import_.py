@@ -20,40 +20,41 @@ def command(
     ],
     target: Annotated[Path, typer.Argument(help='Bag or experiment folder to write.')],
     rig: Annotated[
-        Path | None, typer.Option(help='rig.yaml of foreign data. Default: beside them.')
+        Path | None,
+        typer.Option(help='rig.yaml of the rig. Default: beside the data.'),
     ] = None,
     date_order: Annotated[
         Literal['day-first', 'month-first'] | None,
-        typer.Option(help='Order in dates such as 3/4/2024.'),
+        typer.Option(help='Order of day and month in dates such as 3/4/2024.'),
     ] = None,
     time_zone: Annotated[
-        str, typer.Option(help='Zone of times that name none, such as Europe/Oslo.')
+        str, typer.Option(help='Time zone for times without one, such as Europe/Oslo.')
     ] = '',
     decimal: Annotated[
-        Literal['point', 'comma'] | None, typer.Option(help='How numbers are written.')
+        Literal['point', 'comma'] | None, typer.Option(help='Decimal sign of numbers.')
     ] = None,
     rate_unit: Annotated[str, typer.Option(help='Unit of rates, such as ml/min.')] = '',
     concentration: Annotated[
         float | None,
-        typer.Option(help='Of injected fluids where no column has it.', min=0.0, max=1.0),
+        typer.Option(help='Concentration of injected fluids without a column.', min=0.0, max=1.0),
     ] = None,
     camera_ahead: Annotated[
-        float, typer.Option(help="How far the camera's clock is ahead of the pumps' [s].")
+        float, typer.Option(help="Lead of the camera's clock over the clock of the pumps [s].")
     ] = 0.0,
     time_unit: Annotated[str, typer.Option(help='Unit of the times of maps, such as min.')] = '',
     first_row: Annotated[
-        Literal['top', 'bottom'] | None, typer.Option(help='Where the first row of a map is.')
+        Literal['top', 'bottom'] | None, typer.Option(help='Place of the first row of a map.')
     ] = None,
     stock: Annotated[
-        float | None, typer.Option(help='Value of tracer stock in maps, 100 for percent.')
+        float | None, typer.Option(help='Value of tracer stock in maps, such as 100 for percent.')
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Convert an experiment folder into an MCAP bag, or data of other programs into a folder.
 
     Other programs: a folder with imaging_protocol.csv and injection_protocol.csv, as DarSIA uses
-    them, or maps in a file .npz, .csv or .nc or a folder .zarr. Whatever the data leave open is
-    asked for or told, one line each.
+    them, or maps in a file .npz, .csv or .nc or a folder .zarr. The command asks for missing facts,
+    one line each.
 
     Example: ./porotwin import experiment experiment_bag
 

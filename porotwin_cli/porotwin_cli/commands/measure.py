@@ -49,18 +49,18 @@ def command(
     ] = 'down',
     against: Annotated[
         Path | None,
-        typer.Option(help='Other maps, to which distances are measured. Default: the map before.'),
+        typer.Option(help='Other maps for the distances. Default: the previous map.'),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Measure the plume in every map: tracer, centre, spread, area, outline, fingers, distance.
 
-    The distance is the Wasserstein distance of the normalised maps, in metres, to the map before or
-    to the map of --against at the same time. Tracer, centre, spread and distance take the plume and
-    3 cm around it, without the noise of clean sand.
+    The distance [m] is the Wasserstein distance of the normalised maps to the previous map, or to
+    the map of --against at the same time. Tracer, centre, spread and distance use the plume and
+    3 cm around it, to leave out the noise of clean sand.
 
-    A finger is a place where the front on one side stands out; a plume of its own counts as one.
-    Standard deviations are in the file and in --json, where the maps have them.
+    A finger is a bulge of the front on one side. A separate plume counts as a finger. The file and
+    --json hold standard deviations if the maps have them.
 
     Example: ./porotwin measure maps.nc --rig rig.yaml --output plume.csv
     """

@@ -33,9 +33,9 @@ def command(
 ) -> None:
     """Show or answer the offer of the running twin to mend its model.
 
-    With ./porotwin up --mend ask a diagnosis runs beside the twin. If it is sure of a cause, it
-    offers the effect. Accepted, the effect acts in forecasts and plans at once. It is taken back by
-    itself if the next photographs are forecast worse with it than without.
+    With ./porotwin up --mend ask, a diagnosis runs beside the twin and offers a sure cause. An
+    accepted effect acts in forecasts and plans at once. The twin removes the effect again if it
+    makes the next forecasts worse.
 
     Example: ./porotwin mend accept
     """

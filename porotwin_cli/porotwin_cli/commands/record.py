@@ -14,10 +14,10 @@ from porotwin_hub.graph import NAMESPACE
 def command(
     output: Annotated[Path, typer.Option(help='Bag folder to write.')],
     split_mb: Annotated[
-        float, typer.Option(help='Begin another file after this size [MB]. 0: one file.', min=0.0)
+        float, typer.Option(help='Begin a new file after this size [MB]. 0: one file.', min=0.0)
     ] = 0.0,
     split_min: Annotated[
-        float, typer.Option(help='Begin another file after this time [min]. 0: one.', min=0.0)
+        float, typer.Option(help='Begin a new file after this time [min]. 0: one file.', min=0.0)
     ] = 0.0,
     namespace: Namespace = NAMESPACE,
     domain: Domain = None,

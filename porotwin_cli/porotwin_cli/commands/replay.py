@@ -20,7 +20,7 @@ def command(
             help='Speed relative to real time. 0: as fast as possible.', min=0.0, max=1000.0
         ),
     ] = 1.0,
-    start: Annotated[float, typer.Option(help='Start so far into the bag [s].', min=0.0)] = 0.0,
+    start: Annotated[float, typer.Option(help='Time in the bag to start from [s].', min=0.0)] = 0.0,
     loop: Annotated[bool, typer.Option(help='Start again at the end.')] = False,
     topics: Annotated[
         str, typer.Option(help="Topic names, 'inputs' (messages from the rig) or 'all'.")
@@ -34,8 +34,8 @@ def command(
 ) -> None:
     """Play a bag into the running graph, which ./porotwin up --replay starts.
 
-    The graph receives photographs, measured rates and the time as if they came from the rig. In
-    lock-step the same bag gives the same maps, predictions and setpoints on any machine.
+    The graph receives photographs, measured rates and the time as from a rig. In lock-step, the
+    same bag gives the same maps, predictions and setpoints on any machine.
 
     Example: ./porotwin replay bags/sample --rate 20
     """

@@ -27,8 +27,8 @@ def command(
 ) -> None:
     """List the bags and experiment folders below a folder, the oldest first.
 
-    Everything is read from the recordings themselves, from their indexes: no photograph and no map
-    is opened. A recording that cannot be read costs one line.
+    The command reads the indexes of the recordings, and opens no photograph and no map. An
+    unreadable recording gives one line.
 
     Example: ./porotwin runs /data/rig1
     """

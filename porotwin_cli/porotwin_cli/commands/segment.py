@@ -56,8 +56,9 @@ def command(
     """Segment photographs of CO2 with a pH indicator into water, dissolved CO2 and gas.
 
     The baseline must show the rig before the injection, with the indicator in its water. Without
-    boxes the colours of the phases are found in the photographs. With boxes, only their phases are
-    looked for. A table of areas (.csv) and a picture (.png) lie beside the output.
+    boxes, the command finds the colours of the phases in the photographs. With boxes, it looks for
+    the phases of the boxes only. A table of areas (.csv) and a picture (.png) lie beside the
+    output.
 
     Example: ./porotwin segment experiment --output phases.nc --gas 0.9,0.6,1.1,0.7@3600
     --dissolved 0.9,0.4,1.1,0.5@3600

@@ -63,7 +63,7 @@ def command(
     blur: Annotated[
         float,
         typer.Option(
-            help='Blur of the written maps, as a camera makes it: width of a Gaussian [cells].',
+            help='Blur of the written maps, like from a camera: width of a Gaussian [cells].',
             min=0.0,
             max=LARGEST_BLUR,
         ),
@@ -72,9 +72,9 @@ def command(
 ) -> None:
     """Simulate an experiment from its rates.
 
-    The simulation runs freely: it reads the rig and the rates of the recording, but no maps.
-    Beside the maps of a recording its error over their last 30 % is told, and the blur that suits
-    them. A picture of the maps lies beside the output, with the same name and the ending .png.
+    The simulation reads the rig and the rates of the recording, but no maps. If the recording has
+    maps, the command prints the error over their last 30 % and the best blur. A picture of the maps
+    lies beside the output, with the same name and the suffix .png.
 
     Example: ./porotwin simulate experiment --output model.nc --effect decay:rate=1e-4
     """

@@ -26,7 +26,7 @@ def command(
         str, typer.Option(help='hybrid (default), local, paper or paper-complex.')
     ] = '',
     epochs: Annotated[
-        int, typer.Option(help='Passes over the data. 0: as suits the network.', min=0)
+        int, typer.Option(help='Passes over the data. 0: default of the network.', min=0)
     ] = 0,
     seed: Annotated[int, typer.Option(help='Seed of the weights and of the sample order.')] = 7,
     effect: Annotated[
@@ -38,9 +38,9 @@ def command(
 ) -> None:
     """Train COSTA on the errors of the physics-based model.
 
-    COSTA learns from recordings where free runs of the physics-based model go wrong: first physics
-    that explains it, then fluxes for the remainder. A part of the recordings is kept; free runs
-    over it decide how much of the correction is applied.
+    COSTA learns the errors of free runs of the physics-based model: first missing physics, then
+    fluxes for the remaining error. A part of the recordings is held out. Free runs over this part
+    decide how much of the correction is applied.
 
     Example: ./porotwin train run1 run2 --rig rig.yaml --output models/monday
     """

@@ -88,8 +88,8 @@ def command(
 ) -> None:
     """Start the twin beside the rig.
 
-    It turns photographs into maps, predictions and setpoints, and records everything. It runs until
-    Ctrl-C.
+    The twin turns photographs into maps, predictions and setpoints, and records everything. Stop it
+    with Ctrl-C.
 
     Example: ./porotwin up --rig rig.yaml --photos /mnt/camera --page 0.0.0.0:8765
     """

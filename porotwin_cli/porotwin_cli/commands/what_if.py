@@ -24,37 +24,37 @@ SIBLING_BYTES = 1e8
 
 def command(
     recording: Annotated[Path, typer.Argument(help='Experiment folder or MCAP bag with maps.')],
-    at: Annotated[str, typer.Option(help='When the plans part: 35min, 0.5h, or seconds.')],
+    at: Annotated[str, typer.Option(help='Start of the proposed rates: 35min, 0.5h, or seconds.')],
     rates: Annotated[
         list[str],
         typer.Option(
-            help='[TIME:]WELL=ML_H,WELL=ML_H: the proposal. Without a time it holds from --at on; '
-            'may be given several times. Other wells follow the present schedule, the producer '
+            help='[TIME:]WELL=ML_H,WELL=ML_H: proposed rates from TIME on, or from --at on. May be '
+            'given several times. Other wells follow the present schedule, and the producer '
             'balances.'
         ),
     ],
     horizon: Annotated[
         str,
         typer.Option(
-            help='How far to look, such as 60min. Default: to the end of the recording, but at '
+            help='Length of the forecast, such as 60min. Default: to the end of the recording, at '
             'least 30min.'
         ),
     ] = '',
     rig: Annotated[Path | None, typer.Option(help='rig.yaml. Default: from the recording.')] = None,
     siblings: Annotated[int, typer.Option(help='Number of siblings.', min=24)] = 32,
     cells: Annotated[
-        int, typer.Option(help='Cells of the grid of the siblings.', min=100, max=1_000_000)
+        int, typer.Option(help='Number of grid cells of each sibling.', min=100, max=1_000_000)
     ] = COARSE_CELLS,
     workers: Workers = None,
     scheduler: Scheduler = '',
     output: Annotated[Path, typer.Option(help='Folder for the picture.')] = Path('what-if'),
     as_json: Json = False,
 ) -> None:
-    """Show the outlook of other rates beside the present schedule, with 90 % bands.
+    """Forecast other rates beside the present schedule, with 90 % bands.
 
-    Siblings of the twin learn from the maps until --at and run both schedules from the last one.
-    The present schedule is that of the recording. Times count on the clock of the recording.
-    Nothing is pumped.
+    An ensemble of twins, the siblings, learns from the maps until --at and runs both schedules from
+    the last map. The present schedule comes from the recording. Times are on the clock of the
+    recording. Nothing is pumped.
 
     Example: ./porotwin what-if runs/monday/bag --at 35min --rates control1=300,control2=0
 
@@ -68,8 +68,8 @@ def command(
 
     if recording.suffix == '.nc':
         raise InputError(
-            f'{recording}: maps alone tell no rates; give the experiment folder, and put the maps '
-            'into it as concentration.nc'
+            f'{recording}: a file of maps has no rates; give the experiment folder, with the maps '
+            'as concentration.nc'
         )
     if output.exists() and not output.is_dir():
         raise InputError(f'--output {output}: is a file; give a folder for the picture')

@@ -1,4 +1,4 @@
-"""The description of a rig: `rig.yaml` as immutable records, read, checked and written.
+"""The description of a rig: reads, checks and writes `rig.yaml` as immutable records.
 
 `sections`, `sand_sections` and `control_section` hold the parts of the description, `description`
 the whole rig. `rig_file` reads and writes files, with the help of `yaml_reader`, `map_file`,

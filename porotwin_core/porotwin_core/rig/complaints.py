@@ -28,12 +28,12 @@ LONGEST_VALUE = 60
 def one_line(
     source: Path | str, error: pydantic.ValidationError, *, section: str = 'the description'
 ) -> str:
-    """Return the most telling complaint of `error` as one line.
+    """Return the most useful complaint in `error` as one line.
 
     Args:
         source: the file or message with the mistake; the line begins with it.
         error: all complaints; unknown keys come first, the number of others is added.
-        section: the name of the whole, for complaints about no single key.
+        section: name for complaints that concern no single key.
     """
     first = min(error.errors(), key=lambda item: item['type'] != 'extra_forbidden')
     parts = [str(part) for part in first['loc'] if part not in _FORMS]

@@ -64,8 +64,8 @@ class ObjectiveDescription(Section):
 class Control(Section):
     """The wells that the twin may set, their limits, and the objective (paper, section 4).
 
-    The optimiser chooses the rates of `wells`, which inject water. `producer` takes out the sum of
-    all injected water, so that the net rate is zero; a rig with an open side may do without one.
+    The optimiser chooses the rates of `wells`, which inject water. `producer` takes out all of the
+    injected water, so the net rate is zero; it is optional in a rig with an open side.
     `disallowed_zone_m` is a polygon and `fuzziness_m` a distance: the parameters of `keep_out`,
     and of every other objective that has a parameter of the same name.
     """
@@ -182,7 +182,7 @@ class Control(Section):
         return check_corners(points) if points else points
 
     def check_wells(self, known: dict[str, Any], *, closed: bool) -> Self:
-        """Return `self` if its wells are `known` and each has one role.
+        """Return `self` after a check: all wells are `known` and each has one role.
 
         Args:
             known: the wells of the rig by name.

@@ -80,8 +80,8 @@ Depth = Annotated[
 class Rig(Section):
     """The rig as its owner describes it; the fields are the keys of `rig.yaml`.
 
-    The numbers of the maps are kept beside the references to their files, see `nominal_map`. The
-    maps that sands and measured depths make are kept there as well.
+    The values of maps are kept beside the references to their files, see `nominal_map`. The maps of
+    sands and measured depths are kept there as well.
     """
 
     name: str = Field(min_length=1, description='a word for the rig')
@@ -192,7 +192,7 @@ class Rig(Section):
 
     @property
     def placed_sands(self) -> tuple[str, ...]:
-        """The names of the sands that layers, picture and polygons ask for."""
+        """The names of the sands in layers, picture and polygons."""
         legend = () if self.sand_image is None else tuple(self.sand_image.legend.values())
         layers = tuple(layer.sand for layer in self.sand_layers)
         return legend + layers + tuple(polygon.sand for polygon in self.sand_polygons)
@@ -264,8 +264,8 @@ class Rig(Section):
     def physics_fingerprint(self) -> str:
         """Short hash of everything that flow and transport depend on.
 
-        That is the whole description except name, camera and control. Of a map the numbers count,
-        not the name of its file.
+        It covers the whole description except name, camera and control. For a map it covers the
+        values, not the name of the file.
         """
         apart = {'name', 'camera', 'control', 'hydraulic_conductivity_m_s', *SAND_KEYS}
         data = self.model_dump(mode='json', exclude=apart)
@@ -280,7 +280,7 @@ class Rig(Section):
         return digest[:FINGERPRINT_LENGTH]
 
     def with_effects(self, effects: Iterable[EffectDescription]) -> Self:
-        """Return this rig with `effects` beyond those that it has."""
+        """Return this rig with additional `effects`."""
         return self.model_copy(update={'effects': (*self.effects, *effects)})
 
     def grid(self, nx: int, nz: int) -> Grid:
@@ -300,7 +300,7 @@ class Rig(Section):
     def field(self, quantity: PropertyName, grid: Grid) -> FloatArray:
         """Return a property in SI over the cells of `grid`, shape (nz, nx), row 0 lowest.
 
-        A map is averaged over the cells by area, wherever it came from.
+        A map is averaged over the cells, by area.
         """
         value = self.nominal_map(quantity)
         if isinstance(value, float):

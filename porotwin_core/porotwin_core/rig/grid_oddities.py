@@ -1,4 +1,4 @@
-"""Looks for grids that cannot be computed, or that do not resolve a rig."""
+"""Finds grids that are too large to compute or too coarse for a rig."""
 
 import itertools
 import logging
@@ -35,8 +35,8 @@ LEAST_CELLS_BETWEEN = 3
 def chosen_grid(text: str, rig: Rig, most_cells: int = MOST_CELLS) -> Grid:
     """Return the grid called `text`, such as 187x112, over `rig`.
 
-    A grid that is odd for this rig is logged as a warning. Maps of photographs may have more cells
-    than predictions: `most_cells`.
+    An odd grid is logged as a warning. `most_cells` bounds the grid; maps of photographs may have
+    more cells than predictions.
 
     Raises:
         InputError: the text is no grid, or the grid cannot be computed.

@@ -1,4 +1,4 @@
-"""Looks for odd and impossible values in a description, one remark for each."""
+"""Finds odd and impossible values in a description, with one remark for each."""
 
 import itertools
 import math

@@ -171,7 +171,7 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
     Args:
         data: the keys of `rig.yaml` other than `quantities`; sands in it are replaced.
         quantities: depth_m [m], porosity [-], permeability_m2 [m^2]; numbers or maps (nz, nx).
-            A map is named after its property, also the file that `write_rig` puts it in.
+            A map and its file from `write_rig` have the name of the property.
 
     Raises:
         InputError: one line with the key, the value and the remedy.
@@ -193,9 +193,9 @@ def rig_from_maps(data: dict[str, Any], quantities: dict[str, float | FloatArray
 def write_rig(rig: Rig, path: Path | str) -> None:
     """Write `rig` to the file `path`, and its maps and pictures beside it.
 
-    Every map has a NetCDF file of its own, with the name that `rig` refers to, without folders. If
-    two maps were in one file, the second is named after its property. A zone from a picture becomes
-    a map as well.
+    Every map gets a NetCDF file of its own, with the file name in `rig`, without folders. If `rig`
+    names one file for two maps, the second file gets the name of its property. A zone from a
+    picture becomes a map too.
     """
     path = Path(path)
     data = rig.model_dump(mode='json', exclude_defaults=True)

@@ -1,7 +1,7 @@
 """Draws the sands of a rig on a raster of small squares, one sand each.
 
-Every square takes the sand at its centre, so that an interface is misplaced by at most half a
-square. Grids average the raster over their cells, by area (see `Rig.field`).
+Every square takes the sand at its centre, so an interface is misplaced by at most half a square.
+ Grids average the raster over their cells, by area (see `Rig.field`).
 """
 
 import io

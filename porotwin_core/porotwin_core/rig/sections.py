@@ -23,7 +23,7 @@ LEAST_CORNERS = 3
 
 
 def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
-    """Return `points` (x, z) [m] if they can be a polygon.
+    """Return `points` (x, z) [m] after a check that they form a polygon.
 
     Raises:
         ValueError: fewer than three points.
@@ -34,7 +34,7 @@ def check_corners(points: tuple[Point, ...]) -> tuple[Point, ...]:
 
 
 def refuse_files(value: Any) -> Any:
-    """Return `value` unless it is a mapping, as of a file.
+    """Return `value` after a check that it is no mapping, such as a file reference.
 
     Raises:
         ValueError: it is one.

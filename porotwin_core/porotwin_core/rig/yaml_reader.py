@@ -1,7 +1,7 @@
-"""Reads YAML as its version 1.2 means it, and refuses a key that stands twice in one section.
+"""Reads YAML 1.2, and refuses a repeated key in a section.
 
-In version 1.1, which PyYAML follows, `no` and `off` are truth values, `1:30` is the number 90,
-`010` is 8 and `1e-3` is a text. Nobody expects that in a description of a rig.
+PyYAML follows version 1.1: `no` and `off` are truth values, `1:30` is the number 90, `010` is 8 and
+`1e-3` is a text. This would surprise the owner of a rig.
 """
 
 import re
@@ -24,7 +24,7 @@ class _Loader(yaml.SafeLoader):
     """A safe loader with the numbers and truth values of YAML 1.2."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return the section `node`, its keys as texts; a key that stands twice is refused."""
+        """Return the section `node` with its keys as texts; refuse a repeated key."""
         seen: dict[str, int] = {}
         for key_node, _ in node.value:
             if not isinstance(key_node, yaml.ScalarNode) or key_node.tag == _MERGE:
@@ -58,6 +58,6 @@ def read_yaml(text: str) -> Any:
     """Return the content of a YAML document.
 
     Raises:
-        yaml.YAMLError: no YAML, or a key stands twice in one section.
+        yaml.YAMLError: no YAML, or a repeated key in a section.
     """
     return yaml.load(text, Loader=_Loader)  # a safe loader

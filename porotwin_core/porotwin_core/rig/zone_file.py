@@ -36,7 +36,7 @@ def read_zone(file: Path, variable: str, width: float, height: float) -> Picture
         height: of the rig [m].
 
     Raises:
-        InputError: the file cannot be read, does not fit the rig, or shows no zone.
+        InputError: the file cannot be read, has another shape than the rig, or shows no zone.
     """
     if not file.is_file():
         raise InputError(f'{file}: no such file; {KEY} names it, relative to rig.yaml')

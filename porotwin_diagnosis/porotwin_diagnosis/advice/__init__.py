@@ -1,1 +1,1 @@
-"""Advice: which experiment to make next, and which effects would have been visible."""
+"""Advice: the next experiment, and the smallest visible strength of each effect."""

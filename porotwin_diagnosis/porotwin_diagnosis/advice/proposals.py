@@ -1,8 +1,8 @@
-"""The next experiment: which one separates the two best explanations best.
+"""Proposes the experiments that separate the two best explanations.
 
 Each changed schedule is simulated as if the first explanation were true. The second explanation is
-then fitted to this simulation and to the present recording together, so that it imitates the first
-as well as it can. The distance that remains between both is the information in the experiment.
+then fitted to this simulation and to the present recording together: it imitates the first one as
+well as it can. The remaining distance between both is the information in the experiment.
 """
 
 from collections.abc import Iterator
@@ -38,9 +38,9 @@ class Proposal:
         separates: labels of the two explanations.
         description: instructions; empty for a check in the laboratory, which its effect describes.
         effect: name of the effect that a check in the laboratory measures; empty for a schedule.
-        gain: distance of the explanations with this experiment, relative to their distance if the
-            same recording is made again (or to the least distinguishable distance, if that is
-            larger). None for a check in the laboratory, which decides by itself.
+        gain: distance of the explanations with this experiment over their distance in a repetition
+            of the recording (or over the least distinguishable distance, if larger). None for a
+            check in the laboratory, which decides by itself.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What is missing from the model, in a physicist's words, where no library effect explains it.
+"""The form of an unexplained gap, in the words of a physicist.
 
 The remainder o - c between the observed maps and a model that runs from the start is regressed on
 patterns, each the first-order change that one simple cause makes in the predicted map c. With the
@@ -16,9 +16,9 @@ time t since the start and the duration T of the recording:
 | -(x - x0) dc/dx t / T, likewise z | a flow that prefers a direction | transport |
 | -(r - r0) / r^2 . grad c t / T, t^2 / T^2 | water that enters at r0; ever more of it | source |
 
-At most `MOST_TERMS` patterns are chosen one after the other by the fitted frames. Each must close
-more of the held-out frames. Patterns that close less than `LEAST_CLOSED` there are refused. The
-remainder of a free run is used, since one-step residuals of noisy maps are biased.
+The fitted frames choose at most `MOST_TERMS` patterns, one after the other. In the held-out frames
+each pattern must close at least `LEAST_GAIN` of the remainder, and all together `LEAST_CLOSED`. The
+remainder comes from a free run, because one-step residuals of noisy maps are biased.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -90,7 +90,7 @@ class RemainderForm:
     """A description of a remainder.
 
     Attributes:
-        terms: the patterns, the one that explains most first; empty where nothing holds.
+        terms: the patterns, the strongest first; empty if no pattern holds.
         closed: share of the held-out remainder that they close [-].
     """
 
@@ -99,7 +99,7 @@ class RemainderForm:
 
     @property
     def kind(self) -> Kind | None:
-        """Kind of the strongest pattern; None where nothing holds."""
+        """Kind of the strongest pattern; None if no pattern holds."""
         return self.terms[0].kind if self.terms else None
 
 
@@ -123,7 +123,7 @@ class Pattern:
 
 
 class Patterns:
-    """All patterns that the remainder of one sample is compared with.
+    """All patterns for the remainder of one sample.
 
     Args:
         sample: the frames.
@@ -173,7 +173,7 @@ class Patterns:
                 yield from self._at((float(x), float(z)))
 
     def around(self, found: Pattern) -> Iterator[Pattern]:
-        """Yield the pattern `found` at places around its own; nothing if it has none."""
+        """Yield the pattern `found` at places around its own place; nothing without a place."""
         if found.place is None:
             return
         for right in FINER_PLACES * self._width / PLACES[0]:

@@ -20,8 +20,8 @@ CHASE_FROM = 0.5
 class ScheduleChange:
     """A change of the schedule that may separate two explanations.
 
-    `apply` returns the sample with the changed schedule and times, or None where the change makes
-    no sense for its rig.
+    `apply` returns the sample with the changed schedule and times, or None if the change does not
+    suit its rig.
     """
 
     name: str

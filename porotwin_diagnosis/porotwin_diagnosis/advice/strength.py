@@ -39,10 +39,10 @@ def smallest_strengths(fitter: Fitter) -> dict[str, Strength]:
     """Return the smallest visible strength of each effect, by its name.
 
     A small amount of the effect changes the whitened residuals by r per cell with tracer (root mean
-    square). Its strength times `VISIBLE_CHANGE` / r would just be visible. Deviations are from no
-    effect (from 1 for a factor), or from the rig description if it contains the effect. Of several
-    parameters the first is tried; an effect that needs a place is put in the middle of the rig; of
-    several wells the most visible one counts. Effects that change nothing are left out.
+    square). Its strength times `VISIBLE_CHANGE` / r is just visible. Strengths are deviations from
+    no effect (from 1 for a factor), or from the effect in the rig description. Of several
+    parameters the first counts, of several wells the most visible one. An effect with a place is
+    put in the middle of the rig. Effects that change nothing are left out.
 
     Raises:
         InputError: the model cannot run without effects.

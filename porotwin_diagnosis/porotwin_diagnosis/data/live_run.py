@@ -1,4 +1,4 @@
-"""The run of a live twin so far, in bounded space, so that it can be diagnosed as a recording."""
+"""The run of a live twin so far, in bounded memory, for a diagnosis as a recording."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -31,10 +31,10 @@ began unseen; some tolerance is left for wrong rates and an uncalibrated camera.
 class LiveRun:
     """Maps and rates since the current experiment began. Times are stamps of photographs [s].
 
-    A new run begins when the clock goes back, when an experiment follows one that has ended, and
-    when the evaluation of photographs starts again on a rig without tracer. Missed photographs do
-    not end a run, since the model needs the rates only. The rates in force at the beginning of a
-    run stay in force. A setpoint counts as followed until rates are measured, as in the hub.
+    A new run begins when the clock goes back, when an experiment follows an ended one, and when the
+    evaluation of photographs starts again on a rig without tracer. Missed photographs do not end a
+    run, because the model needs the rates only. Rates in force at the beginning of a run stay in
+    force. As in the hub, a setpoint counts as pumped until rates are measured.
     """
 
     def __init__(self, rig: Rig, grid: Grid, folder: Path | None = None) -> None:
@@ -74,7 +74,7 @@ class LiveRun:
             concentration: its map (nz, nx) [-].
             grid: the grid of the map.
             deviation: standard deviation of the map, if known.
-            systematic: the part of it that is equal in all maps, if known.
+            systematic: its part that is equal in all maps, if known.
 
         Raises:
             InputError: the map is on another grid, or the disk is full.
@@ -112,7 +112,7 @@ class LiveRun:
         self._measured_from = start
 
     def note_effects(self, effects: Sequence[EffectDescription]) -> None:
-        """Note the `effects` of the running model beyond its rig: a diagnosis finds the rest."""
+        """Note the `effects` of the running model beyond its rig; a diagnosis finds the rest."""
         self._rig = self._described.with_effects(effects)
 
     def note_evaluation_start(self) -> None:

@@ -1,4 +1,4 @@
-"""Maps of a running experiment in a temporary file, so that memory does not grow with their number.
+"""Maps of a running experiment in a temporary file, so memory stays bounded.
 
 The file has no name: the system removes it with the process, however it ends.
 """
@@ -14,7 +14,7 @@ from porotwin_core.grid import FloatArray
 
 
 class MapFile:
-    """A list of at most `most` maps of one shape, as float32; beyond it every second is dropped.
+    """A list of at most `most` maps of one shape, as float32; a full list drops every second map.
 
     The first and the newest map stay.
     """

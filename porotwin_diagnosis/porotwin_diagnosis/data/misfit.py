@@ -4,10 +4,9 @@ The misfit m of one part of the recordings, fitted or held out, is
 
     m = sqrt(sum over counted cells of r^2 / number of observed front cells).
 
-A cell counts if it holds tracer but not full stock, as predicted or, beyond the noise, as observed.
-The noise alone does not make a cell count: in the interior of a pale plume it would select the low
-values only. The divisor is the number of observed front cells, so that neither an empty nor a full
-rig dilutes a gap.
+A cell counts if it holds tracer but not full stock, in the prediction or, beyond the noise, in the
+observation. Noise alone must not select cells: inside a pale plume it would select low values only.
+The divisor is the number of observed front cells, so neither an empty nor a full rig dilutes a gap.
 """
 
 from collections.abc import Sequence
@@ -32,12 +31,12 @@ def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[
 
 
 def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
-    """Return the misfit [-] that the noise alone would cause, fitted and held out.
+    """Return the misfit [-] that noise alone would cause, for fitted and held-out frames.
 
     It is the misfit with r^2 replaced by its expected value from noise, in the cells that count for
     `residuals` (whitened, (nt, nz', nx') for every one of `samples`). It is at least the cost of
-    the errors that all maps share. Both are not added: at a front the delivered random deviation
-    holds the scatter across the front, which is an error of its place, too.
+    the errors that all maps share. The two are not added, because the delivered random deviation
+    at a front already contains the error of its place.
     """
     squares = [
         sample.expected_noise_squares * _counted_cells(sample, residual)

@@ -9,9 +9,9 @@ the same in every frame. n is the frame noise, which is independent from frame t
 shifts the mean and reduces the variance. Both follow from the moments of a censored normal
 distribution (Greene, Econometric Analysis, section on censored data).
 
-Maps from photographs may come with standard deviations of their own. What denoising has smoothed
-out of a map still is an error of it, and so is a wrong scale. The delivered deviations are kept by
-concentration, random and systematic apart, and bound the noise from below.
+Maps from photographs may come with standard deviations. They include errors that denoising hides,
+and a wrong scale. The delivered deviations, random and systematic, are kept as functions of the
+concentration. They bound the noise from below.
 """
 
 from dataclasses import dataclass
@@ -45,10 +45,10 @@ class Noise:
         grain: standard deviation of the grain g [-], relative to the concentration.
         frame: standard deviation of the frame noise n [-] where c = 1.
         background: standard deviation of the frame noise n [-] where c = 0.
-        correlation: width [cells] of the Gaussian kernel that makes the grain of white noise.
+        correlation: width [cells] of the Gaussian kernel that turns white noise into the grain.
         point_spread_width: width [cells] of the Gaussian point spread P.
         random: delivered random deviations [-] at evenly spaced concentrations from 0 to 1; empty
-            where the recording has none.
+            if the recording has none.
         systematic: the same for deviations that are equal in all maps.
     """
 
@@ -63,8 +63,8 @@ class Noise:
     def with_delivered(self, measured: FloatArray, concentration: FloatArray) -> FloatArray:
         """Return the deviation [-] of maps whose noise was `measured`, with the delivered ones.
 
-        The measured noise and the delivered random deviation are two estimates of one error; the
-        larger one counts. The systematic deviation is added in squares. All arrays have the shape
+        The measured noise and the delivered random deviation estimate the same error; the larger
+        estimate counts. The systematic deviation is added in squares. All arrays have the shape
         of `concentration` [-].
         """
         if not self.random:

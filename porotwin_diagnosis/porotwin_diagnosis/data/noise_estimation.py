@@ -112,7 +112,7 @@ def add_delivered(
         noise: the measured noise.
         maps: concentrations [-], (nt, nz, nx), NaN where nothing is seen.
         deviation: their standard deviations [-], same shape.
-        systematic: the part of them that is equal in all maps [-], same shape.
+        systematic: their part that is equal in all maps [-], same shape.
     """
     known = np.isfinite(maps) & np.isfinite(deviation) & np.isfinite(systematic)
     if not known.any():

@@ -1,4 +1,4 @@
-"""Frames of a recording: which of them are used, and how holes in them are filled."""
+"""Frames of a recording: selects frames and fills unseen cells."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,8 @@ def observed_maps(
 ) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
     """Return at most `count` frames of `recording` on `grid`, evenly spread in time.
 
-    Frames with less than half of their cells seen are left out: filled, they would look like
-    another state.
+    Frames with less than half of their cells seen are left out, because the filled map would be
+    mostly guessed.
 
     Returns:
         Times [s] (nt,); maps (nz, nx) [-] without NaN; the seen share (nz, nx) [-] of every cell.

@@ -15,7 +15,7 @@ is replaced by mean rates over pairs of rows, which keep the volumes of water an
 
 
 class RateTable:
-    """Rates of all wells from a time on; commanded by a setpoint, else measured."""
+    """Rates of all wells from a time on, either commanded or measured."""
 
     def __init__(self, wells: Sequence[str], most: int = MOST_ROWS) -> None:
         """Make an empty table of `most` rows for `wells`."""
@@ -53,12 +53,12 @@ class RateTable:
         self._keep(np.flatnonzero(~inside))
 
     def begin_anew(self, start: float) -> None:
-        """Drop all rows but the last one, which holds from `start` [s] on."""
+        """Drop all rows except the last one, which now holds from `start` [s] on."""
         self._keep(np.arange(max(self._count - 1, 0), self._count))
         self._start[: self._count] = start
 
     def rows(self) -> Iterator[tuple[float, dict[str, WellRate]]]:
-        """Yield the time [s] and the rates of every row, in the order of their arrival."""
+        """Yield the time [s] and the rates of every row, in order of arrival."""
         for row in range(self._count):
             yield float(self._start[row]), self._rates(row)
 

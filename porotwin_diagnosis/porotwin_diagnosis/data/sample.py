@@ -12,9 +12,9 @@ of c (`Noise.expected`). s is the standard deviation of the noise; smoothing dam
 w / hypot(w, SMOOTHING_WIDTH) for noise of the width w. The gradient term is the uncertainty of the
 position of a front.
 
-Maps from photographs say how wrong they may be. Their random deviation, cell by cell, bounds s from
-below. Their systematic deviation is that of a few errors that all maps share; C is the covariance
-that these make (`shared_errors`). Without delivered deviations C is the identity.
+Maps from photographs carry deviations. Their random deviation bounds s from below in each cell.
+Their systematic deviation comes from a few errors that all maps share, with the covariance C
+(`shared_errors`). Without delivered deviations C is the identity.
 """
 
 from dataclasses import dataclass, replace
@@ -176,14 +176,14 @@ class Sample:
 
     @cached_property
     def expected_shared_square(self) -> float:
-        """Expected part of a squared misfit [-] that the errors of all maps cost; 0 without any."""
+        """Expected squared misfit [-] from errors that all maps share; 0 without any."""
         shared = self._shared(SMOOTHING_WIDTH, len(self.times))
         return 0.0 if shared is None else SYSTEMATIC_MISFIT**2 * shared.effective_number
 
     def weight(self, width: float) -> FloatArray:
         """Return 1 / sigma of residuals smoothed over `width` [cells], (nt, nz', nx').
 
-        It is zero where less than half of the surroundings is seen.
+        The weight is zero where less than half of the surroundings is seen.
         """
         if width not in self._weights:
             self._weights[width] = self._computed_weight(width)
@@ -280,7 +280,7 @@ class Sample:
 
 
 def read_sample(recording: Recording) -> Sample:
-    """Return the frames of `recording` that a diagnosis compares with the model.
+    """Return the frames of `recording` for the comparison with the model.
 
     Raises:
         InputError: too few frames, or no tracer in the fitted or in the held-out part.
@@ -380,7 +380,7 @@ LEAST_COARSE_CORRELATION = 0.5
 def coarsened(sample: Sample, factor: int) -> Sample:
     """Return `sample` averaged over cells that are `factor` times larger each way.
 
-    The standard deviations of the noise stay as they are, which is on the safe side.
+    The standard deviations of the noise stay unchanged, which is conservative.
     """
     grid = sample.rig.grid(
         max(1, round(sample.grid.nx / factor)), max(1, round(sample.grid.nz / factor))

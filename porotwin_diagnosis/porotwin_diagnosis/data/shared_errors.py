@@ -1,8 +1,8 @@
-"""Errors that all maps of a recording share: one wrong calibration, one wrong place of the rig.
+"""Errors that all maps of a recording share: wrong calibration, wrong corners of the rig, blur.
 
-Maps from photographs come with a systematic deviation in every cell. It is the size of an error,
-but not its shape: a response that is bent too little makes all pale cells wrong in the same
-direction. Such errors are no noise. They are few unknown numbers, each with a pattern, its mode:
+Maps from photographs come with a systematic deviation in every cell. This deviation gives the size
+of an error, but not its shape. For example, a wrong response makes all pale cells wrong in the same
+direction. Such errors are not noise: they are a few unknown numbers, each with a pattern, its mode:
 
 | error | mode, c the concentration | unknown numbers |
 | --- | --- | --- |
@@ -109,7 +109,7 @@ def measured_errors(
 def error_modes(
     sizes: ErrorSizes, maps: FloatArray, sands: NDArray[np.intp], grid: Grid
 ) -> FloatArray:
-    """Return the modes (k, nt, nz, nx) [-]: what an error of one standard deviation changes.
+    """Return the modes (k, nt, nz, nx) [-]: changes of the maps by one standard deviation.
 
     Args:
         sizes: standard deviations of the errors.
@@ -140,7 +140,7 @@ def derivatives(maps: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray, F
 
 
 def sands_of(rig: Rig, grid: Grid) -> NDArray[np.intp]:
-    """Return the number of the sand of every cell (nz, nx): its permeability tells it."""
+    """Return the number of the sand of every cell (nz, nx), from its permeability."""
     logs = np.log(np.atleast_2d(rig.nominal_map('permeability_m2')))
     levels = np.unique(np.round(logs / SAME_SAND)) * SAME_SAND
     if not 1 < len(levels) <= MOST_SANDS:

@@ -1,1 +1,1 @@
-"""From the fits to a verdict: evidence first, then one decision with named rules."""
+"""From fits to a verdict: gathers the evidence, then decides by named rules."""

@@ -1,8 +1,8 @@
-"""Log-odds of the statements in a verdict, and the confidence that they give.
+"""Log-odds of the statements in a verdict, and its confidence.
 
-A confidence is `1 / (1 + exp(-log_odds))`, within `CONFIDENCE_RANGE`. The log-odds are stated by
-the rules below. No map from stated to observed frequencies is fitted or applied; the blind check
-measures by how much both differ, and `porotwin_validation.confidence_fit` fits such a map.
+A confidence is `1 / (1 + exp(-log_odds))`, within `CONFIDENCE_RANGE`. The rules below give the
+log-odds. Confidences are not adjusted to observed frequencies. The blind check measures the
+difference of both, and `porotwin_validation.confidence_fit` fits an adjustment.
 """
 
 import math
@@ -61,11 +61,11 @@ def missing_log_odds(lack_of_fit: float) -> float:
 
 
 def order_log_odds(members: Sequence[str], findings: Findings) -> float:
-    """Return the log-odds that the first of the `members` is the strongest one.
+    """Return the log-odds that the first of the `members` is the strongest effect.
 
-    The smallest ratio of the two measures of strength counts, so that the order is uncertain where
-    effects are equally strong or where the measures disagree. Infinite where the strengths are not
-    known, or where all members are the same effect.
+    The smaller ratio of the two measures of strength counts. So the order is uncertain if effects
+    are equally strong or if the measures disagree. The log-odds are infinite if the strengths are
+    unknown, or if all members are the same effect.
     """
     strength = {fit.members[0].effect: both for fit, both in reversed(strengths(findings))}
     others = [name for name in members if name != members[0]]

@@ -1,4 +1,4 @@
-"""All evidence of a verdict, gathered before it is made."""
+"""All evidence of a verdict, gathered before the decision."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Evidence:
 
     Attributes:
         findings: fits of the single effects and of pairs.
-        explanation: the model that was kept, which the verdict accepts or rejects.
+        explanation: the kept model, which the verdict accepts or rejects.
         numerics: misfits of the configured and of the accurate scheme.
         held_out_errors: relative L2 errors of the held-out maps before and after, with predictions
             blurred as the camera blurs them.
@@ -34,7 +34,7 @@ class Evidence:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the kept model predicts the held-out maps worse than the configured one."""
+        """Whether the kept model predicts the held-out maps worse than the configured model."""
         before, after = self.held_out_errors
         return after > WORSENED * before
 

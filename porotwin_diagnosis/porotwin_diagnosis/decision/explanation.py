@@ -1,6 +1,6 @@
-"""The best explanation of a recording: the model that is kept, and the effects that look the same.
+"""The best explanation of a recording: the kept model and the inseparable effects.
 
-An explanation is a hypothesis. `verdict.decide` accepts or rejects it in the light of all evidence.
+An explanation is a hypothesis. `verdict_rules.decide` accepts or rejects it with all evidence.
 """
 
 import math
@@ -23,7 +23,7 @@ from porotwin_diagnosis.thresholds import (
 
 @dataclass(frozen=True)
 class Explanation:
-    """The model that is kept, before it is tested on the held-out maps.
+    """The kept model, before its test on the held-out maps.
 
     Attributes:
         model: the model without effects, the best single effect, pair or triple.
@@ -42,7 +42,7 @@ class Explanation:
 
     @property
     def suffices(self) -> bool:
-        """Whether the model leaves no more than a true model may leave."""
+        """Whether the misfit is within the limit for a true model."""
         return self.lack_of_fit <= 1.0
 
 
@@ -70,7 +70,7 @@ def kept_model(findings: Findings) -> Fit:
     2. The best single effect, if it suffices.
     3. The best pair, if the second effect earns its place, and if it suffices.
     4. The best triple, if there is one: its third effect has earned its place.
-    5. Otherwise the pair, or the single effect where the second one has not earned its place.
+    5. Otherwise the pair, or the single effect if the second effect has not earned its place.
     """
     null, kept = findings.null, findings.singles[0]
     if normalised_misfit(null) < NO_GAP_MISFIT:

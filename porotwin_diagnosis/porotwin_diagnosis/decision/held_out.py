@@ -74,7 +74,7 @@ class HeldOut:
         return replace(self, noise_floor=floor, point_spread_width=width)
 
     def blurred_errors(self) -> tuple[float, float]:
-        """Return the relative L2 errors before and after, predictions blurred as by the camera."""
+        """Return the relative L2 errors before and after, with the blur of the camera."""
         before, after = (
             blurred(maps, self.point_spread_width) for maps in (self.before, self.after)
         )
@@ -83,8 +83,8 @@ class HeldOut:
     def bootstrap(self, seed: int) -> FloatArray:
         """Return squared relative errors (before, after) of bootstrap draws, (DRAWS, 2).
 
-        Blocks of frames and tiles of the map are drawn with replacement, independently of each
-        other, because errors are correlated in time and in space (pigeonhole bootstrap: Owen, Ann.
+        Blocks of frames and tiles of the map are drawn with replacement and independently, because
+        errors are correlated in time and in space (pigeonhole bootstrap: Owen, Ann.
         Appl. Stat. 1 (2007) 386).
         """
         known = np.isfinite(self.observed)
@@ -111,7 +111,7 @@ def measure_held_out(
 ) -> HeldOut:
     """Return the held-out part of `recording` without and with the effects of `model`.
 
-    The blur is chosen so that the prediction after lies nearest to the observed maps.
+    The blur is the one with the smallest difference of the prediction after and the observed maps.
 
     Raises:
         InputError: the model cannot run with the effects of `model`.
@@ -136,7 +136,7 @@ def measure_held_out(
 
 
 def gap_closed(before: float, after: float, floor: float) -> float:
-    """Return the share of the gap above the noise `floor` that closes (diagnosis contract).
+    """Return the share of the gap above the noise `floor` that closes.
 
     share = (before - after) / (before - floor); 0 without a gap. It is above 1 where the error
     falls below the expected floor, and negative where the error grows.
@@ -146,10 +146,9 @@ def gap_closed(before: float, after: float, floor: float) -> float:
 
 
 def blurred_errors(parts: Sequence[HeldOut]) -> tuple[float, float]:
-    """Return the errors of all recordings, before and after, with predictions blurred as the
-    camera blurs them.
+    """Return the errors of all recordings before and after, with the blur of the camera.
 
-    Errors of sharp predictions can mislead: an effect that thins the fringe of a plume, such as a
+    Errors of sharp predictions can mislead. An effect that thins the fringe of a plume, such as a
     nonlinear response, loses more at the blurred edge than it gains elsewhere.
     """
     before, after = zip(*(part.blurred_errors() for part in parts), strict=True)

@@ -1,4 +1,4 @@
-"""Uncertainty of fitted parameters: from the residuals, and from the resolution."""
+"""Uncertainty of fitted parameters, from the residuals and from the resolution."""
 
 from dataclasses import replace
 
@@ -28,8 +28,8 @@ def with_intervals(
 def with_covariance(fitter: Fitter, fit: Fit) -> Fit:
     """Return `fit` with the covariance C + diag(d^2) of its scaled parameters.
 
-    C comes from the residuals. The parameters were judged on finer cells; d is their change when
-    they are fitted on the cells of `fitter`.
+    C comes from the residuals. d is the difference of the parameters on the judging cells and on
+    the coarser cells of `fitter`.
     """
     if not fit.members:
         return fit

@@ -1,7 +1,7 @@
 """Numerical diffusion as a cause of the gap: the configured scheme compared with a sharper one.
 
-A scheme that smears fronts looks like dispersion. The accurate scheme on finer cells shows how much
-of the gap it makes, and a fitted diffusion says how large it is.
+A scheme that smears fronts looks like dispersion. The accurate scheme on finer cells shows its part
+of the gap, and a fitted diffusion shows its size.
 """
 
 from collections.abc import Sequence
@@ -40,8 +40,7 @@ class Numerics:
         preset: preset of the solver whose gap is diagnosed.
         configured: misfit of the configured scheme without effects.
         sharp: misfit of the accurate scheme without effects.
-        with_effects: misfit of the configured scheme with the kept effects; None where it was not
-            needed.
+        with_effects: misfit of the configured scheme with the kept effects; None if not needed.
         model_diffusion: diffusion [m2/s] that makes the accurate scheme predict the same as the
             configured one; 0 where it was not needed.
     """
@@ -70,8 +69,8 @@ class Numerics:
 def measure_numerics(samples: Sequence[Sample], null: Fit, model: Fit, *, preset: str) -> Numerics:
     """Return how much of the gap at `preset` is numerical diffusion.
 
-    `null` is the model without effects as it was judged with the accurate scheme, `model` the one
-    that was kept. Only as many simulations are made as the answer needs.
+    `null` is the model without effects, judged with the accurate scheme. `model` is the kept model.
+    The function makes only the simulations that the answer needs.
 
     Raises:
         InputError: the model cannot run with the effects of `model`.
@@ -106,7 +105,7 @@ def before_and_after(
     """Return the predicted maps of `sample` before and after the gap is closed, (nt, nz, nx) each.
 
     Before: the configured scheme without effects. After: the accurate scheme with the effects of
-    `model`; or the same as before, where neither effects nor numerical diffusion were found.
+    `model`. Both are the same if neither effects nor numerical diffusion were found.
     """
     accurate = Forward(sample, preset=ACCURATE)
     after = np.clip(accurate.maps(model.effects), 0.0, 1.0)

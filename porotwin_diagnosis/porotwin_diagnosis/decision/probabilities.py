@@ -1,4 +1,4 @@
-"""Probabilities of the single effects: from their misfits, and as stated with a verdict."""
+"""Probabilities of single effects, from misfits and from the confidence of the verdict."""
 
 import math
 from collections.abc import Sequence
@@ -15,8 +15,8 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
 
     p_i = exp(-l_i) / sum_j exp(-l_j), with the log-odds l_i of the best effect against effect i:
 
-    - of a judged effect they follow from its misfit, and are 0 if it looks the same as the best;
-    - of an effect that was only screened they follow from its misfit on coarse cells, and are at
+    - For a judged effect they follow from its misfit. They are 0 if it looks the same as the best.
+    - For an effect that was only screened they follow from its misfit on coarse cells. They are at
       least `SCREENED_LOG_ODDS`.
     """
     log_odds: dict[str, float] = {}
@@ -43,9 +43,9 @@ def stated_probabilities(verdict: Verdict, names: Sequence[str]) -> dict[str, fl
 
     - The named effect and those inseparable from it share the confidence.
     - The second member of a pair has the confidence of the pair.
-    - All other effects share the rest, 1 - confidence, and never more than their probability alone.
-      This also holds where the verdict names no effect. The remainder to 1 is for causes that the
-      library lacks.
+    - All other effects share the rest, 1 - confidence, but at most their probability alone. This
+      also holds if the verdict names no effect. The missing part to 1 stands for causes outside
+      the library.
     """
     alone = {name: verdict.probabilities.get(name, 0.0) for name in names}
     same = [name for name in (verdict.name, *verdict.inseparable) if name in alone]

@@ -1,4 +1,4 @@
-"""The verdict on a recording: a record, and the names that are not names of effects."""
+"""The verdict on a recording: its record, and verdicts that are not names of effects."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,8 @@ class Verdict:
 
     Attributes:
         name: `NONE`, `UNEXPLAINED`, `NUMERICAL`, or the name of the strongest effect.
-        confidence: probability of the verdict, stated without a fitted map (see `confidence`).
-        model: the fit that was kept; for `NONE` and `NUMERICAL` the model without effects.
+        confidence: probability of the verdict (see `confidence`).
+        model: the kept fit; for `NONE` and `NUMERICAL` the model without effects.
         members: names of the effects that are named, the strongest first.
         inseparable: other effects that look the same as the first member.
         probabilities: probability of every effect alone, by name, and of `NONE`.

@@ -1,1 +1,1 @@
-"""The running twin gets better: diagnoses in time, offers, and their taking back."""
+"""Mending of the running twin: when to diagnose, offers, and removal of effects."""

@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis as the running twin uses it: read from diagnosis.json, and judged."""
+"""The verdict of a diagnosis for the running twin: reads diagnosis.json and checks the verdict."""
 
 import json
 from collections.abc import Sequence
@@ -33,13 +33,13 @@ class Finding:
     Attributes:
         verdict: its name.
         confidence: its probability [-].
-        effects: the named effects that the solver can have.
+        effects: the named effects of rig and wells, which the solver can run.
         camera: the named effects of the camera.
         error_before: relative L2 error of the model on the held-out part [-].
         error_after: the same with the effects [-].
         closed: share of the gap above the noise that closes [-].
-        same: effects that the recording cannot tell from the first one.
-        report: page of the diagnosis.
+        same: effects that the recording cannot separate from the first one.
+        report: path of the report page.
     """
 
     verdict: str
@@ -54,7 +54,7 @@ class Finding:
 
     @property
     def cause(self) -> Cause:
-        """The effects without their numbers; a second verdict with the same cause is no news."""
+        """The effects without their numbers, to recognise a second verdict with the same cause."""
         return frozenset(
             (one.name, str(one.parameters.get('well', ''))) for one in (*self.effects, *self.camera)
         )
@@ -65,7 +65,7 @@ class Finding:
         return self.verdict not in (NONE, UNEXPLAINED)
 
     def doubt(self, least_confidence: float) -> str:
-        """Return why nothing follows from the finding, in one line; empty: it is sure."""
+        """Return one line with the reason against an offer; empty for a sure finding."""
         if self.verdict == NONE:
             return 'no gap: the model explains the photographs'
         if not self.names_a_cause:

@@ -1,4 +1,4 @@
-"""Whether forecasts have left their band: a change test on their errors (CUSUM).
+"""A change test (CUSUM) on the errors of forecasts.
 
 Page, Biometrika 41 (1954) 100-115: the sum of the excesses over an allowance, never below zero. One
 bad photograph cannot reach the limit, because its score is bounded; a lasting change does.
@@ -8,7 +8,7 @@ import math
 import statistics
 
 LEARNING = 8
-"""Photographs that tell the usual error where nobody states an expected one."""
+"""Photographs that give the usual error if no expected error is known."""
 
 ALLOWANCE = 0.5
 """Excess per photograph that counts as chance, in standard deviations."""
@@ -37,17 +37,17 @@ class ForecastBand:
         self._sum = 0.0
 
     def begin_anew(self) -> None:
-        """Forget all errors: the model or the experiment is another one."""
+        """Forget all errors, for a new model or experiment."""
         self._learnt.clear()
         self._sum = 0.0
 
     def left_by(self, error: float, expected: float = math.nan) -> bool:
-        """Return whether the forecasts have left their band with this `error` [-].
+        """Return whether the forecasts are worse than expected since this `error` [-].
 
         Args:
-            error: relative L2 error of the forecast of a photograph; NaN: there was none.
-            expected: the error that the deviations of map and forecast lead one to expect [-];
-                NaN: not known, the first errors tell what is usual.
+            error: relative L2 error of the forecast of a photograph; NaN without a forecast.
+            expected: the error that follows from the deviations of map and forecast [-]; NaN if
+                unknown: the first errors then give the usual error.
         """
         if not (math.isfinite(error) and error > 0.0):
             return False

@@ -1,6 +1,6 @@
-"""The running twin closes its gap: it asks for a diagnosis, offers, lets act, takes back.
+"""The rules of mending: when to diagnose, what to offer, and when to remove an effect.
 
-It knows no messages: callers tell it every event, and give it functions that act on the graph.
+This module knows no messages. Callers report every event and pass functions that act on the graph.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,7 +35,7 @@ LEAST_AGE_S = 900.0
 
 @dataclass(frozen=True)
 class MendSettings:
-    """When a diagnosis is asked for, and how sure a verdict must be.
+    """The interval of diagnoses, and the least confidence of a verdict.
 
     `every_s` is the time of the experiment between two diagnoses [s].
     """
@@ -45,7 +45,7 @@ class MendSettings:
 
 
 class Mender:
-    """Follows one running twin."""
+    """Mends one running twin."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class Mender:
 
     @property
     def waits(self) -> bool:
-        """Whether an offer waits for an answer."""
+        """Whether an offer is open."""
         return self._book.open is not None
 
     @property
@@ -104,7 +104,7 @@ class Mender:
     # --- when to diagnose ---------------------------------------------------------------------
 
     def interrupt(self) -> None:
-        """Note that the next photograph does not follow from the last one."""
+        """Note an interruption: the next photograph does not follow from the last one."""
         if self._shadow is not None:
             self._shadow.interrupt()
 
@@ -117,12 +117,12 @@ class Mender:
         self._shortest = SHORTEST_S
 
     def occasion(self, stamp: float, error: float, expected: float) -> str:
-        """Return why a diagnosis is wanted after the photograph at `stamp` [s]; empty: it is not.
+        """Return the reason for a diagnosis after the photograph at `stamp` [s]; empty for none.
 
         Args:
             stamp: time of the photograph [s].
-            error: relative error of its forecast [-]; NaN: there was none.
-            expected: the error that one expects [-]; NaN: not known.
+            error: relative error of its forecast [-]; NaN without a forecast.
+            expected: the expected error [-]; NaN if unknown.
         """
         self._began = stamp if self._began is None else self._began
         self._maps += 1
@@ -144,11 +144,11 @@ class Mender:
     # --- findings and answers -----------------------------------------------------------------
 
     def found(self, finding: Finding, *, seen: float, now: float) -> None:
-        """Offer a finding, or say why not.
+        """Offer a finding, or report the reason against an offer.
 
         Args:
             finding: the verdict.
-            seen: time of the last photograph that it has seen [s].
+            seen: time of the last photograph in the diagnosis [s].
             now: time of the newest photograph [s].
         """
         length = seen - (self._began if self._began is not None else seen)
@@ -194,11 +194,11 @@ class Mender:
     # --- the photographs after an acceptance --------------------------------------------------
 
     def see(self, observed: FloatArray, periods: Sequence[RatePeriod]) -> None:
-        """Let a photograph judge the accepted effects; they are taken back if they are worse.
+        """Judge the accepted effects by a photograph; remove them if forecasts are worse with them.
 
         Args:
             observed: its map (nz, nx) [-]; NaN where nothing was seen.
-            periods: the rates since the last photograph; empty: it follows from none.
+            periods: the rates since the last photograph; empty after an interruption.
         """
         shadow = self._shadow
         if shadow is None:
@@ -229,10 +229,10 @@ class Mender:
     # --- the solver ---------------------------------------------------------------------------
 
     def solver_tells(self, effects: Effects, *, is_new: bool) -> None:
-        """Compare the effects in force, as the solver tells them, with the accepted ones.
+        """Compare the effects that the solver reports with the accepted effects.
 
-        A solver that was started again (`is_new`) has forgotten them, and gets them again. Effects
-        that somebody else has set count as decided; an effect under watch is then watched no more.
+        A restarted solver (`is_new`) has lost the effects and gets them again. Effects from another
+        program count as decided, and an effect under judgement is then judged no more.
         """
         if effects == self._in_force:
             return

@@ -1,4 +1,4 @@
-"""The offers to the operator: made from sure findings, answered once, not repeated in vain."""
+"""The offers to the operator: made from sure findings and answered once."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -27,9 +27,9 @@ class Offer:
     Attributes:
         sequence: its number, from 1.
         state: its state.
-        stamp: of the last photograph that the diagnosis has seen [s].
+        stamp: time of the last photograph in the diagnosis [s].
         finding: the verdict behind it.
-        sentence: the words for the operator now.
+        sentence: the present text for the operator.
     """
 
     sequence: int
@@ -40,7 +40,7 @@ class Offer:
 
     @property
     def is_notice(self) -> bool:
-        """Whether there is nothing to accept: a defect of the camera."""
+        """Whether the offer is only a notice about a defect of the camera."""
         return not self.finding.effects
 
     @property
@@ -64,11 +64,11 @@ class OfferBook:
         return self.newest if self.newest is not None and self.newest.is_open else None
 
     def consider(self, finding: Finding, stamp: float) -> tuple[list[Offer], str]:
-        """Return the offers that change, in their order, and one line why nothing is offered.
+        """Return the changed offers in their order, and a line with the reason for no offer.
 
         Args:
             finding: the newest verdict.
-            stamp: of the last photograph that the diagnosis has seen [s].
+            stamp: time of the last photograph in the diagnosis [s].
         """
         if self.open is not None and self.open.finding.cause == finding.cause:
             return [], f'offer {self.open.sequence} already says so and waits for an answer'
@@ -105,7 +105,7 @@ class OfferBook:
         if newest is None:
             raise InputError('nothing has been offered yet; wait for an offer')
         if sequence > newest.sequence or sequence == 0:
-            raise InputError(f'offer {sequence}: there is none; the newest is {newest.sequence}')
+            raise InputError(f'offer {sequence} does not exist; the newest is {newest.sequence}')
         if sequence < newest.sequence:
             raise InputError(
                 f'offer {sequence} is not open any more: offer {newest.sequence} has followed'
@@ -120,21 +120,21 @@ class OfferBook:
     def accept(self) -> Offer:
         """Note that the newest offer is accepted, and its effects act."""
         newest = self._given()
-        sentence = f'Accepted: {newest.finding.sentence} The next photographs will tell.'
+        sentence = f'Accepted: {newest.finding.sentence} The next photographs judge it.'
         return self._now(OfferState.ACCEPTED, sentence)
 
     def refuse(self, why: str = 'the operator') -> Offer:
-        """Note that the newest offer is refused; `why` says by whom."""
+        """Note that the newest offer is refused; `why` gives the origin of the refusal."""
         newest = self._given()
         self._decline(newest.finding)
         return self._now(OfferState.REFUSED, f'Refused by {why}: {newest.finding.sentence}')
 
     def confirm(self, words: str) -> Offer:
-        """Note that photographs after the acceptance are forecast better; `words` say how much."""
+        """Note that forecasts are better since the acceptance; `words` give the errors."""
         return self._now(OfferState.ACCEPTED, f'Kept: {self._given().finding.sentence} {words}')
 
     def take_back(self, words: str) -> Offer:
-        """Note that the accepted effects act no more; `words` say why."""
+        """Note that the accepted effects were removed; `words` give the reason."""
         newest = self._given()
         self._decline(newest.finding)
         return self._now(OfferState.TAKEN_BACK, f'Taken back: {words}')

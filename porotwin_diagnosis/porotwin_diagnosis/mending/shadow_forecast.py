@@ -1,4 +1,4 @@
-"""The shadow of an accepted effect: forecasts with it beside forecasts without it.
+"""Shadow forecasts: forecasts with an accepted effect beside forecasts without it.
 
 Both models start from the same photograph and run freely, so that a small difference of the physics
 grows over several photographs while the noise of the maps does not.
@@ -37,7 +37,7 @@ class ShadowJudgement(Enum):
 
 
 class ShadowForecast:
-    """Two models of one rig from one photograph on: with the accepted effects, and without."""
+    """Two models of one rig from one photograph on: with the accepted effects and without."""
 
     def __init__(self, mended: Model, before: Model) -> None:
         """Compare `mended`, with the effects, with the model `before` them."""
@@ -46,7 +46,7 @@ class ShadowForecast:
         self._errors: list[tuple[float, float]] = []
 
     def interrupt(self) -> None:
-        """Begin from the next photograph: it does not follow from the last one."""
+        """Start again from the next photograph, which does not follow from the last one."""
         self._states = None
 
     @property
@@ -76,7 +76,7 @@ class ShadowForecast:
 
         Args:
             observed: its map; NaN where nothing was seen.
-            periods: the rates since the last photograph, consecutive; empty: it follows from none.
+            periods: the consecutive rates since the last photograph; empty after an interruption.
 
         Raises:
             InputError: a model cannot run with these rates.

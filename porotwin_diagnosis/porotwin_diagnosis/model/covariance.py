@@ -1,8 +1,7 @@
 """The covariance of fitted parameters when residuals are correlated.
 
-Neighbouring pixels and successive frames share their errors, so that they are not independent
-observations. The sandwich estimator takes the residuals of a tile, over all frames, as one
-observation:
+Neighbouring pixels and successive frames share errors, so they are not independent observations.
+The sandwich estimator takes the residuals of a tile over all frames as one observation:
 
     cov = N^-1 (sum over tiles s s^T) N^-1,   N = J^T J,   s = J_tile^T r_tile
 

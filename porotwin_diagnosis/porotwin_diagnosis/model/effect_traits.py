@@ -10,17 +10,17 @@ TRIED_IN_EVERY_PAIR = tuple(e.name for e in EFFECTS.values() if e.is_tried_in_ev
 
 
 def needs_simulation(effect: str) -> bool:
-    """Return whether an effect acts in the rig; effects of the camera act on simulated maps."""
+    """Return whether an effect acts in the rig, so each change needs a new simulation."""
     return EFFECTS[effect].needs_simulation
 
 
 def is_of_camera(effect: str) -> bool:
-    """Return whether an effect belongs to the camera; the numerical diffusion does not."""
+    """Return whether an effect belongs to the camera."""
     return effect in EFFECTS and EFFECTS[effect].is_of_camera
 
 
 def has_place(effect: str) -> bool:
-    """Return whether the place of an effect must be found."""
+    """Return whether an effect has a place that a search must find."""
     return EFFECTS[effect].has_place
 
 
@@ -35,5 +35,5 @@ def destabilises_fronts(effects: Iterable[EffectDescription]) -> bool:
 
 
 def misfit_allowance(effects: Iterable[str]) -> float:
-    """Return the factor [-] on the misfit that the true effects of these names may leave."""
+    """Return the factor [-] on the allowed misfit of the true effects with these names."""
     return max((EFFECTS[effect].misfit_allowance for effect in effects), default=1.0)

@@ -1,4 +1,4 @@
-"""The result of a fit: effects, their parameters, and the misfit that they leave."""
+"""The result of a fit: effects, their parameters, and the remaining misfit."""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -118,8 +118,8 @@ class Fitter:
     def polish(self, fit: Fit, coarser: 'Fitter') -> Fit:
         """Return `fit` refined on the cells of this fitter with the slopes of a `coarser` one.
 
-        The slopes are nearly the same. An iteration then takes one simulation on the fine cells
-        instead of one per parameter. If the result is not feasible, `fit` is evaluated as it is.
+        Both fitters have nearly the same slopes. So an iteration takes one simulation on fine cells
+        instead of one per parameter. If the result is not feasible, `fit` itself is evaluated.
         """
         members, start = fit.members, fit.scaled_parameters
         if _needs_no_simulation(members):
@@ -175,8 +175,8 @@ class Fitter:
     def distance(self, one: Fit, other: Fit) -> float:
         """Return the whitened root mean square difference [-] of two predictions.
 
-        It is the difference of the residuals, per compared cell with tracer. The noise of the
-        recordings cancels in it.
+        The distance is the difference of the residuals per compared cell with tracer. The noise of
+        the recordings cancels.
 
         Raises:
             InputError: the model cannot run with one of the fits.

@@ -1,4 +1,4 @@
-"""The forward model: simulated maps of a recording with any effects, as the camera shows them."""
+"""The forward model: simulated maps of a recording with any effects, as seen by the camera."""
 
 from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -29,8 +29,8 @@ Effects = Sequence[EffectDescription]
 class SimulationMemory:
     """The latest simulations of one forward model, and the number of different ones.
 
-    It is shared by all corrected versions of the forward model. Threads that ask for the same
-    simulation make it once.
+    All corrected versions of the forward model share it. Threads that ask for the same simulation
+    make it once.
     """
 
     def __init__(self) -> None:
@@ -46,8 +46,8 @@ class SimulationMemory:
     def maps(self, key: str, frames: int, make: Callable[[], FloatArray]) -> FloatArray:
         """Return the first `frames` maps (frames, nz, nx) [-] of the simulation `key`.
 
-        `make` returns them where they are not in memory. It may be called again later on, for more
-        frames or because other simulations took the place.
+        `make` computes maps that are not in memory. A later call may repeat the work, for more
+        frames or after other simulations took the place.
         """
         with self._lock:
             turn = self._turns[key]

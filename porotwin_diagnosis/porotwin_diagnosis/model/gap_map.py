@@ -1,13 +1,13 @@
 """The map of the gap: where and when the model departs from a recording.
 
-The model is started from every observed map and makes one short step. In so short a time a gap
-cannot be carried elsewhere. The residual of the step is integrated against broad test functions,
-Gaussians of a few cells (a weak form), so that grain, point spread and numerical smearing cancel:
+The model makes one short step from every observed map. In this short time the flow cannot carry a
+gap elsewhere. The residual of the step is integrated against Gaussians of a few cells (a weak
+form), so grain, point spread and numerical smearing cancel:
 
     g = G(observed - predicted) / dt,   strength^2 = mean over the steps of (g^2 - noise of g^2).
 
-The map shows places and times only. Sizes must not be concluded from it, because the noise of the
-starting map biases them.
+The map shows places and times only. Its sizes are not used, because noise of the starting map
+biases them.
 """
 
 from collections.abc import Sequence
@@ -96,7 +96,7 @@ class GapMap:
     phases: tuple[Phase, ...]
 
     def without_places(self) -> 'GapMap':
-        """Return the map without hot spots and phases, for recordings that show no gap."""
+        """Return the map without hot spots and phases, for recordings without a gap."""
         return replace(self, spots=(), phases=())
 
 

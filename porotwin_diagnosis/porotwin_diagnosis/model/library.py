@@ -17,7 +17,7 @@ def library(samples: Sequence[Sample]) -> list[Candidate]:
 
     Effects of the rig come first, then wells, the camera, and effects with a place, which start in
     the middle of the rig. Steps that follow from the duration are those for the longest recording.
-    An effect that `rig.yaml` describes already starts from there.
+    An effect in `rig.yaml` starts from its values there.
     """
     longest = search_context(samples, max(samples, key=lambda sample: sample.duration))
     first = search_context(samples, samples[0])
@@ -32,8 +32,9 @@ def library(samples: Sequence[Sample]) -> list[Candidate]:
 
 
 def search_context(samples: Sequence[Sample], sample: Sample) -> SearchContext:
-    """Return the context of search parameters: rig, grid and duration of `sample`, and the wells
-    that pump in any of `samples`."""
+    """Return the context of search parameters.
+
+    It holds rig, grid and duration of `sample`, and the wells that pump in any of `samples`."""
     return SearchContext(
         rig=sample.rig,
         grid=sample.grid,
@@ -53,9 +54,9 @@ def pumping_wells(samples: Sequence[Sample]) -> list[str]:
 
 
 def nominal_parameters(rig: Rig, effect: str) -> dict[str, float | str] | None:
-    """Return the parameters with which `rig.yaml` describes an effect that replaces them.
+    """Return the parameters in `rig.yaml` of an effect that replaces its description.
 
-    None where it does not describe the effect, or where the effect adds to the description.
+    None if `rig.yaml` does not have the effect, or if the effect adds to the description.
     """
     if not EFFECTS[effect].replaces_nominal:
         return None

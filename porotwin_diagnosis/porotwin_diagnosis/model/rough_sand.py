@@ -1,8 +1,8 @@
-"""How strongly unknown small-scale heterogeneity of the sand changes a prediction.
+"""Measures the influence of unknown small-scale heterogeneity on a prediction.
 
-A tracer that is less viscous than water displaces it in fingers, whose places depend on details of
-the sand that nobody can know (Saffman & Taylor, Proc. R. Soc. A 245 (1958) 312). Such a model may
-leave a larger misfit. How much larger is measured by simulations on sands with random permeability.
+A tracer less viscous than water displaces water in fingers. Their places depend on unknown details
+of the sand (Saffman & Taylor, Proc. R. Soc. A 245 (1958) 312). Such a model may leave a larger
+misfit. Simulations on sands with random permeability measure the allowed factor.
 """
 
 from collections.abc import Sequence
@@ -46,8 +46,8 @@ def on_rough_sand(sample: Sample, seed: int) -> Sample:
 class RoughSands:
     """Forward models of the same recordings on rough sands, and the responses measured on them.
 
-    A response is measured once per set of effects, with the correction and the point spread in use
-    at that moment, and then kept. Later corrections change it little, and measuring it again would
+    A response is measured once per set of effects, with the correction and the point spread of that
+    moment. It is then kept: later corrections change it little, and a second measurement would
     cost two simulations per sand and recording.
     """
 

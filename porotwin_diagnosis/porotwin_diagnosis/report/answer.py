@@ -1,4 +1,4 @@
-"""The first screen of the report: the cause, where it acts, how much it is, how sure that is."""
+"""The first screen of the report: cause, place, size and confidence."""
 
 import html
 from collections.abc import Iterable, Mapping, Sequence
@@ -121,7 +121,7 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
 
 
 def misplaced_fronts(result: Diagnosis, fit: Fit) -> str:
-    """Return by how many mm fronts would be off to make the misfit of `fit` beyond the noise."""
+    """Return the shift of fronts, in mm, that would make the misfit of `fit` beyond the noise."""
     shift = max(misfit_beyond_noise(fit)) * FRONT_TOLERANCE * result.samples[0].grid.dx
     return f'{number(1e3 * shift, 2)} mm'
 

@@ -142,7 +142,7 @@ def _terms(form: RemainderForm) -> list[dict[str, Any]]:
 
 
 def _shared_errors(result: Diagnosis) -> dict[str, Any] | None:
-    """Return the standard deviations of the errors that all maps share; None if nobody told."""
+    """Return the standard deviations of the errors that all maps share; None if unknown."""
     sizes = result.samples[0].shared_errors
     if sizes is None:
         return None
@@ -301,7 +301,7 @@ def _numerical_row(result: Diagnosis, errors: Errors) -> dict[str, Any]:
 def remaining_error(fit: Fit, errors: Errors, findings: Findings) -> float:
     """Return the relative L2 error of the held-out part with the effects of `fit`.
 
-    The fit was judged on other cells than the stated errors, so that its error is scaled by the
+    The fit and the stated errors use different cells. So the error of the fit is scaled with the
     error of the model without effects on the same cells: after = before * e_fit / e_null. Maps on
     coarse screening cells contain less noise; their scaled error is at least the noise floor.
     """

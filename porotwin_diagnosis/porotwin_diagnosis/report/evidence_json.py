@@ -1,6 +1,6 @@
 """findings.json: all evidence of a verdict, so that it can be decided again.
 
-With these files a verdict can be made under other thresholds without a simulation.
+With this file other thresholds can be tried without a simulation.
 """
 
 import json
@@ -43,9 +43,9 @@ def write_evidence(path: Path, evidence: Evidence) -> None:
 
 
 def read_evidence(path: Path) -> Evidence:
-    """Return the evidence in the file `path`: enough to decide again, not to fit again.
+    """Return the evidence in the file `path`: enough for a new decision, not for new fits.
 
-    The explanation is made anew from the fits.
+    The explanation is computed again from the fits.
     """
     content = json.loads(path.read_text(encoding='utf-8'))
     findings = _read_findings(content)

@@ -80,7 +80,7 @@ def _plumes_without_gap(result: Diagnosis, part: HeldOut) -> Figure:
 
 
 def where(result: Diagnosis) -> Figure:
-    """Return the map of where the gap arises, with its hot spots and the place of the effect."""
+    """Return the map of the origin of the gap, with hot spots and the place of the effect."""
     figure, axes = _panels(result, 1, 1, width=7.0)
     _draw_strength(figure, axes[0, 0], result, 'where the gap arises')
     _spots(axes[0, 0], result)
@@ -89,10 +89,10 @@ def where(result: Diagnosis) -> Figure:
 
 
 def gap(result: Diagnosis) -> Figure:
-    """Return the map of where the model is wrong in the end.
+    """Return the map of the final error of the model.
 
-    If the gap arises at no place of the rig, it is beside the map of one-step errors, which the
-    first screen then lacks.
+    If the gap has no place in the rig, the map of one-step errors stands beside it, because the
+    first screen then lacks it.
     """
     part = result.held_out[0]
     alone = arises_in_rig(result)
@@ -111,7 +111,7 @@ def gap(result: Diagnosis) -> Figure:
 
 
 def arises_in_rig(result: Diagnosis) -> bool:
-    """Return whether the gap has a place in the rig: there is one, and no camera made it."""
+    """Return whether there is a gap with a place in the rig, not one from the camera."""
     members = result.verdict.members
     of_camera = bool(members) and all(is_of_camera(name) for name in members)
     return result.verdict.name != NONE and not of_camera

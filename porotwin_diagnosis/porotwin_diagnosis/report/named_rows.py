@@ -1,4 +1,4 @@
-"""The rows of diagnosis.json that belong to named effects; two wells may have the same effect."""
+"""Finds the rows of diagnosis.json for named effects; a name may come twice, for two wells."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence

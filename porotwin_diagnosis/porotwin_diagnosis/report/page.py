@@ -1,4 +1,4 @@
-"""The report that an experimenter reads: the answer, pictures, and the evidence, on one page."""
+"""The report for an experimenter: the answer, pictures and evidence on one page."""
 
 import html
 from collections.abc import Iterator

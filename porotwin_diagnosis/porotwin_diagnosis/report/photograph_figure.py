@@ -1,7 +1,7 @@
-"""The last photograph under the gap: where it arises, and the fronts of both models, in its pixels.
+"""The last photograph with the place of the gap and the fronts of both models.
 
-A point of the rig is placed by the four corners of `camera.corners_px`. Terms of curvature are left
-out: lines may lie some millimetres off, less than the width of a finger in front of the glass.
+The four corners of `camera.corners_px` place a point of the rig. Terms of curvature are left out,
+so lines may be some millimetres off.
 """
 
 import io
@@ -36,7 +36,7 @@ ToPixels = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 def photograph(content: bytes, result: Diagnosis) -> Figure:
     """Return the photograph in the file `content`, with the gap and the fronts upon it.
 
-    Without the corners of the rig in its description the photograph is bare.
+    Without the corners of the rig in its description, nothing is drawn.
 
     Raises:
         OSError, ValueError, SyntaxError: the file is no picture, or it is broken.

@@ -123,7 +123,7 @@ def laboratory_checks(result: Diagnosis) -> str:
 def next_experiments(result: Diagnosis, summary: Summary) -> str:
     """Return the table of proposed experiments."""
     if not result.proposals:
-        return '<p>No experiment would tell more than the same recording, made again.</p>'
+        return '<p>No other experiment shows more than a repetition of this recording.</p>'
     one, other = result.proposals[0].separates
     lacking = ' (neither explains the gap)' if result.verdict.name == UNEXPLAINED else ''
     rows = [
@@ -161,12 +161,12 @@ def visible_strengths(result: Diagnosis) -> str:
 
 
 def _shared_errors(result: Diagnosis) -> str:
-    """Say how wrong all maps together may be, if the imaging told it; empty otherwise."""
+    """Return the sizes of errors that all maps share, in words; empty if the imaging gives none."""
     sizes = result.samples[0].shared_errors
     if sizes is None:
         return ''
     return (
-        ' Errors that all maps share, as the imaging tells them: scale '
+        ' Errors that all maps share, as the imaging states them: scale '
         f'{percent(min(sizes.scales))} in the best known sand and {percent(max(sizes.scales))} in '
         f'the worst, half of the stock off by {percent(sizes.bend)}, places off by '
         f'{number(1e3 * sizes.place_m, 2)} mm. Every model, also the one without effects, was '

@@ -1,4 +1,4 @@
-"""Effects and their parameters in the words and units of a person at the rig.
+"""Effects and their parameters in words and laboratory units.
 
 The words of each effect are in its module (`porotwin_solver.effects`).
 """

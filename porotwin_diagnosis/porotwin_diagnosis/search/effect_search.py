@@ -76,8 +76,8 @@ def search_effects(
 
     Args:
         samples: the recordings; an effect has the same parameters in all of them.
-        excluded: names of effects that are not considered.
-        progress: called with the stage and the share that is done, up to about 0.9.
+        excluded: names of effects to leave out.
+        progress: called with the stage and the fraction done, up to about 0.9.
         crew: runs the simulations; None: one at a time.
 
     Raises:

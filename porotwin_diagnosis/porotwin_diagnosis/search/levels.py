@@ -95,7 +95,7 @@ class Levels:
         refining: fitter on the cells of the recordings.
         judging: fitter on fine cells.
         finest: forward models on the finest cells, one per recording.
-        progress: called with the stage and the share that is done.
+        progress: called with the stage and the fraction done.
         crew: runs the simulations; None for one at a time.
         pool: threads that compare these simulations; None for one at a time.
     """
@@ -310,7 +310,7 @@ def make_levels(
 
     Args:
         samples: the recordings.
-        progress: called with the stage and the share that is done.
+        progress: called with the stage and the fraction done.
         crew: runs the simulations; None: one at a time.
     """
     if isinstance(crew, ThreadCrew) and crew.workers == 1:

@@ -1,11 +1,11 @@
-"""A line in red on wrong publishers of setpoints."""
+"""A red line about wrong publishers of setpoints."""
 
 from porotwin_page.graph_snapshot import GraphSnapshot
 from porotwin_page.panel import LinesPanel, Moment, Region
 
 
 def alarms(snapshot: GraphSnapshot, _: Moment) -> list[str]:
-    """Return the line, if there is one."""
+    """Return the warning line, if any."""
     return [snapshot.alarm] if snapshot.alarm else []
 
 

@@ -1,4 +1,4 @@
-"""COSTA: what its gate decided, and what the correction gains on the newest photographs."""
+"""COSTA: the decision of its gate, and the benefit of the correction on the newest photographs."""
 
 import math
 from statistics import fmean
@@ -17,9 +17,9 @@ NEWEST = 20
 
 
 def lines(snapshot: GraphSnapshot, _: Moment) -> list[str]:
-    """Return the decision of the gate, the errors with and without COSTA, and why it is withheld.
+    """Return the decision of the gate, its reason, and the errors with and without COSTA.
 
-    Without a model there is nothing to say.
+    The result is empty without a model.
     """
     report = snapshot.health.get(NODE)
     if report is None or report.level is Level.QUIET or report.message == NO_MODEL:

@@ -9,8 +9,8 @@ from porotwin_page.panel import ChartPanel, Region
 def errors(cycle: CyclePoint) -> dict[str, float]:
     """Return the relative errors in percent; the corrected one is NaN without a correction.
 
-    `expected` is the error by the deviations of maps and forecasts. An error far above it is no
-    noise: something new happens in the rig.
+    `expected` is the error from the deviations of maps and forecasts. An error far above `expected`
+    shows a change in the rig.
     """
     corrected = cycle.corrected_error if cycle.corrected else math.nan
     return {

@@ -1,6 +1,6 @@
 """The rates to set with large numbers, their validity, and the button that confirms them.
 
-While a setpoint is valid, its rates are the orders. After its end the safe rates are.
+The rates to set are those of a valid setpoint, and the safe rates after its expiry.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ def setpoint_view(snapshot: GraphSnapshot, moment: Moment) -> Json | None:
 def rates_before(snapshot: GraphSnapshot) -> WellRates | None:
     """Return the rates [m^3/s] at the pumps before the newest setpoint; None if unknown.
 
-    The report of a person counts. Without one, pumps that report have followed the setpoint before.
+    Confirmed rates count. Without a confirmation, measuring pumps have followed the last setpoint.
     """
     if snapshot.set_rates is not None:
         return snapshot.set_rates

@@ -1,4 +1,4 @@
-"""The missing parts of the page, named from its first second on."""
+"""The parts of the page that have no data yet."""
 
 from porotwin_page.graph_snapshot import GraphSnapshot, Level
 from porotwin_page.panel import LinesPanel, Moment, Region

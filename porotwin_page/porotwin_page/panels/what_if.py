@@ -1,4 +1,4 @@
-"""The outlooks of the present and of proposed rates; nothing is pumped from here."""
+"""Forecasts with the present and with proposed rates; this panel pumps nothing."""
 
 from porotwin_page.expectation import expectation_view
 from porotwin_page.graph_snapshot import GraphSnapshot
@@ -9,7 +9,7 @@ from porotwin_page.panel import Moment, Region, ScriptPanel
 def what_if_view(snapshot: GraphSnapshot, _: Moment) -> Json | None:
     """Return the forecast with the present rates, and the control wells with their limits.
 
-    None before the first forecast: nobody runs the siblings, or no photograph has come.
+    None before the first forecast: the siblings do not run, or no photograph has come.
     """
     if snapshot.expected is None:
         return None

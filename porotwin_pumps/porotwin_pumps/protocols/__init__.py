@@ -1,1 +1,1 @@
-"""Protocols of pumps, one module each; `pump_protocol` holds their contract."""
+"""Protocols of pumps, one module each; `pump_protocol` defines their interface."""

@@ -39,7 +39,7 @@ GREATEST_ML_H = 9999.0
 """Greatest rate that four digits can say [ml/h]."""
 
 STEP_ML_H = 0.001
-"""Smallest rate that the pump can be told [ml/h]."""
+"""Smallest rate that the pump accepts [ml/h]."""
 
 ROUND_OFF = 2e-3
 """Allowed difference of a rate that is read back, as a share: the pump keeps four digits."""
@@ -52,7 +52,7 @@ class NewEraPump:
     """One pump of the NE-1000 family; infusing is into the rig."""
 
     def __init__(self, line: SerialLine, address: int, *, diameter_mm: float) -> None:
-        """Find the pump, stop it, and tell it its syringe.
+        """Find the pump, stop it, and set its syringe.
 
         Args:
             line: the serial line.
@@ -82,7 +82,7 @@ class NewEraPump:
         """Run at `rate_ml_h`; see `Pump.set_rate`."""
         size = abs(rate_ml_h)
         if not size <= GREATEST_ML_H:
-            raise PumpError(f'{rate_ml_h:g} ml/h is more than the pump can be told')
+            raise PumpError(f'{rate_ml_h:g} ml/h is more than the pump accepts')
         self._halt()
         self._direction = 0 if size < STEP_ML_H else int(math.copysign(1, rate_ml_h))
         if self._direction == 0:
@@ -94,14 +94,14 @@ class NewEraPump:
         self.check()
         told = self._rate_ml_h()
         if abs(told - size) > ROUND_OFF * size + STEP_ML_H:
-            raise PumpError(f'told {size:g} ml/h, it runs at {told:g} ml/h')
+            raise PumpError(f'commanded {size:g} ml/h, it runs at {told:g} ml/h')
 
     def check(self) -> None:
-        """Return if the pump does as it was told; see `Pump.check`."""
+        """Check that the pump runs as it was set; see `Pump.check`."""
         state, _ = self._ask('')
         if state not in RUNNING[self._direction]:
             said = {'I': 'infuses', 'W': 'withdraws'}.get(state, 'has stopped')
-            raise PumpError(f'it {said}, and was told otherwise')
+            raise PumpError(f'it {said}, against its command')
 
     def volume_ml(self) -> float:
         """Return the volume since the rate was set; see `Pump.volume_ml`."""

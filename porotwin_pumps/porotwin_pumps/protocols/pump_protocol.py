@@ -1,4 +1,4 @@
-"""The contract of a pump's protocol: its methods, and its announcement.
+"""The interface of a pump's protocol: its methods, and its announcement.
 
 A protocol is one module in this folder. It has a class with the methods of `Pump`, and announces
 it: `PROTOCOL = PumpProtocol(name='new_era', open=open_pump)`. docs/pumps.md describes the rest.
@@ -10,14 +10,14 @@ from typing import Protocol
 
 
 class PumpError(Exception):
-    """A pump does not do as it is told; one line says why."""
+    """A pump does not run as commanded; the message is one line with the reason."""
 
 
 class Pump(Protocol):
     """One pump. Rates in [ml/h] and volumes in [ml] are positive into the rig."""
 
     def set_rate(self, rate_ml_h: float) -> None:
-        """Run at `rate_ml_h` until told otherwise, and read back that the pump does.
+        """Run at `rate_ml_h` until the next command, and read the rate back.
 
         Raises:
             PumpError: it does not.
@@ -25,7 +25,7 @@ class Pump(Protocol):
         ...
 
     def check(self) -> None:
-        """Return if the pump still does as it was told last.
+        """Check that the pump still runs as it was set last.
 
         Raises:
             PumpError: it does not.
@@ -33,10 +33,10 @@ class Pump(Protocol):
         ...
 
     def volume_ml(self) -> float:
-        """Return the volume pumped since the rate was set, into the rig less out of it [ml].
+        """Return the volume [ml] pumped into the rig, minus out of it, since the rate was set.
 
         Raises:
-            PumpError: the pump does not tell.
+            PumpError: the pump gives no volume.
         """
         ...
 
@@ -46,7 +46,7 @@ class PumpProtocol:
     """The announcement of a protocol.
 
     Attributes:
-        name: its name in the file of the pumps, also the name of the module.
+        name: its name in the pump file and the name of its module.
         open: `open(line, address, **options)` returns the pump at `address` on a serial line; it
             raises InputError for a wrong option and PumpError for a pump that does not answer.
         baud: default speed of the line [bit/s].

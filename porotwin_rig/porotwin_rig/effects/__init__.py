@@ -1,8 +1,8 @@
-"""The effects that the virtual rig may have: one module each, found by itself.
+"""The effects that the virtual rig may have, one module each.
 
-Most are the counterparts of the effects in `porotwin_solver.effects`, written independently. The
-others have no counterpart; with them a diagnosis is tested for saying that it has no explanation.
-`definition` defines the class of effects; every other module of this folder is an effect.
+Most effects have a counterpart in `porotwin_solver.effects`, written independently. Effects without
+counterpart test whether the diagnosis admits that it has no explanation. `definition` defines the
+class of effects. Every other module of this folder is an effect.
 """
 
 from porotwin_rig.effects.definition.registry import (

@@ -40,7 +40,7 @@ OnSignal = Callable[[FloatArray, Grid, float, Values], FloatArray]
 
 @dataclass(frozen=True, kw_only=True)
 class AssetEffect:
-    """An effect of the virtual rig, by the places of the simulation where it acts.
+    """An effect of the virtual rig; each attribute `on_...` is a place where it may act.
 
     Args:
         name: name of the effect and of its module.
@@ -51,14 +51,14 @@ class AssetEffect:
         on_visible: delays the visible tracer.
         on_signal: acts on the brightness of the signal.
         on_picture: displaces the picture; acts on a finer grid after all signals.
-        removes_tracer: the reaction loses tracer.
-        is_repeatable: several act together; otherwise the last one given counts.
-        needs_recording: it cannot act while the rig runs live.
-        longest_step: longest time step with the effect [s], for those that change the flow in time
-            or act between transport steps.
+        removes_tracer: whether the reaction removes tracer.
+        is_repeatable: whether several act together; otherwise the last one counts.
+        needs_recording: whether it needs a recording and cannot act in a live rig.
+        longest_step: longest time step with the effect [s], for effects that change the flow in
+            time or act between transport steps.
         order: position among effects that act at the same place.
-        blind_draw: for an effect that no library has: draws parameters for the blind check.
-        equal_to: for such an effect: names of library effects that no map can tell from it.
+        blind_draw: draws parameters for the blind check; only for effects outside the library.
+        equal_to: for the same effects: library effects that make the same maps.
 
     Raises:
         InputError: the definition is not complete.

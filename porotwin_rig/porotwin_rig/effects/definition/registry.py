@@ -52,7 +52,7 @@ class EffectSet:
         """Return `true_rig` changed by all effects that act on it.
 
         Raises:
-            InputError: no rig can be so.
+            InputError: the result is no possible rig.
         """
         for effect, values in self.members:
             if effect.on_rig is not None:
@@ -60,8 +60,7 @@ class EffectSet:
         return true_rig.checked()
 
     def rate_factor(self, well: str, *, start: float, end: float) -> float:
-        """Return the mean factor between the true and the metered rate of `well` in
-        [start, end] [s]."""
+        """Return the mean true over metered rate of `well` from `start` to `end` [s]."""
         factor = 1.0
         for effect, values in self.members:
             if effect.rate_factor is not None and values['well'] == well:

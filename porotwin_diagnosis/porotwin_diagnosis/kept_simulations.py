@@ -1,0 +1,109 @@
+"""Simulations on disk, so that an interrupted diagnosis goes on where it stopped.
+
+A search asks for the same simulations in the same order. A second call of the same diagnosis finds
+the long ones of the first call in the folder of the report, and reaches the same place in a
+fraction of the time. The folder of the simulations goes away with the end of the diagnosis.
+"""
+
+import hashlib
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from functools import partial
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+
+from porotwin_core.parallel import Crew, versions
+from porotwin_core.rig import Rig
+
+FOLDER = 'simulations'
+"""Name of their folder, in the folder of the report."""
+
+KEPT_FROM_S = 0.3
+"""Duration from which a simulation is kept [s]: a short one is made again as fast as it is read."""
+
+
+class KeptSimulations(Crew):
+    """A crew that keeps the simulations of another one."""
+
+    def __init__(self, crew: Crew, folder: Path) -> None:
+        """Keep the simulations of `crew` in `folder`, the folder of a report."""
+        self._crew, self._folder = crew, folder / FOLDER
+        self.workers = crew.workers
+        self.found = len(list(self._folder.glob('*.npy')))
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Return the future of a simulation `function(*args, **kwargs)`, which returns an array."""
+        call = partial(function, *args, **kwargs)
+        path = self._folder / f'{key_of(call)}.npy'
+        future: Future[Any] = Future()
+        try:
+            future.set_result(np.load(path))
+        except (OSError, ValueError, EOFError):  # absent, or cut short with the power
+            self._crew.submit(_timed, call).add_done_callback(partial(_deliver, future, path))
+        return future
+
+    def threads(self, count: int) -> Executor:
+        """Return `count` threads here for work that waits for tasks of this crew."""
+        return self._crew.threads(count)
+
+    def remove(self) -> None:
+        """Remove all simulations: the diagnosis has ended."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def key_of(call: 'partial[Any]') -> str:
+    """Return a name for a simulation that depends on all its arguments and on the program."""
+    text = described((versions(), call))
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def described(value: Any) -> str:
+    """Return a text that is the same in every process for equal arguments of a simulation."""
+    if isinstance(value, np.ndarray):
+        return f'{value.shape}{value.dtype}{hashlib.sha256(value.tobytes()).hexdigest()}'
+    if isinstance(value, Rig):
+        return value.physics_fingerprint
+    if isinstance(value, partial):
+        return described((value.func.__qualname__, value.args, value.keywords))
+    if isinstance(value, Mapping):
+        return described(sorted(value.items()))
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return f'[{", ".join(map(described, value))}]'
+    return repr(value)
+
+
+def _timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    begin = time.perf_counter()
+    return (call(), time.perf_counter() - begin)[::-1]
+
+
+def _deliver(future: Future[Any], path: Path, task: Future[tuple[float, Any]]) -> None:
+    """Pass on the end of `task`, and keep what it found."""
+    if task.cancelled():
+        future.cancel()
+        return
+    error = task.exception()
+    if error is not None:
+        future.set_exception(error)
+        return
+    seconds, maps = task.result()
+    if seconds >= KEPT_FROM_S:
+        _keep(path, maps)
+    future.set_result(maps)
+
+
+def _keep(path: Path, maps: np.ndarray[Any, Any]) -> None:
+    """Write `maps` so that a kill leaves the whole file or none; a full disk keeps nothing."""
+    begun = path.with_name(f'{uuid4().hex}.begun')
+    try:
+        path.parent.mkdir(exist_ok=True)
+        with begun.open('wb') as file:
+            np.save(file, maps)
+        begun.replace(path)
+    except OSError:
+        begun.unlink(missing_ok=True)

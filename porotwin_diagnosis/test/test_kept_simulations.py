@@ -1,0 +1,87 @@
+"""Simulations that an interrupted diagnosis leaves behind."""
+
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from porotwin_core.grid import Grid
+from porotwin_core.parallel import ThreadCrew
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis import kept_simulations
+from porotwin_diagnosis.kept_simulations import FOLDER, KeptSimulations, key_of
+
+GRID = Grid(6, 4, 0.6, 0.4)
+
+
+class Simulator:
+    """Counts its simulations."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def maps(self, level: float, *, grid: Grid) -> np.ndarray:
+        if level < 0:
+            raise ValueError('negative')
+        self.count += 1
+        return np.full(grid.shape, level, np.float32)
+
+
+@pytest.fixture(autouse=True)
+def _keep_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_simulations, 'KEPT_FROM_S', 0.0)
+
+
+def test_a_second_call_finds_the_simulations_of_the_first(tmp_path: Path) -> None:
+    simulator = Simulator()
+    for _ in range(2):
+        with ThreadCrew(2) as threads:
+            crew = KeptSimulations(threads, tmp_path)
+            found = [crew.submit(simulator.maps, level, grid=GRID) for level in (0.1, 0.2)]
+            assert [float(one.result()[0, 0]) for one in found] == pytest.approx([0.1, 0.2])
+    assert (simulator.count, crew.found) == (2, 2)
+    crew.remove()
+    assert not (tmp_path / FOLDER).exists()
+
+
+def test_a_damaged_file_is_made_again_and_an_error_is_passed_on(tmp_path: Path) -> None:
+    simulator = Simulator()
+    with ThreadCrew(1) as threads:
+        crew = KeptSimulations(threads, tmp_path)
+        crew.submit(simulator.maps, 0.1, grid=GRID).result()
+        (file,) = (tmp_path / FOLDER).iterdir()
+        file.write_bytes(file.read_bytes()[:140])
+        assert crew.submit(simulator.maps, 0.1, grid=GRID).result().shape == GRID.shape
+        with pytest.raises(ValueError, match='negative'):
+            crew.submit(simulator.maps, -1.0, grid=GRID).result()
+    assert simulator.count == 2
+
+
+def test_the_key_tells_all_arguments_apart() -> None:
+    def simulation(*_: object, **__: object) -> None: ...
+
+    zeros, effect = np.zeros(3), EffectDescription(name='decay', parameters={'rate': 1e-4})
+    calls = [
+        partial(simulation, zeros, grid=GRID),
+        partial(simulation, zeros, grid=Grid(6, 5, 0.6, 0.4)),
+        partial(simulation, zeros + 1e-12, grid=GRID),
+        partial(simulation, zeros, grid=GRID, effects=(effect,)),
+        partial(simulation, zeros, grid=GRID, effects=()),
+    ]
+    assert len({key_of(call) for call in calls}) == len(calls)
+    assert key_of(calls[3]) == key_of(partial(simulation, np.zeros(3), effects=[effect], grid=GRID))
+
+
+def test_a_cancelled_task_is_cancelled(tmp_path: Path) -> None:
+    task: Future[object] = Future()
+
+    class Busy(ThreadCrew):
+        def submit(self, *_: object, **__: object) -> Future[object]:  # type: ignore[override]
+            return task
+
+    with Busy(1) as threads:
+        waiting = KeptSimulations(threads, tmp_path).submit(Simulator().maps, 0.1, grid=GRID)
+        task.cancel()
+        assert waiting.cancelled()

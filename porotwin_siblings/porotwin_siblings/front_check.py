@@ -1,0 +1,117 @@
+"""How far the plume's front was from its forecast, anywhere in the rig.
+
+A cause that no sibling knows, such as a swinging water table, moves the front wherever it is. So it
+shows before the plume reaches the zone, where the zone alone tells nothing. The distance by which
+recent forecasts missed the front, beyond the usual, moves the expected front out and in, and the
+tracer and the area in the zone then widen the bands.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.ndimage import grey_dilation, grey_erosion
+
+from porotwin_core.grid import FloatArray, Grid
+from porotwin_siblings.forecast_check import BAND_DEVIATIONS, CHECK_S
+
+USUAL_MISS_M = 5e-4
+"""Miss of a front that the other widening covers [m]."""
+
+MEMORY = 0.8
+"""Weight of earlier photographs beside the newest one: a new cause must show within minutes."""
+
+USUAL_WEIGHT = 2.0
+"""Photographs that the usual miss is worth."""
+
+LEAST_SLOPE = 1.0
+"""Slope of the concentration that belongs to a front [1/m]: noise has none over some cells."""
+
+MOST_CELLS = 6
+"""Greatest distance of a moved front in cells of the siblings: beyond, any forecast is a guess."""
+
+
+def front_miss(expected: FloatArray, seen: FloatArray, grid: Grid) -> float:
+    """Return how far the front that is `seen` lies from the `expected` one [m].
+
+    The difference of the maps (nz, nx) is taken for a growth of the plume on all sides and a shift
+    of it, by least squares. NaN where no front is seen.
+    """
+    along_z, along_x = np.gradient(expected, grid.dz, grid.dx)
+    slope = np.hypot(along_z, along_x)
+    front = (slope > LEAST_SLOPE) & np.isfinite(seen)
+    if front.sum() < 10:
+        return math.nan
+    columns = np.column_stack([slope[front], along_x[front], along_z[front]])
+    moved = np.linalg.lstsq(columns, (seen - expected)[front], rcond=None)[0]
+    return float(np.linalg.norm(moved))
+
+
+class FrontCheck:
+    """Follows the misses of the front, in forecasts that are CHECK_S old."""
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self._squares, self._weight = 0.0, 0.0
+
+    def compare(self, miss: float) -> None:
+        """Take how far a front was from its forecast [m]; NaN: there was none."""
+        if math.isfinite(miss):
+            self._squares = MEMORY * self._squares + miss**2
+            self._weight = MEMORY * self._weight + 1.0
+
+    @property
+    def excess(self) -> float:
+        """The miss beyond the usual one [m]."""
+        squares = USUAL_WEIGHT * USUAL_MISS_M**2 + self._squares
+        mean = squares / (USUAL_WEIGHT + self._weight)
+        return math.sqrt(max(mean - USUAL_MISS_M**2, 0.0))
+
+    def distances(self, times: FloatArray) -> FloatArray:
+        """Return how far the front may be from its forecast [m], 90 % of the time, (times,).
+
+        It grows with the time ahead [s], because an unknown cause goes on.
+        """
+        return BAND_DEVIATIONS * self.excess * (times / CHECK_S).clip(1.0)
+
+
+def widened(
+    band: FloatArray,
+    maps: FloatArray,
+    distances: FloatArray,
+    grid: Grid,
+    measure: Callable[[FloatArray], float],
+) -> FloatArray:
+    """Return a band with the doubt about the front added to both sides.
+
+    Args:
+        band: low end, median and high end of a quantity in the zone, (3, times).
+        maps: expected maps, (times, nz, nx).
+        distances: of the front from its forecast [m], (times,).
+        grid: of the maps.
+        measure: returns the quantity of a map (nz, nx).
+    """
+    result = band.copy()
+    for place, (map_, distance) in enumerate(zip(maps, distances, strict=True)):
+        cells = min(float(distance) / min(grid.dx, grid.dz), float(MOST_CELLS))
+        if cells <= 0.0:
+            continue
+        reach = math.ceil(cells)
+        disk = _disk(reach)
+        share, usual = cells / reach, measure(map_)
+        less = share * (usual - measure(grey_erosion(map_, footprint=disk)))
+        more = share * (measure(grey_dilation(map_, footprint=disk)) - usual)
+        low, median, high = band[:, place]
+        result[0, place] = max(median - math.hypot(median - low, less), 0.0)
+        result[2, place] = median + math.hypot(high - median, more)
+    return result
+
+
+def _disk(radius: int) -> FloatArray:
+    """Return the cells within `radius` cells, (2 radius + 1, 2 radius + 1)."""
+    offsets = np.arange(-radius, radius + 1)
+    return np.hypot(offsets[:, None], offsets[None, :]) <= radius + 0.5
