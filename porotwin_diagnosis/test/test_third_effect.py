@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from diagnosis_examples import candidate, fit_of, sample_of
 
-from porotwin_diagnosis.search.effect_pairs import may_join
+from porotwin_diagnosis.search.effect_pairs import may_join, relocated
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
@@ -22,6 +22,13 @@ def test_no_third_effect_is_looked_for_beside_a_pair_that_suffices_or_fails(quie
     pairs = [] if misfit is None else [fit_of('rate', 'leak', misfit=misfit)]
     findings = Findings(null, null, [single], [single], pairs)
     assert judged_triples(levels, NOTHING, findings) == (levels, [])
+    assert levels.simulations == 0
+
+
+def test_a_triple_without_a_leak_or_a_zone_has_no_place_to_look_for(quiet):
+    levels = make_levels([sample_of(quiet)], progress=lambda _stage, _share: None)
+    triple = fit_of('rate', 'porosity', 'clock', misfit=1.0)
+    assert relocated(levels, {frozenset(('rate', 'porosity', 'clock')): triple}, 3) == {}
     assert levels.simulations == 0
 
 
