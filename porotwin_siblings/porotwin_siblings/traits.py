@@ -88,7 +88,7 @@ class Unknowns:
         """Return the unknowns of `rig` and of effects that a diagnosis found."""
         porosity = float(np.mean(rig.nominal_map('porosity')))
         permeability = float(np.exp(np.mean(np.log(rig.nominal_map('permeability_m2')))))
-        # speed [m/s] at which 1 kg/m3 sinks
+        # sinking speed [m/s] of 1 kg/m3
         sinking = permeability * GRAVITY / (rig.viscosity_pa_s * porosity)
         drift = DRIFT_M_H / HOUR_S * porosity
         listed = [
