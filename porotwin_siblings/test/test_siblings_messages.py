@@ -8,9 +8,9 @@ from porotwin_core.errors import InputError
 
 pytest.importorskip('porotwin_msgs', reason='needs ROS 2; set it up with ./porotwin')
 
-from porotwin_core import conversions  # noqa: E402
-from porotwin_msgs.msg import NewState  # noqa: E402
-from porotwin_siblings.siblings_messages import photograph_from_msg  # noqa: E402
+from porotwin_core import conversions
+from porotwin_msgs.msg import NewState
+from porotwin_siblings.siblings_messages import photograph_from_msg
 
 
 @pytest.mark.parametrize(
