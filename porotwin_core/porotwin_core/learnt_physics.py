@@ -4,7 +4,7 @@ The learnt physics consists of plain numbers. The data-driven model keeps them i
 solver runs them. Neither of them imports the other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, astuple, dataclass
 from typing import Any, Self
 
@@ -16,6 +16,26 @@ from porotwin_core.grid import FloatArray, Grid
 EDGE = 0.15
 """Width of the edge of a patch relative to its radius [-]: sand is packed in lenses, and an edge
 of a cell or two has a slope that a fit can follow."""
+
+Range = tuple[float, float]
+
+DENSITY_RANGE: Range = (-1000.0, 1000.0)
+"""Of the learnt density difference [kg/m^3]: no tracer is heavier than twice the water."""
+
+DISPERSIVITY_RANGE: Range = (0.0, 1.0)
+"""Of the learnt dispersivities [m], which are added: a laboratory rig is a few metres wide."""
+
+FLUX_RANGE: Range = (-0.01, 0.01)
+"""Of the learnt background flux [m/s]: it would cross a rig in a minute or two."""
+
+LOG_RETARDATION_RANGE: Range = (-4.6, 4.6)
+"""Of the logarithm of the learnt retardation [-]: factors of 0.01 to 100."""
+
+LOG_FACTOR_RANGE: Range = (-10.0, 10.0)
+"""Of the logarithm of a patch's permeability [-]: from gravel to silt; a fit stays within 5."""
+
+RADIUS_RANGE: Range = (1e-3, 10.0)
+"""Of the radius of a patch [m]: from a grain of sand to a rig that is larger than any."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +81,7 @@ class LearntPhysics:
     patches: tuple[SandPatch, ...] = ()
 
     def check(self) -> None:
-        """Return if every number is finite and every patch has a radius.
+        """Return if every number is finite and within the range that any rig can have.
 
         Raises:
             InputError: it names the number that is wrong.
@@ -78,8 +98,14 @@ class LearntPhysics:
         for name, values in named.items():
             if not np.isfinite(np.asarray(values, dtype=float)).all():
                 raise InputError(f'learnt physics, {name}: not a finite number; train again')
-        if any(patch.radius <= 0.0 for patch in self.patches):
-            raise InputError('learnt physics, patches: a radius is not positive; train again')
+        along_and_across = (self.longitudinal_dispersivity, self.transverse_dispersivity)
+        _check_range('density_difference', [self.density_difference], DENSITY_RANGE)
+        _check_range('dispersivity', along_and_across, DISPERSIVITY_RANGE)
+        _check_range('background_flux', self.background_flux, FLUX_RANGE)
+        _check_range('log_retardation', [self.log_retardation], LOG_RETARDATION_RANGE)
+        _check_range('radius of a patch', [one.radius for one in self.patches], RADIUS_RANGE)
+        factors = [one.log_factor for one in self.patches]
+        _check_range('log_factor of a patch', factors, LOG_FACTOR_RANGE)
 
     def permeability_factor(self, grid: Grid) -> FloatArray:
         """Return the factor on the permeability of every cell, (nz, nx)."""
@@ -111,6 +137,20 @@ class LearntPhysics:
                 'patches': tuple(SandPatch(**patch) for patch in values['patches']),
             }
         )
+
+
+def _check_range(name: str, values: Iterable[float], within: Range) -> None:
+    """Return if all `values` lie `within` a range.
+
+    Raises:
+        InputError: one does not.
+    """
+    low, high = within
+    for value in values:
+        if not low <= value <= high:
+            raise InputError(
+                f'learnt physics, {name}: {value:g} is not from {low:g} to {high:g}; train again'
+            )
 
 
 NO_LEARNT_PHYSICS = LearntPhysics()

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription, Rig
@@ -24,8 +25,9 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     """Return `physics` with the `learnt` changes.
 
     Raises:
-        InputError: a leak lies outside the rig.
+        InputError: a leak or a patch lies outside the rig.
     """
+    _check_patches(physics.grid, learnt)
     x, z = physics.background_flux
     by_x, by_z = learnt.background_flux
     leaks = tuple(Leak(SourceSink(leak.x, leak.z), leak.rate) for leak in learnt.leaks)
@@ -42,6 +44,15 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     )
     check(changed)
     return changed
+
+
+def _check_patches(grid: Grid, learnt: LearntPhysics) -> None:
+    for number, patch in enumerate(learnt.patches, start=1):
+        if not (0.0 <= patch.x <= grid.width and 0.0 <= patch.z <= grid.height):
+            raise InputError(
+                f'learnt physics, patch {number} at ({patch.x:.6g}, {patch.z:.6g}) m lies outside '
+                f'the rig of {grid.width:g} x {grid.height:g} m; train again'
+            )
 
 
 class AdjointModel(Model):

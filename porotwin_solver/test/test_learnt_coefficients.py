@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from solver_cases import two_well_rig
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntLeak, LearntPhysics, SandPatch
 from porotwin_core.rig import EffectDescription, Rig
@@ -69,6 +70,12 @@ def test_learnt_physics_does_what_the_effect_does(
     assert np.allclose(
         found.predict(state, RATES, 600.0), wanted.predict(state, RATES, 600.0), atol=1e-12
     )
+
+
+def test_a_patch_outside_the_rig_is_refused(rig: Rig, grid: Grid) -> None:
+    far = LearntPhysics(patches=(SandPatch(30.0, 0.2, 0.1, 1.0),))
+    with pytest.raises(InputError, match=r'patch 1 at \(30, 0.2\) m lies outside the rig'):
+        LearntModels(rig, grid, 'fast').model(far)
 
 
 def test_a_run_is_the_steps_one_after_the_other(rig: Rig, grid: Grid) -> None:
