@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from porotwin_cli.output_files import maker
 from porotwin_cli.rig_drawing import DPI, draw_map
 from porotwin_cli.what_if_study import NO_ZONE, REACHED, WhatIfStudy
 from porotwin_core.errors import writing
@@ -74,7 +75,7 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
     words = EXPLANATION.format(level=PLUME_THRESHOLD, start=study.start / 60.0)
     figure.supxlabel(words, fontsize=9)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DPI, metadata={'Software': maker('what-if')})
     plt.close(figure)
 
 

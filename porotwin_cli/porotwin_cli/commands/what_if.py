@@ -75,7 +75,7 @@ def command(
         raise InputError(f'--output {output}: is a file; give a folder for the picture')
     output.mkdir(parents=True, exist_ok=True)
     picture = output / 'what_if.png'
-    check_output(picture, recording, rig)
+    check_output(picture, recording, rig, command='what-if')
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
     steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
