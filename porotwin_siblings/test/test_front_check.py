@@ -1,4 +1,4 @@
-"""Tests of the doubt about a front: how far it was from its forecast, and what that means."""
+"""Tests of the doubt about a front: its distance from the forecast, and wider bands."""
 
 import math
 
