@@ -161,7 +161,8 @@ def _guard_node(settings: GraphSettings, common: Parameters) -> NodeDescription:
 def _siblings_node(settings: GraphSettings, mapped: Parameters) -> list[NodeDescription]:
     if not settings.siblings:
         return []
-    return [NodeDescription('siblings', 'porotwin_siblings', 'siblings_node', mapped)]
+    parameters = {**mapped, 'photo_interval_s': settings.photo_interval_s}
+    return [NodeDescription('siblings', 'porotwin_siblings', 'siblings_node', parameters)]
 
 
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:

@@ -39,7 +39,7 @@ def command(
     if output.is_dir():
         output = output / PICTURE
     if output.name != PICTURE:  # the picture of an earlier check may be replaced
-        check_output(output, path)
+        check_output(output, path, command='check')
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     check_picture(output, checked)
     if as_json:

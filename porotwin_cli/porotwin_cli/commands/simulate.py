@@ -81,9 +81,9 @@ def command(
     from scipy.ndimage import gaussian_filter
 
     from porotwin_cli.grids import grid_of, tell_cost
-    from porotwin_cli.output_files import check_output
+    from porotwin_cli.output_files import check_output, maker
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
-    from porotwin_recording.concentration import ConcentrationWriter
+    from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import parse_effect
     from porotwin_solver.prediction_cost import prediction_cost
@@ -91,7 +91,7 @@ def command(
 
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment)
+        check_output(path, experiment, command='simulate')
     recording = open_recording(experiment)
     rig = recording.rig
     moments = _parse_times(times) if times else _recorded_times(recording)
@@ -109,10 +109,11 @@ def command(
         effects=effects,
         device=device,
     )
+    origin = MapOrigin(program=maker('simulate'))
     compared = _late_maps(recording, cells, times)
     shown = chosen_maps(len(moments))
     pictured: list[FloatArray] = []
-    with ConcentrationWriter(output, cells) as writer, progress() as bar:
+    with ConcentrationWriter(output, cells, origin=origin) as writer, progress() as bar:
         task = bar.add_task('simulating', total=len(moments))
         for index, (time, values) in enumerate(zip(moments, maps, strict=True)):
             writer.append(time, gaussian_filter(values, blur) if blur else values)
@@ -122,7 +123,9 @@ def command(
                 compared.see(index, values)
             bar.advance(task)
     title = f'{recording.source.name}: model, preset {preset}'
-    sheet_of_maps(picture, rig, [moments[index] for index in shown], pictured, title)
+    sheet_of_maps(
+        picture, rig, [moments[index] for index in shown], pictured, title, command='simulate'
+    )
     errors = compared.errors() if compared is not None else None
     if as_json:
         print_json(
