@@ -10,6 +10,7 @@ import typer
 from porotwin_cli.terminal import Json, print_json, progress
 from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
+from porotwin_core.preset_names import PRESET_WORDS
 
 if TYPE_CHECKING:
     from porotwin_cli.free_run_errors import LateMaps
@@ -51,7 +52,7 @@ def command(
         ),
     ] = '',
     preset: Annotated[
-        str, typer.Option(help='Preset: accurate, sharp, fast or upwind.')
+        str, typer.Option(help=f'Preset: {PRESET_WORDS}; see docs/solver.md.')
     ] = 'accurate',
     device: Annotated[
         str,
