@@ -1,10 +1,11 @@
 """Derivatives of the cost by a state, and the bounds that the equations set for them.
 
-Tracer that is added to a cell flows on, spreads, decays or leaves the rig. So it raises the cost by
-no more than the largest weight that it may still meet. In the exact solution, with S the storage of
-a cell, dJ/dc / S therefore lies between the sums of the smallest and of the largest derivatives that
-the cost has added from the end of the run on, zero included. This is the maximum principle of the
-adjoint equation. Derivatives through the tracer-driven flow count like those of the cost.
+Tracer that is added to a cell flows on, spreads, decays or leaves the rig. So it raises the cost
+by no more than the largest weights that it may still meet. In the exact solution, with S the
+storage of a cell, dJ/dc / S therefore lies between two sums: of the smallest and of the largest
+derivatives that the cost has added from the end of the run on, zero included. This is the maximum
+principle of the adjoint equation. Derivatives through the tracer-driven flow count like those of
+the cost.
 
 The adjoint of a limited scheme does not keep these bounds: at the kinks of the limiters its values
 may grow from step to step, without end. `advection_adjoint` moves them back into a wider range.

@@ -268,7 +268,8 @@ def update_cells_adjoint(
 
     `tape` holds the concentration of each before the update. In place: `c` (nz, nx) goes back to
     it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars` and
-    `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first. Other arguments are as in `transport_kernels`.
+    `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first.
+    Other arguments are as in `transport_kernels`.
     """
     nz, nx = c.shape
     duration, level, order, _ = levels
