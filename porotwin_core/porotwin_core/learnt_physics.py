@@ -4,6 +4,7 @@ The learnt physics consists of plain numbers. The data-driven model keeps them i
 solver runs them. Neither of them imports the other.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass
 from typing import Any, Self
@@ -16,6 +17,17 @@ from porotwin_core.grid import FloatArray, Grid
 EDGE = 0.15
 """Width of the edge of a patch relative to its radius [-]: sand is packed in lenses, and an edge
 of a cell or two has a slope that a fit can follow."""
+
+LARGEST_LOG_RETARDATION = math.log(100.0)
+"""Largest change of the logarithm of the retardation [-]: a tracer a hundred times slower would
+not leave its well within an experiment."""
+
+LARGEST_LOG_FACTOR = math.log(1e3)
+"""Largest logarithm of the permeability factor of a patch [-]: sands of grains from 0.1 to 3 mm
+differ by a factor of 1000, because permeability grows with the square of the grain size (Hazen)."""
+
+LEAST_RADIUS = 1e-3
+"""Least radius of a patch of sand [m]: the size of a grain."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +73,7 @@ class LearntPhysics:
     patches: tuple[SandPatch, ...] = ()
 
     def check(self) -> None:
-        """Return if every number is finite and every patch has a radius.
+        """Return if every number is finite and within its range.
 
         Raises:
             InputError: it names the number that is wrong.
@@ -78,8 +90,20 @@ class LearntPhysics:
         for name, values in named.items():
             if not np.isfinite(np.asarray(values, dtype=float)).all():
                 raise InputError(f'learnt physics, {name}: not a finite number; train again')
-        if any(patch.radius <= 0.0 for patch in self.patches):
-            raise InputError('learnt physics, patches: a radius is not positive; train again')
+        for name in ('longitudinal_dispersivity', 'transverse_dispersivity'):
+            if getattr(self, name) < 0.0:
+                raise InputError(
+                    f'learnt physics, {name} {getattr(self, name):g} m: '
+                    'must not be negative; train again'
+                )
+        _refuse_beyond('log_retardation', self.log_retardation, LARGEST_LOG_RETARDATION)
+        for patch in self.patches:
+            _refuse_beyond('patches, log_factor', patch.log_factor, LARGEST_LOG_FACTOR)
+            if patch.radius < LEAST_RADIUS:
+                raise InputError(
+                    f'learnt physics, patches: a radius of {patch.radius:g} m is less than a '
+                    f'grain, {LEAST_RADIUS:g} m; train again'
+                )
 
     def permeability_factor(self, grid: Grid) -> FloatArray:
         """Return the factor on the permeability of every cell, (nz, nx)."""
@@ -110,6 +134,14 @@ class LearntPhysics:
                 'leaks': tuple(LearntLeak(**leak) for leak in values['leaks']),
                 'patches': tuple(SandPatch(**patch) for patch in values['patches']),
             }
+        )
+
+
+def _refuse_beyond(name: str, value: float, largest: float) -> None:
+    if abs(value) > largest:
+        raise InputError(
+            f'learnt physics, {name} {value:g}: must lie between {-largest:.3g} and {largest:.3g}; '
+            'train again'
         )
 
 

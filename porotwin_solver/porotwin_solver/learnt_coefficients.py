@@ -6,10 +6,12 @@ from functools import partial
 
 import numpy as np
 
+from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule, WellRates
+from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
 from porotwin_solver.engine import State
 from porotwin_solver.implicit_model import ImplicitModel
@@ -24,15 +26,22 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     """Return `physics` with the `learnt` changes.
 
     Raises:
-        InputError: a leak lies outside the rig.
+        InputError: a leak or a patch lies outside the rig.
     """
     x, z = physics.background_flux
     by_x, by_z = learnt.background_flux
+    grid = physics.grid
+    for patch in learnt.patches:
+        if not (0.0 < patch.x < grid.width and 0.0 < patch.z < grid.height):
+            raise InputError(
+                f'patch of sand at ({patch.x:g}, {patch.z:g}) m lies outside the rig of '
+                f'{grid.width:g} x {grid.height:g} m; train again for this rig'
+            )
     leaks = tuple(Leak(SourceSink(leak.x, leak.z), leak.rate) for leak in learnt.leaks)
     along, across = learnt.longitudinal_dispersivity, learnt.transverse_dispersivity
     changed = replace(
         physics,
-        permeability=physics.permeability * learnt.permeability_factor(physics.grid),
+        permeability=physics.permeability * learnt.permeability_factor(grid),
         density_difference=physics.density_difference + learnt.density_difference,
         longitudinal_dispersivity=physics.longitudinal_dispersivity + along,
         transverse_dispersivity=physics.transverse_dispersivity + across,
@@ -68,9 +77,8 @@ class AdjointModel(Model):
         for coefficients in engine.interval(state, rates, time_step):
             states.append(state.copy())
             engine.step(state, coefficients)
-        immobile = engine.physics.immobile_fraction
-        fine = coarsen_adjoint(bar, engine.grid.shape)
-        backward = State((1.0 - immobile) * fine, immobile * fine)
+        backward = AdjointState.equilibrium(np.zeros(engine.grid.shape))
+        backward.add_by_mean(engine, coarsen_adjoint(bar, engine.grid.shape))
         for before in states[::-1]:
             done = step_adjoint(engine, before, rates, length, backward)
             flow_adjoint(engine, before, rates, backward, done.derivatives)

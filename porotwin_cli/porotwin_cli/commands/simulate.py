@@ -26,6 +26,9 @@ MOST_CELLS = 10_000_000
 MOST_TIMES = 200
 """Most maps where only the rates are known; a longer experiment gets longer steps."""
 
+MOST_GIVEN_TIMES = 100_000
+"""Most maps at given times: four weeks of photographs, one every 25 s."""
+
 LARGEST_BLUR = 20.0
 """Largest blur [cells]; no camera blurs so much."""
 
@@ -188,9 +191,13 @@ def _parse_times(text: str) -> list[float]:
 
     try:
         start, end, step = (float(part) for part in text.split(':'))
-        times: list[float] = np.arange(start, end + 0.5 * step, step).tolist()
-    except (ValueError, ZeroDivisionError):
-        times = []
-    if not times or times[-1] < times[0]:
+    except ValueError:
+        start, end, step = math.nan, math.nan, math.nan
+    if not (math.isfinite(start + end + step) and start <= end and step > 0.0):
         raise InputError(f"times '{text}': write START:END:STEP in seconds, like 0:4800:30")
+    if start < 0.0:
+        raise InputError(f"times '{text}': begin before the experiment; let START be 0 or later")
+    if (end - start) / step >= MOST_GIVEN_TIMES:
+        raise InputError(f"times '{text}': more than {MOST_GIVEN_TIMES} maps; take a larger STEP")
+    times: list[float] = np.arange(start, end + 0.5 * step, step).tolist()
     return times
