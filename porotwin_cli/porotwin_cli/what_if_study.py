@@ -131,11 +131,29 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
             rate = from_ml_h(float(number))
         except ValueError:
             rate = np.nan
-        if not equals or not np.isfinite(rate):
+        if not (well and equals and np.isfinite(rate)):
             raise InputError(f"rates '{text}': write WELL=ML_H, like {next(iter(rig.wells))}=300")
         fixed = rig.control.fixed.get(well) if rig.control is not None else None
         rates[well] = WellRate(rate, fixed.concentration if fixed is not None else 0.0)
     return RateStep(after, rates)
+
+
+def rate_steps(texts: Sequence[str], rig: Rig, start: float) -> list[RateStep]:
+    """Return the changes of rates that a user writes, in the order of their times; see `rate_step`.
+
+    Raises:
+        InputError: as there, or two of them give a well different rates at the same time.
+    """
+    steps: list[RateStep] = []
+    for text in texts:
+        step = rate_step(text, rig, start)
+        same = {well for one in steps if one.start == step.start for well in one.rates}
+        if twice := sorted(same.intersection(step.rates)):
+            raise InputError(
+                f"rates '{text}': {twice[0]} has a rate at that time already; give it one rate"
+            )
+        steps.append(step)
+    return sorted(steps, key=lambda step: step.start)
 
 
 def study_what_if(

@@ -12,6 +12,7 @@ from porotwin_cli.what_if_study import (
     WhatIfStudy,
     later_steps,
     rate_step,
+    rate_steps,
     seconds_of,
     study_what_if,
     zone_noise,
@@ -133,6 +134,7 @@ def test_other_texts_are_no_times(text: str) -> None:
     [
         ('nowell=3', "well 'nowell' is unknown"),
         ('control1', 'write WELL=ML_H'),
+        ('=5', 'write WELL=ML_H'),
         ('control1=much', 'write WELL=ML_H'),
         ('5min:control1=3', 'lies before --at'),
     ],
@@ -140,6 +142,14 @@ def test_other_texts_are_no_times(text: str) -> None:
 def test_wrong_rates_are_refused(text: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         rate_step(text, demo_scenario().rig, 600.0)
+
+
+def test_a_well_gets_one_rate_at_a_time() -> None:
+    rig = demo_scenario().rig
+    steps = rate_steps(['20min:control1=5', 'control1=6', 'control3=7'], rig, 600.0)
+    assert [step.start for step in steps] == [0.0, 0.0, 600.0]
+    with pytest.raises(InputError, match='control1 has a rate at that time already'):
+        rate_steps(['control1=5', '600s:control1=6'], rig, 600.0)
 
 
 def test_a_change_may_come_later() -> None:

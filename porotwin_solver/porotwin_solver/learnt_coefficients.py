@@ -28,6 +28,7 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     Raises:
         InputError: a leak or a patch lies outside the rig.
     """
+    _check_patches(physics.grid, learnt)
     x, z = physics.background_flux
     by_x, by_z = learnt.background_flux
     grid = physics.grid
@@ -51,6 +52,15 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     )
     check(changed)
     return changed
+
+
+def _check_patches(grid: Grid, learnt: LearntPhysics) -> None:
+    for number, patch in enumerate(learnt.patches, start=1):
+        if not (0.0 <= patch.x <= grid.width and 0.0 <= patch.z <= grid.height):
+            raise InputError(
+                f'learnt physics, patch {number} at ({patch.x:.6g}, {patch.z:.6g}) m lies outside '
+                f'the rig of {grid.width:g} x {grid.height:g} m; train again'
+            )
 
 
 class AdjointModel(Model):

@@ -72,6 +72,12 @@ def test_learnt_physics_does_what_the_effect_does(
     )
 
 
+def test_a_patch_outside_the_rig_is_refused(rig: Rig, grid: Grid) -> None:
+    far = LearntPhysics(patches=(SandPatch(30.0, 0.2, 0.1, 1.0),))
+    with pytest.raises(InputError, match=r'patch 1 at \(30, 0.2\) m lies outside the rig'):
+        LearntModels(rig, grid, 'fast').model(far)
+
+
 def test_a_run_is_the_steps_one_after_the_other(rig: Rig, grid: Grid) -> None:
     solver = LearntModels(rig, grid, 'fast')
     schedule, start = Schedule.constant(RATES), np.zeros(grid.shape)

@@ -10,6 +10,8 @@ from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from porotwin_cli.map_sureness import Doubt
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
@@ -61,6 +63,7 @@ def command(
     from porotwin_imaging.sand_refinement import refined
     from porotwin_recording.concentration import MapOrigin
     from porotwin_recording.map_parts import MapParts
+    from porotwin_recording.photo_source import fingerprints
     from porotwin_recording.recording import open_recording
 
     picture = picture_beside(output)
@@ -102,10 +105,10 @@ def command(
     imaged, refused, doubts = [], [], []
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
-    source = f'{experiment.resolve()}, {len(baselines)} baselines'
-    writing = MapParts(output, rig, map_grid, source=source, origin=origin)
-    done = set(writing.earlier)
-    left = [photo for photo in states if not done or photo.time > max(done)]
+    writing = MapParts(output, rig, map_grid, source=fingerprints(recording), origin=origin)
+    done, left = _done_and_left(states, writing.earlier)
+    if writing.changed:
+        say(f'beginning anew: {", ".join(writing.changed)} changed since an interrupted call')
     if done:
         say(f'going on behind {len(done)} maps of an interrupted call')
     with pool, writing as writer, progress() as bar:
@@ -137,7 +140,7 @@ def command(
         if not imaged and not done:
             raise WorkFailed('no photograph could be used')
     if done:
-        before = _imaged_before(output, rig, [photo for photo in states if photo.time in done])
+        before = _imaged_before(output, rig, done)
         imaged = [*(entry for entry, _ in before), *imaged]
         doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
@@ -161,6 +164,21 @@ def command(
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)
+
+
+def _done_and_left(
+    states: 'list[Photo]', earlier: 'Sequence[float]'
+) -> 'tuple[list[Photo], list[Photo]]':
+    """Return the photographs of the maps at the `earlier` times [s], and the others.
+
+    Photographs that an interrupted call refused are among the others: they tell their reasons once
+    more.
+    """
+    waiting, done, left = set(earlier), [], []
+    for photo in states:
+        (done if photo.time in waiting else left).append(photo)
+        waiting.discard(photo.time)
+    return done, left
 
 
 def _imaged_before(

@@ -62,7 +62,7 @@ def command(
     """
     from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
-    from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
+    from porotwin_cli.what_if_study import rate_steps, seconds_of, study_what_if
     from porotwin_core.parallel import crew
     from porotwin_recording.recording import open_recording
 
@@ -78,7 +78,7 @@ def command(
     check_output(picture, recording, rig, command='what-if')
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
-    steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
+    steps = rate_steps(rates, opened.rig, start)
     ahead = seconds_of(horizon) if horizon else None
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
