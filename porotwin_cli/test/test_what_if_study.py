@@ -15,6 +15,7 @@ from porotwin_cli.what_if_study import (
     rate_steps,
     seconds_of,
     study_what_if,
+    zone_noise,
 )
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
@@ -23,6 +24,7 @@ from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_siblings.zone_measure import ZoneMeasure
 
 
 @pytest.fixture(scope='module')
@@ -76,6 +78,17 @@ def test_bands_hold_the_median_and_grow(found: WhatIfStudy) -> None:
 def test_later_photographs_are_shown_and_not_learnt_from(found: WhatIfStudy) -> None:
     np.testing.assert_allclose(found.seen_times, [1500.0, 1800.0, 2100.0, 2400.0])
     assert found.seen_tracer.shape == (4,)
+
+
+def test_the_noise_of_clean_sand_is_told_for_the_whole_zone() -> None:
+    rig = demo_scenario().rig
+    grid = rig.grid(94, 56)
+    zone = ZoneMeasure.of(rig, grid)
+    noise = np.full(grid.shape, 0.002)
+    assert zone_noise(noise, zone, grid) == pytest.approx(zone.tracer(noise))
+    noise[0, 0] = np.nan
+    assert zone_noise(noise, zone, grid) == pytest.approx(zone.tracer(np.nan_to_num(noise)))
+    assert zone_noise(np.ones(grid.shape), zone, grid) == 0.0
 
 
 def test_the_picture_is_drawn(found: WhatIfStudy, tmp_path: Path) -> None:

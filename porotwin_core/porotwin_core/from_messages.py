@@ -159,7 +159,7 @@ def learnt_from_msg(message: Any) -> LearntPhysics:
     """Return the learnt physics in a message.
 
     Raises:
-        InputError: a number is not finite, or a patch has no radius.
+        InputError: a number is not finite or out of its range.
     """
     learnt = LearntPhysics(
         message.density_difference,

@@ -81,7 +81,7 @@ class LearntPhysics:
     patches: tuple[SandPatch, ...] = ()
 
     def check(self) -> None:
-        """Return if every number is finite and within the range that any rig can have.
+        """Check that every number is finite and within the range that any rig can have.
 
         Raises:
             InputError: it names the number that is wrong.
@@ -140,7 +140,7 @@ class LearntPhysics:
 
 
 def _check_range(name: str, values: Iterable[float], within: Range) -> None:
-    """Return if all `values` lie `within` a range.
+    """Check that all `values` lie `within` a range.
 
     Raises:
         InputError: one does not.

@@ -196,6 +196,8 @@ class PlanModelClient:
             cancel=self._cancel,
             patience=max(patience, LEAST_PATIENCE_S),
         )
+        if not (math.isfinite(response.cost) and np.isfinite(response.gradient).all()):
+            raise ModelUnavailable(f"service '{self._service}' answers wrongly: not finite")
         if not with_gradient:
             return float(response.cost), None
         shape = (len(plan), len(self._rig.wells))

@@ -75,9 +75,10 @@ class FrontCheck:
     def distances(self, times: FloatArray) -> FloatArray:
         """Return how far the front may be from its forecast [m], 90 % of the time, (times,).
 
-        It grows with the time ahead [s], because an unknown cause goes on.
+        It grows with the root of the time ahead [s]: an unknown cause goes on, but not always in
+        one direction.
         """
-        return BAND_DEVIATIONS * self.excess * (times / CHECK_S).clip(1.0)
+        return BAND_DEVIATIONS * self.excess * np.sqrt((times / CHECK_S).clip(1.0))
 
 
 def widened(

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class State:
     tracer_lost: FloatArray = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
-    def equilibrium(cls, concentration: FloatArray) -> 'State':
+    def equilibrium(cls, concentration: FloatArray) -> Self:
         """Return the state with `concentration` (nz, nx) in both mobile and immobile water."""
         return cls(concentration.copy(), concentration.copy())
 

@@ -11,6 +11,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule, WellRates
+from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
 from porotwin_solver.engine import State
 from porotwin_solver.implicit_model import ImplicitModel
@@ -79,9 +80,8 @@ class AdjointModel(Model):
         for coefficients in engine.interval(state, rates, time_step):
             states.append(state.copy())
             engine.step(state, coefficients)
-        immobile = engine.physics.immobile_fraction
-        fine = coarsen_adjoint(bar, engine.grid.shape)
-        backward = State((1.0 - immobile) * fine, immobile * fine)
+        backward = AdjointState.equilibrium(np.zeros(engine.grid.shape))
+        backward.add_by_mean(engine, coarsen_adjoint(bar, engine.grid.shape))
         for before in states[::-1]:
             done = step_adjoint(engine, before, rates, length, backward)
             flow_adjoint(engine, before, rates, backward, done.derivatives)

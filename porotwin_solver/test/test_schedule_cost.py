@@ -11,7 +11,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
-from porotwin_solver.adjoint.schedule_cost import schedule_cost
+from porotwin_solver.adjoint.schedule_cost import ScheduleCost, schedule_cost
 from porotwin_solver.model import Model
 from porotwin_solver.rollout import rollout
 from porotwin_solver.supervision import Supervision
@@ -185,3 +185,47 @@ def test_a_gradient_can_be_cancelled_on_its_way_back(rig) -> None:
     model = Model(rig, rig.grid(31, 19), preset='upwind', supervision=Supervision(check=check))
     with pytest.raises(RuntimeError, match='cancelled'):
         schedule_cost(model, model.initial_condition(), plan(RATES_ML_H), horizon=HORIZON, terms=[])
+
+
+def long_cost(
+    model: Model, control_ml_h: float, hours: float, *, with_gradient: bool
+) -> ScheduleCost:
+    """Return the cost of tracer in the upper part over a long injection, and its gradient."""
+    grid, horizon = model.grid, 3600.0 * hours
+    injected, control = from_ml_h(500.0), from_ml_h(control_ml_h)
+    rates = {
+        'injector': WellRate(injected, 1.0),
+        'control1': WellRate(control),
+        'producer': WellRate(-injected - control),
+    }
+    above = np.broadcast_to((grid.z > 0.22)[:, None], grid.shape)
+    return schedule_cost(
+        model,
+        np.zeros(grid.shape),
+        [RateStep(0.0, rates)],
+        horizon=horizon,
+        terms=[CostTerm(0.0, horizon, linear=1e-6 * above)],
+        with_gradient=with_gradient,
+    )
+
+
+def test_the_gradient_over_hours_agrees_with_finite_differences(rig) -> None:
+    """Without the bounds of the derivatives it is 1e16 times too large."""
+    model = Model(rig, rig.grid(40, 24), preset='fast')
+    found = long_cost(model, 100.0, 6.0, with_gradient=True).gradient
+    more, less = (
+        long_cost(model, control, 6.0, with_gradient=False).cost for control in (102.0, 98.0)
+    )
+    assert found is not None
+    wells = list(rig.wells)
+    by_control = found[0, wells.index('control1')] - found[0, wells.index('producer')]
+    assert by_control == pytest.approx((more - less) / from_ml_h(4.0), rel=0.03)
+
+
+def test_a_cost_that_is_not_finite_is_refused(rig) -> None:
+    problem = Problem(rig, 'upwind', {})
+    endless = [CostTerm(0.0, HORIZON, linear=np.full(problem.grid.shape, 1e308))]
+    with pytest.raises(InputError, match='not finite'), np.errstate(all='ignore'):
+        schedule_cost(
+            problem.model, problem.initial, plan(RATES_ML_H), horizon=HORIZON, terms=endless
+        )

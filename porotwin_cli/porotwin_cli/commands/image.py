@@ -7,7 +7,6 @@ import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
-from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def command(
         sureness_words,
         typical_doubt,
     )
-    from porotwin_cli.output_files import check_output
+    from porotwin_cli.output_files import check_output, maker
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
@@ -69,7 +68,7 @@ def command(
 
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment, calibration)
+        check_output(path, experiment, calibration, command='image')
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
@@ -104,7 +103,7 @@ def command(
     for remark in baseline.remarks:
         say(remark)
     imaged, refused, doubts = [], [], []
-    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
+    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     writing = MapParts(output, rig, map_grid, source=fingerprints(recording), origin=origin)
     done, left = _done_and_left(states, writing.earlier)
@@ -227,4 +226,5 @@ def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
     shown = chosen_maps(len(maps.times))
     scale = 'calibrated' if calibrated else 'uncalibrated'
     times = [float(maps.times[index]) for index in shown]
-    sheet_of_maps(picture, rig, times, [maps[index] for index in shown], f'{output.name}, {scale}')
+    pictured = [maps[index] for index in shown]
+    sheet_of_maps(picture, rig, times, pictured, f'{output.name}, {scale}', command='image')

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from cli_examples import porotwin
 
+from porotwin_cli.commands import simulate
+from porotwin_core.errors import InputError
 from porotwin_recording.recording import open_recording
 
 
@@ -56,6 +58,23 @@ def test_simulate_takes_its_times_from_the_rates(tmp_path: Path) -> None:
     result = porotwin('simulate', tmp_path, '--output', tmp_path / 'again.nc')
     assert result.returncode == 2
     assert 'do not say when the experiment ends' in result.stderr
+
+
+@pytest.mark.parametrize(
+    ('times', 'complaint'),
+    [
+        ('0:1e12:1', 'more than 100000 maps; take a larger STEP'),
+        ('-100:100:50', 'begin before the experiment'),
+        ('0:nan:1', 'write START:END:STEP'),
+        ('100:0:10', 'write START:END:STEP'),
+        ('0:100:0', 'write START:END:STEP'),
+    ],
+)
+def test_impossible_times_are_refused(tmp_path: Path, times: str, complaint: str) -> None:
+    (tmp_path / 'rig.yaml').write_text(RIG)
+    (tmp_path / 'rates.csv').write_text('time_s,well,rate_ml_h,concentration\n0,injector,100,1\n')
+    with pytest.raises(InputError, match=complaint):
+        simulate.command(tmp_path, tmp_path / 'model.nc', times=times)
 
 
 def test_simulate_with_an_effect_differs(experiment: Path, tmp_path: Path) -> None:

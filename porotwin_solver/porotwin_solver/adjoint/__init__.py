@@ -4,7 +4,8 @@ A forward sweep keeps the state before every splitting step (`forward_sweep`). T
 (`backward_sweep`) runs each step once more, records the concentrations before every substep on a
 tape, and then applies the transposed derivatives of reaction, diffusion and advection in reverse
 order (`step_adjoint`). The limiters have kinks; there the derivative follows the branch that the
-forward run took.
+forward run took. The kinks alone would let the derivatives grow without end over long runs: they
+are kept near the bounds that the equations set (`adjoint_state`).
 
 With the cost J, the coefficients u of a step (fluxes, sources, storage, dispersion) and any rate or
 parameter s,

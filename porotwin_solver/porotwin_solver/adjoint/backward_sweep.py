@@ -7,6 +7,7 @@ import numpy as np
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import WellRate, WellRates
+from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.forward_sweep import ForwardSweep
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
 from porotwin_solver.adjoint.step_adjoint import (
@@ -47,7 +48,7 @@ def sweep_backward(
         np.zeros(len(varied)),
     )
     by_parameter = found.parameters
-    bar = State.equilibrium(np.zeros(engine.grid.shape))
+    bar = AdjointState.equilibrium(np.zeros(engine.grid.shape))
     for index in range(count - 1, -1, -1):
         interval = forward.intervals[index]
         rates = interval.rates
@@ -72,7 +73,7 @@ def sweep_backward(
 
 def _map_adjoint(
     model: Model,
-    bar: State,
+    bar: AdjointState,
     state: State,
     time: float,
     map_bar: FloatArray,
@@ -81,10 +82,7 @@ def _map_adjoint(
     """Add dJ/dstate through the map at `time` [s] to `bar`; return dJ/dparameter through it."""
     engine, operator, grid = model.engine, model.observation_operator, model.grid
     concentration = engine.mean_concentration(state)
-    mean_bar = operator.apply_adjoint(concentration, grid, time, map_bar)
-    immobile = engine.physics.immobile_fraction
-    bar.mobile += (1.0 - immobile) * mean_bar
-    bar.immobile += immobile * mean_bar
+    bar.add_by_mean(engine, operator.apply_adjoint(concentration, grid, time, map_bar))
 
     def weighted(varied_model: Model) -> float:
         mean = varied_model.engine.mean_concentration(state)

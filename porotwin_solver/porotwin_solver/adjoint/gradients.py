@@ -8,6 +8,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
+from porotwin_solver.adjoint.adjoint_state import refuse_not_finite
 from porotwin_solver.adjoint.backward_sweep import sweep_backward
 from porotwin_solver.adjoint.forward_sweep import Cost, sweep_forward
 from porotwin_solver.adjoint.parameter_difference import (
@@ -57,7 +58,7 @@ def gradient(
 
     Raises:
         InputError: a parameter without a gradient (the offset of the clock; dispersivities that are
-            equal; diffusion where there is none), or as `simulate`.
+            equal; diffusion where there is none), a result that is not finite, or as `simulate`.
     """
     described = (*rig.effects, *effects)
     model = Model(rig.model_copy(update={'effects': ()}), grid, preset=preset, effects=described)
@@ -66,6 +67,8 @@ def gradient(
     moments = np.asarray(times, dtype=float)
     forward = sweep_forward(model, schedule, moments, start, cost)
     derivatives = sweep_backward(model, moments, forward, varied)
+    by_well = (*derivatives.rate.values(), *derivatives.concentration.values())
+    refuse_not_finite(forward.cost, *by_well, derivatives.parameters)
     return Gradient(
         forward.cost,
         tuple((interval.start, interval.end) for interval in forward.intervals),

@@ -14,6 +14,7 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import RateStep, check_plan, plan_intervals
+from porotwin_solver.adjoint.adjoint_state import AdjointState, refuse_not_finite
 from porotwin_solver.adjoint.backward_sweep import well_derivatives
 from porotwin_solver.adjoint.step_adjoint import flow_adjoint, step_adjoint
 from porotwin_solver.engine import State, StepCoefficients
@@ -79,7 +80,8 @@ def schedule_cost(
 
     Raises:
         InputError: NaN or another shape, times outside the horizon, an unknown well, rates that do
-            not balance in a closed rig, or the supervision refuses the cost.
+            not balance in a closed rig, the supervision refuses the work, or the cost or its
+            gradient is not finite.
     """
     start = model.validated_map(initial, 'initial')
     end = validated_duration(horizon, 'horizon')
@@ -89,7 +91,12 @@ def schedule_cost(
     run = _Run(model, plan, terms, end)
     state = State.equilibrium(refine(start, model.engine.grid.shape))
     cost, kept = run.forward(state, keep=with_gradient)
-    return ScheduleCost(cost, run.backward(state, kept) if with_gradient else None)
+    refuse_not_finite(cost)
+    if not with_gradient:
+        return ScheduleCost(cost, None)
+    gradient = run.backward(state, kept)
+    refuse_not_finite(cost, gradient)
+    return ScheduleCost(cost, gradient)
 
 
 class _Run:
@@ -137,7 +144,7 @@ class _Run:
         engine = self.engine
         wells = list(engine.physics.wells)
         found = np.zeros((len(self.plan), len(wells)))
-        bar = State.equilibrium(np.zeros(engine.grid.shape))
+        bar = AdjointState.equilibrium(np.zeros(engine.grid.shape))
         self._add_cost_derivative(bar, last, len(kept))
         while kept:
             engine.supervision.check()
@@ -184,7 +191,7 @@ class _Run:
     def _map_of(self, state: State) -> FloatArray:
         return coarsen(self.engine.mean_concentration(state), self.model.grid.shape)
 
-    def _add_cost_derivative(self, bar: State, state: State, index: int) -> None:
+    def _add_cost_derivative(self, bar: AdjointState, state: State, index: int) -> None:
         """Add the derivative of the cost by the state `index` to `bar` in place."""
         if not self.weights[index]:
             return
@@ -192,10 +199,7 @@ class _Run:
         by_map = np.zeros(shown.shape)
         for term, weight in self.weights[index]:
             by_map += weight * term.derivative(shown)
-        by_mean = coarsen_adjoint(by_map, bar.mobile.shape)
-        immobile = self.engine.physics.immobile_fraction
-        bar.mobile += (1.0 - immobile) * by_mean
-        bar.immobile += immobile * by_mean
+        bar.add_by_mean(self.engine, coarsen_adjoint(by_map, bar.mobile.shape))
 
     def _refuse_too_costly(self, state: State, *, keep: bool) -> None:
         """Refuse a simulation from `state` that takes too long or too much memory as a whole.

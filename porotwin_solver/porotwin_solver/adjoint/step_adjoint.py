@@ -7,6 +7,7 @@ import numpy as np
 
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.wells import WellRates
+from porotwin_solver.adjoint.adjoint_state import AdjointState
 from porotwin_solver.adjoint.diffusion_adjoint_kernels import exchange_adjoint, weights_adjoint
 from porotwin_solver.adjoint.parameter_difference import ParameterDifference
 from porotwin_solver.adjoint.transport_adjoint_kernels import (
@@ -71,7 +72,7 @@ def step_adjoint(
     first: State,
     rates: WellRates,
     length: float,
-    bar: State,
+    bar: AdjointState,
     varied: Sequence[ParameterDifference] = (),
     *,
     coefficients: StepCoefficients | None = None,
@@ -99,7 +100,7 @@ def step_adjoint(
     _transport_adjoint(
         engine,
         state.mobile,
-        bar.mobile,
+        bar,
         coefficients,
         tapes,
         derivatives,
@@ -114,7 +115,7 @@ def step_adjoint(
 def _transport_adjoint(
     engine: Engine,
     c: FloatArray,
-    bar: FloatArray,
+    bar: AdjointState,
     coefficients: StepCoefficients,
     tapes: StepTapes,
     derivatives: StepDerivatives,
@@ -128,7 +129,7 @@ def _transport_adjoint(
     def diffusion_adjoint(tape: FloatArray) -> None:
         exchange_adjoint(
             c.ravel(),
-            bar.ravel(),
+            bar.mobile.ravel(),
             engine.storage.ravel(),
             exchanges,
             tape,
@@ -139,7 +140,7 @@ def _transport_adjoint(
     diffusion_adjoint(tapes.second_diffusion)
     advection_adjoint(
         c,
-        bar,
+        bar.mobile,
         flux,
         sources,
         engine.storage,
@@ -147,6 +148,7 @@ def _transport_adjoint(
         int(engine.scheme),
         tapes.advection,
         derivatives.advection,
+        *bar.bounds,
     )
     diffusion_adjoint(tapes.first_diffusion)
     if with_tensor:
@@ -178,7 +180,7 @@ def _add_tensor_derivatives(
 
 
 def flow_adjoint(
-    engine: Engine, first: State, rates: WellRates, bar: State, derivatives: StepDerivatives
+    engine: Engine, first: State, rates: WellRates, bar: AdjointState, derivatives: StepDerivatives
 ) -> FloatArray | None:
     """Add to `bar` the derivative through the tracer-driven flow; return dJ/dsource of that flow.
 
@@ -190,7 +192,7 @@ def flow_adjoint(
     by_mobile, by_source = engine.coupled_flux_adjoint(
         rates, first.mobile, derivatives.advection.flux
     )
-    bar.mobile += by_mobile
+    bar.add_by_mobile(engine, by_mobile)
     return by_source
 
 

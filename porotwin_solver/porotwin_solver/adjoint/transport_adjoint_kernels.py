@@ -203,11 +203,24 @@ def corrections_adjoint(c, stencil, cfl_well, well, bar, scheme, stencil_bar, li
 
 
 @compiled
-def advection_adjoint(c, bar, flux, sources, storage, levels, scheme, tape, derivatives):
+def advection_adjoint(
+    c,
+    bar,
+    flux,
+    sources,
+    storage,
+    levels,
+    scheme,
+    tape,
+    derivatives,
+    least=-np.inf,
+    most=np.inf,
+):
     """Turn `bar` in place from dJ/d(concentration after `advection`) into dJ/d(the one before).
 
     `c` is the concentration after it and becomes the one before it, read from `tape`. dJ/dflux,
-    dJ/dsources and dJ/dstorage are added to `derivatives`.
+    dJ/dsources and dJ/dstorage are added to `derivatives`. `bar / storage` is moved into the range
+    from `least` to `most` before every substep (see `adjoint_state`).
     """
     nz, nx = c.shape
     accumulator_bars = FluxAccumulators(
@@ -229,6 +242,8 @@ def advection_adjoint(c, bar, flux, sources, storage, levels, scheme, tape, deri
             tape[taped : taped + ending],
             accumulator_bars,
             derivatives,
+            least,
+            most,
         )
         starting = levels.count_at_least[lowest_starting_level(substep, highest)]
         evaluate_faces_adjoint(
@@ -247,13 +262,14 @@ def advection_adjoint(c, bar, flux, sources, storage, levels, scheme, tape, deri
 
 @compiled
 def update_cells_adjoint(
-    c, bar, flux, sources, storage, levels, tape, accumulator_bars, derivatives
+    c, bar, flux, sources, storage, levels, tape, accumulator_bars, derivatives, least, most
 ):
     """Apply the adjoint of `update_cells` to the first len(tape) cells of `levels.order`.
 
     `tape` holds the concentration of each before the update. In place: `c` (nz, nx) goes back to
     it, `bar` (nz, nx) becomes the derivative of the cost by it, and `accumulator_bars` and
-    `derivatives` receive their shares. Other arguments are as in `transport_kernels`.
+    `derivatives` receive their shares. `bar / storage` is moved into `least` to `most` first.
+    Other arguments are as in `transport_kernels`.
     """
     nz, nx = c.shape
     duration, level, order, _ = levels
@@ -269,6 +285,9 @@ def update_cells_adjoint(
         own = level[i, j]
         length = duration / (1 << own)
         gain_bar = bar[i, j] / storage[i, j]
+        if gain_bar < least or gain_bar > most:
+            gain_bar = min(max(gain_bar, least), most)
+            bar[i, j] = gain_bar * storage[i, j]
         storage_bar[i, j] -= gain_bar * (c[i, j] - tape[place])
         c[i, j] = tape[place]
         tracer_bar[i, j] += length * gain_bar
