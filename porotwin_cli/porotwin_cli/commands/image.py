@@ -39,7 +39,8 @@ def command(
 
     A bad photograph is named and left out. If the calibration only guessed the factor of a sand,
     the core of the plume in that sand corrects it. A picture of the maps lies beside the output,
-    with the same name and the suffix .png. After an interruption a second call continues.
+    with the same name and the suffix .png. After an interruption a second call continues. It
+    begins anew if the photographs, rig.yaml or the rates have changed since.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
