@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from porotwin_cli.output_files import maker
 from porotwin_cli.rig_check import CheckedRig
 from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.control_zones import control_zones
@@ -64,7 +65,7 @@ def check_picture(path: Path, checked: CheckedRig) -> None:
     axes[-1].axis('off')
     axes[-1].text(0.0, 1.0, '\n'.join(lines), va='top', fontsize=8, transform=axes[-1].transAxes)
     with writing(path):
-        figure.savefig(path, dpi=DPI, bbox_inches='tight')
+        figure.savefig(path, dpi=DPI, bbox_inches='tight', metadata={'Software': maker('check')})
 
 
 def _flat(ratio: float) -> float:

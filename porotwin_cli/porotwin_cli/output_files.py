@@ -5,16 +5,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError, check_writable, writing
 
 
-def check_output(output: Path, *inputs: Path | None) -> None:
+def maker(command: str) -> str:
+    """Return the words by which a file names the command that made it."""
+    return f'{PROGRAM}, {command}'
+
+
+def check_output(output: Path, *inputs: Path | None, command: str = '') -> None:
     """Check that a command can write the file `output` without harm to its `inputs`.
 
     Args:
         output: the file to write.
         inputs: files and folders that the command reads; None: not given. No existing file inside
-            an input folder may be replaced.
+            an input folder may be replaced, except one that the same command made.
+        command: the command, as given to `maker`; empty: its files do not name it.
 
     Raises:
         InputError: `output` is an input, would replace a file of one, is a folder, or lies in a
@@ -32,10 +39,35 @@ def check_output(output: Path, *inputs: Path | None) -> None:
             continue
         if path.samefile(output):
             raise InputError(f'{output}: is an input of this command; name another output')
-        if path.is_dir() and _inside(output, path):
+        if path.is_dir() and _inside(output, path) and not _made(output, command):
             raise InputError(
                 f'{output}: is a file of the input {path}; name another output or remove it'
             )
+
+
+def _made(file: Path, command: str) -> bool:
+    """Return whether `command` made this NetCDF file or picture, and no command reads it.
+
+    The files of an experiment folder, `FILES`, are always kept.
+    """
+    import netCDF4
+    from PIL import Image
+
+    from porotwin_recording.experiment_folder import FILES
+
+    if not command or {file.name, file.resolve().name} & {*FILES}:
+        return False
+    try:
+        if file.suffix == '.nc':
+            with netCDF4.Dataset(file) as dataset:
+                words = str(getattr(dataset, 'program', ''))
+        else:
+            with Image.open(file) as picture:
+                words = str(picture.info.get('Software', ''))
+    except OSError:
+        return False
+    name, made = PROGRAM.split()[0], words.rpartition(', ')[2]
+    return words.startswith(f'{name} ') and made == command
 
 
 def _inside(file: Path, folder: Path) -> bool:

@@ -16,6 +16,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
+from porotwin_cli.output_files import maker
 from porotwin_core.control_zones import ZoneKind, control_zones
 from porotwin_core.errors import InputError, writing
 from porotwin_core.grid import FloatArray
@@ -131,9 +132,15 @@ def chosen_maps(count: int) -> list[int]:
 
 
 def sheet_of_maps(
-    path: pathlib.Path, rig: Rig, times: Sequence[float], maps: Sequence[FloatArray], title: str
+    path: pathlib.Path,
+    rig: Rig,
+    times: Sequence[float],
+    maps: Sequence[FloatArray],
+    title: str,
+    *,
+    command: str,
 ) -> None:
-    """Draw maps (nz, nx) [-] of the given times [s] side by side, under a title."""
+    """Draw maps (nz, nx) [-] of the given times [s] side by side, under a title, for a command."""
     columns = min(3, len(maps))
     rows = -(-len(maps) // columns)
     height = PANEL_WIDTH * rig.height_m / rig.width_m + 0.7
@@ -154,5 +161,5 @@ def sheet_of_maps(
     figure.colorbar(scale, ax=axes, shrink=0.6, label='concentration: 0 water, 1 tracer stock')
     figure.suptitle(title)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DPI, metadata={'Software': maker(command)})
     plt.close(figure)

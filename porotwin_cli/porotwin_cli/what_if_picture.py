@@ -10,8 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from porotwin_cli.output_files import maker
 from porotwin_cli.rig_drawing import DPI, draw_map
-from porotwin_cli.what_if_study import NO_ZONE, WhatIfStudy
+from porotwin_cli.what_if_study import NO_ZONE, REACHED, WhatIfStudy
 from porotwin_core.errors import writing
 from porotwin_core.units import ML
 from porotwin_siblings.outlook import Outlook
@@ -22,9 +23,17 @@ PRESENT, PROPOSED = '#8a5a00', '#1f5fa8'
 """Colours of the two plans; told apart also by those who see no red or green."""
 
 EXPLANATION = (
-    'Maps: mean of all siblings at the end. Solid: its outline. Dotted: one standard deviation '
-    'less and more. Dashed: outline now. Hatched: the zone.'
+    'Maps: mean of all siblings at the end. Solid: its outline at a concentration of {level:g}. '
+    'Dotted: one standard deviation less and more. Dashed: outline at {start:.4g} min. '
+    'Hatched: the zone.'
 )
+
+
+SEEN = {
+    True: 'photographs, bars: their deviation and the noise of clean sand',
+    False: 'photographs, no deviations known; bars: the noise of clean sand',
+}
+"""Label of the photographs; by whether their maps tell deviations."""
 
 
 def what_if_picture(path: Path, study: WhatIfStudy) -> None:
@@ -49,12 +58,13 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
             fmt='k.',
             ms=3,
             lw=0.5,
-            label='photographs, with their standard deviation',
+            label=SEEN[study.deviations_known],
         )
     if np.isnan(study.seen_tracer[0]):
         zone.text(0.5, 0.5, NO_ZONE, ha='center', transform=zone.transAxes)
     zone.set_ylabel('tracer in the zone [ml]')
     reached.set_ylabel('probability that the zone is reached [%]')
+    reached.set_title(f'reached: {REACHED}', fontsize=9)
     reached.set_ylim(-3, 103)
     for axis in (zone, reached):
         axis.set_xlabel('time [min]')
@@ -62,14 +72,15 @@ def what_if_picture(path: Path, study: WhatIfStudy) -> None:
         axis.legend(fontsize=8)
     for axis, (name, outlook, colour) in zip(maps, plans, strict=True):
         _draw_plume(axis, study, name, outlook, colour)
-    figure.supxlabel(EXPLANATION, fontsize=9)
+    words = EXPLANATION.format(level=PLUME_THRESHOLD, start=study.start / 60.0)
+    figure.supxlabel(words, fontsize=9)
     with writing(path):
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=DPI, metadata={'Software': maker('what-if')})
     plt.close(figure)
 
 
 def _draw_plume(axis: Axes, study: WhatIfStudy, name: str, outlook: Outlook, colour: str) -> None:
-    """Draw the mean map at the end with its outline, the doubt about it, and today's outline."""
+    """Draw the mean map at the end with its outline, its doubt, and the outline at the start."""
     draw_map(axis, study.rig, outlook.mean[-1])
     x, z = np.meshgrid(study.grid.x, study.grid.z)
     mean, spread = outlook.mean[-1], outlook.deviation[-1]

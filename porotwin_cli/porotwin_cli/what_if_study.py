@@ -21,13 +21,14 @@ from porotwin_core.state_filter import Seen
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, Schedule, WellRate
 from porotwin_hub.setpoint_limits import Limits
+from porotwin_imaging.plume_measures import plume_cells
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
 from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import LONGEST_HORIZON_S, check_proposal, proposed_plan
 from porotwin_siblings.siblings import Siblings
-from porotwin_siblings.zone_measure import ZoneMeasure
+from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
 
 LEAST_HORIZON_S = 1800.0
 """How far a study looks at the end of a recording [s]."""
@@ -40,6 +41,9 @@ SAME_MOMENT_S = 1.0
 
 NO_ZONE = 'no zone in this objective: nothing says where tracer must not be'
 """Told in place of the tracer in the zone."""
+
+REACHED = f"{100.0 * REACHED_SHARE:g} % of the zone's pore volume is tracer"
+"""When the zone counts as reached."""
 
 UNITS_S = {'s': 1.0, 'min': 60.0, 'h': 3600.0}
 """Units of a time that a user writes [s]."""
@@ -59,7 +63,9 @@ class WhatIfStudy:
         proposed: the outlook under the proposed plan.
         seen_times: times of later photographs [s]; they were not learnt from.
         seen_tracer: tracer in the zone on these photographs [m^3]; NaN without a zone.
-        seen_deviation: standard deviation of `seen_tracer` [m^3]; 0 where the maps tell none.
+        seen_deviation: standard deviation of `seen_tracer` [m^3]: the systematic part of the maps,
+            if known, and the noise of clean sand, see `zone_noise`.
+        deviations_known: whether the maps tell deviations.
         objections: limits that the proposal breaks, one line each.
         rate_factors: share that each pump delivers, and its standard deviation [-].
         seconds: wall-clock time of both forecasts [s].
@@ -75,6 +81,7 @@ class WhatIfStudy:
     seen_times: FloatArray
     seen_tracer: FloatArray
     seen_deviation: FloatArray
+    deviations_known: bool
     objections: tuple[str, ...]
     rate_factors: dict[str, tuple[float, float]]
     seconds: float
@@ -124,11 +131,29 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
             rate = from_ml_h(float(number))
         except ValueError:
             rate = np.nan
-        if not equals or not np.isfinite(rate):
+        if not (well and equals and np.isfinite(rate)):
             raise InputError(f"rates '{text}': write WELL=ML_H, like {next(iter(rig.wells))}=300")
         fixed = rig.control.fixed.get(well) if rig.control is not None else None
         rates[well] = WellRate(rate, fixed.concentration if fixed is not None else 0.0)
     return RateStep(after, rates)
+
+
+def rate_steps(texts: Sequence[str], rig: Rig, start: float) -> list[RateStep]:
+    """Return the changes of rates that a user writes, in the order of their times; see `rate_step`.
+
+    Raises:
+        InputError: as there, or two of them give a well different rates at the same time.
+    """
+    steps: list[RateStep] = []
+    for text in texts:
+        step = rate_step(text, rig, start)
+        same = {well for one in steps if one.start == step.start for well in one.rates}
+        if twice := sorted(same.intersection(step.rates)):
+            raise InputError(
+                f"rates '{text}': {twice[0]} has a rate at that time already; give it one rate"
+            )
+        steps.append(step)
+    return sorted(steps, key=lambda step: step.start)
 
 
 def study_what_if(
@@ -207,7 +232,9 @@ def study_what_if(
     later = [n for n in range(newest, len(times)) if times[n] <= begin + ahead]
     zone = ZoneMeasure.of(recording.rig, maps)
     assert recording.maps is not None
-    seen = [zone.tracer(np.nan_to_num(recording.maps[n])) for n in later]
+    shown = [np.asarray(recording.maps[n]) for n in later]
+    seen = [zone.tracer(np.nan_to_num(values)) for values in shown]
+    noise = [zone_noise(values, zone, maps) for values in shown]
     # the systematic errors of neighbouring cells are alike: their sum over the zone counts in full
     common = recording.maps.systematic
     doubt = [zone.tracer(np.nan_to_num(common[n])) if common is not None else 0.0 for n in later]
@@ -221,11 +248,28 @@ def study_what_if(
         proposed=outlooks[1],
         seen_times=np.array([times[n] for n in later]),
         seen_tracer=np.array(seen),
-        seen_deviation=np.array(doubt),
+        seen_deviation=np.hypot(doubt, noise),
+        deviations_known=common is not None,
         objections=objections,
         rate_factors=family.rate_factors(),
         seconds=seconds,
     )
+
+
+def zone_noise(values: FloatArray, zone: ZoneMeasure, grid: Grid) -> float:
+    """Return the tracer [m^3] that the noise of clean sand alone would show in the zone.
+
+    A map is never below 0, so its noise adds up over the zone: the mean of the clean cells of the
+    map, in all clean cells of the zone.
+
+    Args:
+        values: the map (nz, nx) [-], NaN where nothing is seen.
+        zone: the zone.
+        grid: the grid of the map.
+    """
+    clean = np.isfinite(values) & ~plume_cells(values, grid)
+    level = float(np.abs(values[clean]).mean()) if clean.any() else 0.0
+    return zone.tracer(np.where(clean, level, 0.0))
 
 
 def later_steps(steps: Sequence[RateStep], delay: float) -> list[RateStep]:

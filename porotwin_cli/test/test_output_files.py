@@ -2,10 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
-from porotwin_cli.output_files import check_output
+from porotwin_cli.output_files import check_output, maker
 from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
 
 
 @pytest.fixture
@@ -36,6 +41,33 @@ def test_new_files_and_files_elsewhere_are_written(recording: Path, tmp_path: Pa
     check_output(recording / 'maps.nc', recording)
     (tmp_path / 'maps.nc').write_text('older maps')
     check_output(tmp_path / 'maps.nc', recording, recording / 'rig.yaml')
+
+
+def test_a_command_may_overwrite_what_it_made(recording: Path) -> None:
+    maps, picture = recording / 'model.nc', recording / 'check.png'
+    for kept in (maps, recording / 'concentration.nc'):
+        with ConcentrationWriter(kept, Grid(3, 2, 0.3, 0.2), origin=made('simulate')) as writer:
+            writer.append(0.0, np.zeros((2, 3)))
+    plain = PngInfo()
+    plain.add_text('Software', maker('check'))
+    Image.new('L', (2, 2)).save(picture, pnginfo=plain)
+    Image.new('L', (2, 2)).save(recording / 'photo.png')
+    check_output(maps, recording, command='simulate')
+    check_output(picture, recording, command='check')
+    for file, command in (
+        (maps, 'image'),
+        (maps, ''),
+        (picture, 'simulate'),
+        (recording / 'photo.png', 'check'),
+        (recording / 'concentration.nc', 'simulate'),
+        (recording / 'rig.yaml', 'check'),
+    ):
+        with pytest.raises(InputError, match='is a file of the input'):
+            check_output(file, recording, command=command)
+
+
+def made(command: str) -> MapOrigin:
+    return MapOrigin(program=maker(command))
 
 
 def test_a_missing_folder_and_a_folder_are_named(tmp_path: Path) -> None:

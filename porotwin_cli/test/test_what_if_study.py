@@ -12,8 +12,10 @@ from porotwin_cli.what_if_study import (
     WhatIfStudy,
     later_steps,
     rate_step,
+    rate_steps,
     seconds_of,
     study_what_if,
+    zone_noise,
 )
 from porotwin_core.errors import InputError
 from porotwin_core.units import from_ml_h, to_ml_h
@@ -22,6 +24,7 @@ from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_siblings.zone_measure import ZoneMeasure
 
 
 @pytest.fixture(scope='module')
@@ -77,6 +80,17 @@ def test_later_photographs_are_shown_and_not_learnt_from(found: WhatIfStudy) -> 
     assert found.seen_tracer.shape == (4,)
 
 
+def test_the_noise_of_clean_sand_is_told_for_the_whole_zone() -> None:
+    rig = demo_scenario().rig
+    grid = rig.grid(94, 56)
+    zone = ZoneMeasure.of(rig, grid)
+    noise = np.full(grid.shape, 0.002)
+    assert zone_noise(noise, zone, grid) == pytest.approx(zone.tracer(noise))
+    noise[0, 0] = np.nan
+    assert zone_noise(noise, zone, grid) == pytest.approx(zone.tracer(np.nan_to_num(noise)))
+    assert zone_noise(np.ones(grid.shape), zone, grid) == 0.0
+
+
 def test_the_picture_is_drawn(found: WhatIfStudy, tmp_path: Path) -> None:
     what_if_picture(tmp_path / 'picture.png', found)
     assert (tmp_path / 'picture.png').stat().st_size > 20_000
@@ -120,6 +134,7 @@ def test_other_texts_are_no_times(text: str) -> None:
     [
         ('nowell=3', "well 'nowell' is unknown"),
         ('control1', 'write WELL=ML_H'),
+        ('=5', 'write WELL=ML_H'),
         ('control1=much', 'write WELL=ML_H'),
         ('5min:control1=3', 'lies before --at'),
     ],
@@ -127,6 +142,14 @@ def test_other_texts_are_no_times(text: str) -> None:
 def test_wrong_rates_are_refused(text: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         rate_step(text, demo_scenario().rig, 600.0)
+
+
+def test_a_well_gets_one_rate_at_a_time() -> None:
+    rig = demo_scenario().rig
+    steps = rate_steps(['20min:control1=5', 'control1=6', 'control3=7'], rig, 600.0)
+    assert [step.start for step in steps] == [0.0, 0.0, 600.0]
+    with pytest.raises(InputError, match='control1 has a rate at that time already'):
+        rate_steps(['control1=5', '600s:control1=6'], rig, 600.0)
 
 
 def test_a_change_may_come_later() -> None:

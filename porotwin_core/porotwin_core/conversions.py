@@ -1,6 +1,7 @@
 """Conversions between messages and the types of the algorithms, in both directions.
 
-The functions `..._from_msg` come from `from_messages`, which needs no ROS.
+The functions `..._from_msg` come from `from_messages`, which needs no ROS. Every number of a float
+field is made a float here: a message would send an int as another number.
 """
 
 import array
@@ -13,6 +14,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from porotwin_core import learnt_physics
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.errors import InputError
 from porotwin_core.from_messages import RIG_FRAME as RIG_FRAME
@@ -74,7 +76,7 @@ def header_at(seconds: float, frame: str = RIG_FRAME) -> Header:
 
 def grid_to_msg(grid: Grid) -> GridInfo:
     """Return the message of a grid."""
-    return GridInfo(nx=grid.nx, nz=grid.nz, width=grid.width, height=grid.height)
+    return GridInfo(nx=grid.nx, nz=grid.nz, width=float(grid.width), height=float(grid.height))
 
 
 def tracer_to_msg(concentration: FloatArray, grid: Grid, seconds: float) -> TracerField:
@@ -106,14 +108,16 @@ def source_to_msg(source: FloatArray, grid: Grid, seconds: float) -> SourceField
 def rates_to_msg(rates: WellRates) -> list[WellRateMessage]:
     """Return one message for each rate, in the order of `rates`."""
     return [
-        WellRateMessage(well=name, rate=well.rate, concentration=well.concentration)
+        WellRateMessage(well=name, rate=float(well.rate), concentration=float(well.concentration))
         for name, well in rates.items()
     ]
 
 
 def plan_to_msg(plan: Iterable[RateStep]) -> list[RateStepMessage]:
     """Return one message for each step of a plan."""
-    return [RateStepMessage(start=step.start, wells=rates_to_msg(step.rates)) for step in plan]
+    return [
+        RateStepMessage(start=float(step.start), wells=rates_to_msg(step.rates)) for step in plan
+    ]
 
 
 def cost_term_to_msg(term: CostTerm) -> CostTermMessage:
@@ -137,15 +141,19 @@ def learnt_to_msg(learnt: LearntPhysics) -> LearntPhysicsMessage:
     """Return the message of learnt physics."""
     x, z = learnt.background_flux
     return LearntPhysicsMessage(
-        density_difference=learnt.density_difference,
-        longitudinal_dispersivity=learnt.longitudinal_dispersivity,
-        transverse_dispersivity=learnt.transverse_dispersivity,
-        background_flux_x=x,
-        background_flux_z=z,
-        log_retardation=learnt.log_retardation,
-        leaks=[LearntLeak(**asdict(leak)) for leak in learnt.leaks],
-        patches=[SandPatch(**asdict(patch)) for patch in learnt.patches],
+        density_difference=float(learnt.density_difference),
+        longitudinal_dispersivity=float(learnt.longitudinal_dispersivity),
+        transverse_dispersivity=float(learnt.transverse_dispersivity),
+        background_flux_x=float(x),
+        background_flux_z=float(z),
+        log_retardation=float(learnt.log_retardation),
+        leaks=[LearntLeak(**_floats(leak)) for leak in learnt.leaks],
+        patches=[SandPatch(**_floats(patch)) for patch in learnt.patches],
     )
+
+
+def _floats(values: learnt_physics.LearntLeak | learnt_physics.SandPatch) -> dict[str, float]:
+    return {name: float(value) for name, value in asdict(values).items()}
 
 
 def ok() -> Outcome:
@@ -161,8 +169,8 @@ def refusal(error: Exception) -> Outcome:
 
 
 def _quantity_to_msg(value: float | FloatArray, rig: Rig) -> Quantity:
-    if isinstance(value, float):
-        return Quantity(value=value)
+    if isinstance(value, int | float):
+        return Quantity(value=float(value))
     grid = rig.grid(value.shape[1], value.shape[0])
     return Quantity(
         value=math.nan,
@@ -177,7 +185,7 @@ def effect_to_msg(effect: EffectDescription) -> Effect:
     for name, value in effect.parameters.items():
         text = isinstance(value, str)
         message.parameter_names.append(name)
-        message.parameter_values.append(math.nan if text else value)
+        message.parameter_values.append(math.nan if text else float(value))
         message.parameter_texts.append(value if text else '')
     return message
 

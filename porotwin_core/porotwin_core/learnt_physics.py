@@ -4,8 +4,7 @@ The learnt physics consists of plain numbers. The data-driven model keeps them i
 solver runs them. Neither of them imports the other.
 """
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, astuple, dataclass
 from typing import Any, Self
 
@@ -18,16 +17,25 @@ EDGE = 0.15
 """Width of the edge of a patch relative to its radius [-]: sand is packed in lenses, and an edge
 of a cell or two has a slope that a fit can follow."""
 
-LARGEST_LOG_RETARDATION = math.log(100.0)
-"""Largest change of the logarithm of the retardation [-]: a tracer a hundred times slower would
-not leave its well within an experiment."""
+Range = tuple[float, float]
 
-LARGEST_LOG_FACTOR = math.log(1e3)
-"""Largest logarithm of the permeability factor of a patch [-]: sands of grains from 0.1 to 3 mm
-differ by a factor of 1000, because permeability grows with the square of the grain size (Hazen)."""
+DENSITY_RANGE: Range = (-1000.0, 1000.0)
+"""Of the learnt density difference [kg/m^3]: no tracer is heavier than twice the water."""
 
-LEAST_RADIUS = 1e-3
-"""Least radius of a patch of sand [m]: the size of a grain."""
+DISPERSIVITY_RANGE: Range = (0.0, 1.0)
+"""Of the learnt dispersivities [m], which are added: a laboratory rig is a few metres wide."""
+
+FLUX_RANGE: Range = (-0.01, 0.01)
+"""Of the learnt background flux [m/s]: it would cross a rig in a minute or two."""
+
+LOG_RETARDATION_RANGE: Range = (-4.6, 4.6)
+"""Of the logarithm of the learnt retardation [-]: factors of 0.01 to 100."""
+
+LOG_FACTOR_RANGE: Range = (-10.0, 10.0)
+"""Of the logarithm of a patch's permeability [-]: from gravel to silt; a fit stays within 5."""
+
+RADIUS_RANGE: Range = (1e-3, 10.0)
+"""Of the radius of a patch [m]: from a grain of sand to a rig that is larger than any."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +81,7 @@ class LearntPhysics:
     patches: tuple[SandPatch, ...] = ()
 
     def check(self) -> None:
-        """Return if every number is finite and within its range.
+        """Check that every number is finite and within the range that any rig can have.
 
         Raises:
             InputError: it names the number that is wrong.
@@ -90,20 +98,14 @@ class LearntPhysics:
         for name, values in named.items():
             if not np.isfinite(np.asarray(values, dtype=float)).all():
                 raise InputError(f'learnt physics, {name}: not a finite number; train again')
-        for name in ('longitudinal_dispersivity', 'transverse_dispersivity'):
-            if getattr(self, name) < 0.0:
-                raise InputError(
-                    f'learnt physics, {name} {getattr(self, name):g} m: '
-                    'must not be negative; train again'
-                )
-        _refuse_beyond('log_retardation', self.log_retardation, LARGEST_LOG_RETARDATION)
-        for patch in self.patches:
-            _refuse_beyond('patches, log_factor', patch.log_factor, LARGEST_LOG_FACTOR)
-            if patch.radius < LEAST_RADIUS:
-                raise InputError(
-                    f'learnt physics, patches: a radius of {patch.radius:g} m is less than a '
-                    f'grain, {LEAST_RADIUS:g} m; train again'
-                )
+        along_and_across = (self.longitudinal_dispersivity, self.transverse_dispersivity)
+        _check_range('density_difference', [self.density_difference], DENSITY_RANGE)
+        _check_range('dispersivity', along_and_across, DISPERSIVITY_RANGE)
+        _check_range('background_flux', self.background_flux, FLUX_RANGE)
+        _check_range('log_retardation', [self.log_retardation], LOG_RETARDATION_RANGE)
+        _check_range('radius of a patch', [one.radius for one in self.patches], RADIUS_RANGE)
+        factors = [one.log_factor for one in self.patches]
+        _check_range('log_factor of a patch', factors, LOG_FACTOR_RANGE)
 
     def permeability_factor(self, grid: Grid) -> FloatArray:
         """Return the factor on the permeability of every cell, (nz, nx)."""
@@ -137,12 +139,18 @@ class LearntPhysics:
         )
 
 
-def _refuse_beyond(name: str, value: float, largest: float) -> None:
-    if abs(value) > largest:
-        raise InputError(
-            f'learnt physics, {name} {value:g}: must lie between {-largest:.3g} and {largest:.3g}; '
-            'train again'
-        )
+def _check_range(name: str, values: Iterable[float], within: Range) -> None:
+    """Check that all `values` lie `within` a range.
+
+    Raises:
+        InputError: one does not.
+    """
+    low, high = within
+    for value in values:
+        if not low <= value <= high:
+            raise InputError(
+                f'learnt physics, {name}: {value:g} is not from {low:g} to {high:g}; train again'
+            )
 
 
 NO_LEARNT_PHYSICS = LearntPhysics()

@@ -39,6 +39,11 @@ PLAIN: dict[str, Any] = {
 CONTROL: dict[str, Any] = {'wells': ['a'], 'disallowed_zone_m': [[0, 0.4], [0.9, 0.4], [0.9, 0.5]]}
 
 
+def over_the_wire(message: Any) -> Any:
+    """Return `message` as another process gets it."""
+    return deserialize_message(serialize_message(message), type(message))
+
+
 @given(seconds=st.floats(0, 4e9))
 def test_stamps_keep_microseconds_over_centuries(seconds: float) -> None:
     assert conversions.time_from_msg(conversions.time_to_msg(seconds)) == pytest.approx(
@@ -259,3 +264,15 @@ def test_learnt_physics_survives_the_wire() -> None:
     message = conversions.learnt_to_msg(learnt)
     received = deserialize_message(serialize_message(message), type(message))
     assert conversions.learnt_from_msg(received) == learnt
+
+
+def test_numbers_without_a_point_survive_the_wire() -> None:
+    plan = [RateStep(0, {'a': WellRate(1, 1)})]
+    step = over_the_wire(conversions.plan_to_msg(plan)[0])
+    assert conversions.plan_from_msg([step]) == (RateStep(0.0, {'a': WellRate(1.0, 1.0)}),)
+    learnt = LearntPhysics(1, 1, 1, (0, 0), 1, (LearntLeak(1, 0, 1),), (SandPatch(1, 1, 1, 1),))
+    assert conversions.learnt_from_msg(over_the_wire(conversions.learnt_to_msg(learnt))) == learnt
+    effect = EffectDescription.model_construct(name='rest', parameters={'factor': 2})
+    message = over_the_wire(conversions.effect_to_msg(effect))
+    assert list(message.parameter_values) == [2.0]
+    assert over_the_wire(conversions.grid_to_msg(Grid(2, 2, 1, 1))).width == 1.0

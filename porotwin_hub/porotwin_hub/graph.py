@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_hub.node_description import NAMESPACE, NodeDescription, Parameter, Parameters
 from porotwin_hub.parameter_file import known_rules, template, with_parameters
 
@@ -50,7 +51,7 @@ class GraphSettings:
     calibration: Path | None = _option(None, 'calibration of the camera')
     model: Path | None = _option(None, 'COSTA model to load; none: forecasts are not corrected')
     grid: str = _option('', 'columns x rows of the maps; empty: cells of about 5 mm')
-    preset: str = _option('fast', 'scheme of the physics-based model: fast, accurate or upwind')
+    preset: str = _option('fast', f'scheme of the physics-based model: {PRESET_WORDS}')
     photo_interval_s: float = _option(30.0, 'time between photographs [s]')
     horizon_s: float = _option(1800.0, 'how far the optimiser looks ahead [s]')
     evaluations: int = _option(60, 'most predictions of one optimisation')
@@ -161,7 +162,8 @@ def _guard_node(settings: GraphSettings, common: Parameters) -> NodeDescription:
 def _siblings_node(settings: GraphSettings, mapped: Parameters) -> list[NodeDescription]:
     if not settings.siblings:
         return []
-    return [NodeDescription('siblings', 'porotwin_siblings', 'siblings_node', mapped)]
+    parameters = {**mapped, 'photo_interval_s': settings.photo_interval_s}
+    return [NodeDescription('siblings', 'porotwin_siblings', 'siblings_node', parameters)]
 
 
 def _recorder_node(settings: GraphSettings) -> list[NodeDescription]:

@@ -12,6 +12,7 @@ from porotwin_core.correction import CorrectionFn
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.rates_in_force import (
+    LONGEST_GAP_INTERVALS,
     KnownRates,
     RatePeriod,
     describe_difference,
@@ -31,10 +32,6 @@ from porotwin_hub.tracer_balance import imbalance
 
 SAME_TIME_S = 0.5
 """A forecast belongs to a photograph if their times differ by at most this [s]."""
-
-LONGEST_GAP_INTERVALS = 10
-"""Longest time between two states in photo intervals. After a longer one the sequence begins anew,
-and nothing is predicted over it. A few lost photographs are no interruption."""
 
 
 class Twin:

@@ -96,12 +96,14 @@ def test_a_recorder_that_restarts_continues_its_bag() -> None:
     assert recorder.parameters['continues'] is True
 
 
-def test_hub_and_trainer_know_the_time_between_photographs() -> None:
-    settings = GraphSettings(rig=Path('rig.yaml'), retrain_every=5, photo_interval_s=12.0)
+def test_hub_trainer_and_siblings_know_the_time_between_photographs() -> None:
+    settings = GraphSettings(
+        rig=Path('rig.yaml'), retrain_every=5, photo_interval_s=12.0, siblings=True
+    )
     intervals = {
         node.name: node.parameters.get('photo_interval_s') for node in twin_nodes(settings)
     }
-    assert (intervals['hub'], intervals['trainer']) == (12.0, 12.0)
+    assert [intervals[name] for name in ('hub', 'trainer', 'siblings')] == 3 * [12.0]
 
 
 def test_a_device_takes_the_place_of_the_folder() -> None:

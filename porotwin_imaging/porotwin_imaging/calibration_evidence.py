@@ -181,10 +181,15 @@ def _response_line(evidence: CalibrationEvidence) -> str:
 
 
 def _mass_line(evidence: CalibrationEvidence) -> str:
-    agreeing = len(evidence.photographs) - len(evidence.disagreeing)
+    count = len(evidence.photographs)
+    checked = (
+        f'{count - len(evidence.disagreeing)} of {count} photographs agree to '
+        f'{100 * evidence.mass_misfit:.1f} %'
+        if count > 1
+        else 'one photograph alone, so none confirms it'
+    )
     return (
-        f'mass: {agreeing} of {len(evidence.photographs)} photographs agree to '
-        f'{100 * evidence.mass_misfit:.1f} %; the maps hold {evidence.mass_factor:.3f} +- '
+        f'mass: {checked}; the maps hold {evidence.mass_factor:.3f} +- '
         f'{evidence.mass_factor_deviation:.3f} times the injected mass, '
         f'{100 * evidence.mass_offset:+.1f} % of it before the injection'
     )

@@ -304,6 +304,11 @@ def _remarks(
         )
     if math.isnan(evidence.mass_factor):
         yield 'no pump log (rates.csv): the amount of tracer in the maps was not checked'
+    elif len(evidence.photographs) == 1:
+        yield (
+            'one photograph cannot show that the tracer in the maps grows as the pump log says: '
+            'photograph more of the injection'
+        )
     if settings.told_dilution_misfit < evidence.dilution_misfit <= settings.most_dilution_misfit:
         yield (
             f'a dilution is read {evidence.dilution_misfit:.2f} of stock from its known value'

@@ -9,11 +9,12 @@ fingers has one.
 
 Mass, centre and spread, and distances of maps, take the cells of the plume alone (`plume_alone`).
 The noise of clean sand is small in each cell, but it fills the rig: its moments would outweigh
-those of a small plume.
+those of a small plume. A map that shows noise alone has no tracer and no centre.
 
-Deviations are carried through at first order. The random part is taken as independent from cell to
-cell, the systematic part as common to all cells. Where a value has no deviation, the deviations of
-the measures are not known.
+Deviations are carried through at first order. The random part is correlated between neighbours like
+the noise of clean sand far from the plume. The systematic part is common to all cells. Half the
+range over other choices of the plume's edge adds to both. Where a value has no deviation, the
+deviations of the measures are not known.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt, label, maximum
 from scipy.signal import find_peaks
 
 from porotwin_core.errors import InputError
@@ -45,6 +46,18 @@ MARGIN_M = 0.03
 """The pale rim of the plume reaches this far beyond its inside [m]: a few widths of dispersion."""
 SMALLEST_PART = 4
 """Smaller parts of cells are noise: denoised noise makes spots of a few cells."""
+NOISE_SHARE = 0.9
+"""The noise of clean sand is the value that this share of its cells stays below [-]."""
+CORE_NOISES = 25.0
+"""A plume's peak exceeds that noise by this factor [-]: spots of denoised noise reach 17."""
+PALE_M2 = 2.5e-3
+"""A larger part is a plume without such a peak [m^2]: spots of noise have up to 3 cm^2."""
+OTHER_EDGES = ((2.0, 0.5), (1.0, 2.0))
+"""Other edges of a plume, for deviations: factors of the inside's level and of the margin [-]."""
+LEAST_NOISE = 1e-4
+"""Clean sand with less noise than this has none to learn a correlation from [-]."""
+FEWEST_CLEAN = 200
+"""Fewest clean cells from which the correlation of noise is learnt."""
 _FINGER_CELLS = 2
 _LEAST_NET = 0.01
 """Least share of the net mass in the sum of all amounts; below it the mass is noise [-]."""
@@ -65,8 +78,10 @@ class PlumeMeasures:
         contour_m: length of the outline [m].
         fingers: fingers on one side.
         seen: share of the cells that the map shows [-].
-        tracer_deviation_ml, x_deviation_m, z_deviation_m, area_deviation_m2: standard deviations
-            of these; NaN if a value that is seen has no deviation.
+        tracer_deviation_ml, x_deviation_m, z_deviation_m, spread_x_deviation_m,
+            spread_z_deviation_m, area_deviation_m2: standard deviations of these; NaN if a value
+            that is seen has no deviation. Without a plume, that of the tracer is half of what was
+            left out as noise.
     """
 
     tracer_ml: float
@@ -82,6 +97,8 @@ class PlumeMeasures:
     tracer_deviation_ml: float = np.nan
     x_deviation_m: float = np.nan
     z_deviation_m: float = np.nan
+    spread_x_deviation_m: float = np.nan
+    spread_z_deviation_m: float = np.nan
     area_deviation_m2: float = np.nan
 
 
@@ -119,16 +136,22 @@ def plume_measures(
         return _NOTHING_SEEN
     shown = np.nan_to_num(values)
     plume = plume_cells(values, grid, deviation)
-    mass = np.where(plume, shown, 0.0) * pore_volume * 1e6
-    centre = _centre(mass, grid)
-    spread = _spread(mass, grid, centre)
+    mass, centre, spread = moments = _moments(shown, plume, pore_volume, grid)
     found: dict[str, float] = {}
     common = np.zeros_like(shown) if systematic is None else systematic
     if deviation is not None and _known(deviation, seen) and _known(common, seen):
         common, total = np.where(seen, common, 0.0), np.where(seen, deviation, 0.0)
         own = np.sqrt(np.maximum(total**2 - common**2, 0.0))
         volume = np.where(plume, pore_volume, 0.0) * 1e6
-        found = _deviations(own, common, mass.sum(), volume, grid, centre)
+        noise = _noise_spectrum(values, plume, grid)
+        found = _deviations(own, common, noise, volume, grid, moments)
+        others = [
+            plume_cells(values, grid, deviation, edge=edge) if plume.any() else shown > LEAST_INSIDE
+            for edge in OTHER_EDGES
+        ]
+        found = _with_edges(
+            found, moments, [_moments(shown, cells, pore_volume, grid) for cells in others]
+        )
         area = _area(shown + total, level, grid) - _area(shown - total, level, grid)
         found['area_deviation_m2'] = 0.5 * area
     return PlumeMeasures(
@@ -157,17 +180,26 @@ def _known(deviation: Array, seen: Array) -> bool:
     return bool((np.isfinite(part) & (part >= 0.0)).all())
 
 
-def plume_cells(values: Array, grid: Grid, deviation: Array | None = None) -> Array:
+def plume_cells(
+    values: Array,
+    grid: Grid,
+    deviation: Array | None = None,
+    *,
+    edge: tuple[float, float] = (1.0, 1.0),
+) -> Array:
     """Return the cells that belong to the plume of a map (nz, nx): its inside and a margin.
 
     The inside lies above `LEAST_INSIDE` and above `PLUME_DEVIATIONS` typical deviations of clean
-    sand, in parts of at least `SMALLEST_PART` cells. The margin is `MARGIN_M` wide. Small parts
-    count where there is nothing else: a plume begins with one cell.
+    sand, in parts of at least `SMALLEST_PART` cells. Each part has a peak above `CORE_NOISES` times
+    the noise of clean sand, at most `LEVEL`, or an area above `PALE_M2`: others are noise. The
+    margin is `MARGIN_M` wide. Small parts count where there is nothing else: a plume begins with
+    one cell.
 
     Args:
         values: concentration, shape (nz, nx), NaN where it is not seen.
         grid: the grid of the map.
         deviation: standard deviation of each value, shape (nz, nx), or None.
+        edge: factors of the level of the inside and of the width of the margin [-].
     """
     shown = np.nan_to_num(values)
     level = LEAST_INSIDE
@@ -175,16 +207,26 @@ def plume_cells(values: Array, grid: Grid, deviation: Array | None = None) -> Ar
         clean = np.asarray(deviation)[(shown < LEVEL) & np.isfinite(deviation)]
         if clean.size:
             level = min(max(level, PLUME_DEVIATIONS * float(np.median(clean))), LEVEL)
-    inside = shown > level
-    parts, _ = label(inside, np.ones((3, 3)))
-    large = np.bincount(parts.ravel()) >= SMALLEST_PART
-    large[0] = False
-    if large.any():
-        inside = large[parts]
+    inside = _without_noise(shown > edge[0] * level, shown, np.isfinite(values), grid)
     if not inside.any():
         return inside
     away = distance_transform_edt(~inside, (grid.dz, grid.dx))
-    return np.asarray(away <= MARGIN_M)
+    return np.asarray(away <= edge[1] * MARGIN_M)
+
+
+def _without_noise(inside: Array, shown: Array, seen: Array, grid: Grid) -> Array:
+    """Return the cells `inside` without the parts that are noise, see `plume_cells`."""
+    parts, count = label(inside, np.ones((3, 3)))
+    if not count:
+        return inside
+    numbers = np.arange(1, count + 1)
+    sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    clean = shown[seen & (shown < LEAST_INSIDE)]
+    noise = float(np.quantile(clean, NOISE_SHARE)) if clean.size else 0.0
+    core = min(max(LEAST_INSIDE, CORE_NOISES * noise), LEVEL)
+    kept = (maximum(shown, parts, numbers) > core) | (sizes * grid.cell_area > PALE_M2)
+    large = kept & (sizes >= SMALLEST_PART)
+    return np.asarray(np.concatenate([[False], large if large.any() else kept])[parts])
 
 
 def plume_alone(values: Array, grid: Grid, deviation: Array | None = None) -> Array:
@@ -275,18 +317,90 @@ def _area(shown: Array, level: float, grid: Grid) -> float:
     return float((shown >= level).sum() * grid.cell_area)
 
 
+def _moments(shown: Array, plume: Array, pore_volume: Array, grid: Grid) -> 'Moments':
+    """Return the mass of each cell [ml], its centre and its spread [m]."""
+    mass = np.where(plume, shown, 0.0) * pore_volume * 1e6
+    centre = _centre(mass, grid)
+    return mass, centre, _spread(mass, grid, centre)
+
+
+Moments = tuple[Array, tuple[float, float], tuple[float, float, float]]
+"""Mass of each cell [ml]; centre (x, z) [m]; spread along x and z [m], and their correlation."""
+
+
 def _deviations(
-    own: Array, common: Array, total: float, volume: Array, grid: Grid, centre: tuple[float, float]
+    own: Array, common: Array, noise: Array, volume: Array, grid: Grid, moments: Moments
 ) -> dict[str, float]:
-    """Return the standard deviations of the mass [ml] and of its centre [m]."""
+    """Return the standard deviations of the mass [ml], of its centre and of its spread [m]."""
 
     def of_sum(weight: Array) -> float:
-        return float(np.hypot(np.sqrt(np.sum((weight * own) ** 2)), np.sum(weight * common)))
+        power = np.abs(np.fft.rfft2(weight * own, _padded(grid))) ** 2
+        power[:, 1:-1] *= 2.0  # the half of the spectrum that a real transform leaves out
+        correlated = max(float((power * noise).sum()) / np.prod(_padded(grid)), 0.0)
+        return float(np.hypot(np.sqrt(correlated), np.sum(weight * common)))
 
+    mass, centre, spread = moments
+    found = {'tracer_deviation_ml': of_sum(volume)}
     if np.isnan(centre[0]):
-        return {'tracer_deviation_ml': of_sum(volume)}
-    return {
-        'tracer_deviation_ml': of_sum(volume),
-        'x_deviation_m': of_sum(volume * (grid.x - centre[0])[None, :] / total),
-        'z_deviation_m': of_sum(volume * (grid.z - centre[1])[:, None] / total),
+        return found
+    places = ('x', (grid.x - centre[0])[None, :]), ('z', (grid.z - centre[1])[:, None])
+    for (axis, away), wide in zip(places, spread[:2], strict=True):
+        share = volume / mass.sum()
+        found[f'{axis}_deviation_m'] = of_sum(share * away)
+        if wide > 0.0:
+            found[f'spread_{axis}_deviation_m'] = of_sum(share * (away**2 - wide**2) / (2.0 * wide))
+    return found
+
+
+def _padded(grid: Grid) -> tuple[int, int]:
+    """Return an even shape in which shifted maps do not wrap onto themselves."""
+    return 2 * grid.nz, 2 * grid.nx
+
+
+def _noise_spectrum(values: Array, plume: Array, grid: Grid) -> Array:
+    """Return the spectrum of the correlation of noise between cells; 1 without any correlation.
+
+    The noise is that of cells further than twice `MARGIN_M` from the plume. Cells further than
+    `MARGIN_M` from each other are not correlated.
+    """
+    shape = _padded(grid)
+    independent = np.ones((shape[0], shape[1] // 2 + 1))
+    clean = np.isfinite(values)
+    if plume.any():
+        clean &= distance_transform_edt(~plume, (grid.dz, grid.dx)) > MARGIN_M
+    if clean.sum() < FEWEST_CLEAN:
+        return independent
+    noise = np.where(clean, np.nan_to_num(values) - values[clean].mean(), 0.0)
+    if noise[clean].std() < LEAST_NOISE:
+        return independent
+    pairs, products = (
+        np.fft.irfft2(np.abs(np.fft.rfft2(field, shape)) ** 2, shape)
+        for field in (clean.astype(float), noise)
+    )
+    lag_z, lag_x = np.fft.fftfreq(shape[0], 1 / shape[0]), np.fft.fftfreq(shape[1], 1 / shape[1])
+    near = np.hypot(lag_z[:, None] * grid.dz, lag_x[None, :] * grid.dx) <= MARGIN_M
+    covariance = np.where(near & (pairs > 0.5), products / np.maximum(pairs, 0.5), 0.0)
+    return np.fft.rfft2(covariance / covariance[0, 0], shape).real
+
+
+def _with_edges(
+    found: dict[str, float], moments: Moments, others: list[Moments]
+) -> dict[str, float]:
+    """Return the deviations, each with half the range over other edges of the plume."""
+
+    def measures(of: Moments) -> dict[str, float]:
+        mass, centre, spread = of
+        return {
+            'tracer_deviation_ml': float(mass.sum()),
+            'x_deviation_m': centre[0],
+            'z_deviation_m': centre[1],
+            'spread_x_deviation_m': spread[0],
+            'spread_z_deviation_m': spread[1],
+        }
+
+    every = [measures(one) for one in (moments, *others)]
+    ranges = {
+        name: np.nanmax([one[name] for one in every]) - np.nanmin([one[name] for one in every])
+        for name in found
     }
+    return {name: float(np.hypot(value, 0.5 * ranges[name])) for name, value in found.items()}

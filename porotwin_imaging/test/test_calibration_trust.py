@@ -9,6 +9,7 @@ from porotwin_imaging.calibration_evidence import (
     CalibrationEvidence,
     PhotographEvidence,
     SandEvidence,
+    evidence_lines,
 )
 from porotwin_imaging.calibration_trust import Trust, judged
 from porotwin_imaging.front_response import FrontFit
@@ -113,6 +114,15 @@ def test_without_a_pump_log_there_is_nothing_to_compare() -> None:
     trust = judged(replace(alone, mass_misfit=NAN), plume)
     assert not trust.objections
     assert 'the amount of tracer in the maps was not checked' in trust.remarks[0]
+
+
+def test_one_photograph_does_not_agree_with_itself() -> None:
+    one = replace(GOOD, photographs=PHOTOGRAPHS[:1], mass_misfit=0.0)
+    trust = judged(one, PLUME)
+    assert not trust.objections
+    assert any('one photograph cannot show' in line for line in trust.remarks)
+    mass = next(line for line in evidence_lines(one) if line.startswith('mass:'))
+    assert 'agree' not in mass
 
 
 def test_a_baseline_with_tracer_is_named() -> None:

@@ -5,10 +5,12 @@ and never those before it. (One file that grows may be unreadable after a kill, 
 library writes its index in several steps.)
 """
 
+import json
 import math
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from numpy.typing import NDArray
 
@@ -26,25 +28,26 @@ from porotwin_recording.concentration import (
 MAPS_PER_PART = 16
 """Maps of a part: a kill costs at most so many."""
 
-_SOURCE = 'source.txt'
+_SOURCE = 'source.json'
 """File beside the parts that tells what they were made from."""
 
 
 class MapParts:
     """Writes maps in parts beside the file `path`, which appears when all are joined.
 
-    Use it like `ConcentrationWriter`. After an interruption, a writer with the same `source`, rig
-    and grid goes on behind the last complete part. Parts of another source are removed.
+    Use it like `ConcentrationWriter`. After an interruption, a writer with the same `source`,
+    origin and grid goes on behind the last complete part. Parts of another source are removed.
 
     Args:
         path: the file of all maps.
         rig: the rig.
         grid: the grid of the maps.
-        source: words that tell what the maps are made from, and how.
+        source: what the maps are made from, as a hash or in words, by name.
         origin: how the maps were made.
 
     Attributes:
         earlier: times of the maps that an interrupted writer left [s].
+        changed: names of what differs from the source of maps that were removed; empty: none were.
 
     Raises:
         InputError: the parts cannot be written.
@@ -56,7 +59,7 @@ class MapParts:
         rig: Rig,
         grid: Grid,
         *,
-        source: str,
+        source: Mapping[str, str],
         origin: MapOrigin = UNKNOWN_ORIGIN,
     ) -> None:
         self.path = path
@@ -64,17 +67,21 @@ class MapParts:
         self._folder = path.with_name(f'{path.name}.parts')
         self._part: ConcentrationWriter | None = None
         self._in_part = 0
-        self._begin_or_go_on(f'{source}\n{origin}\n{grid}\n')
+        self.changed: tuple[str, ...] = ()
+        self._begin_or_go_on({**source, 'calibration or program': str(origin), 'grid': str(grid)})
         self.earlier = tuple(float(time) for part in self._parts() for time in part.times)
         self._last = max(self.earlier, default=-math.inf)
 
-    def _begin_or_go_on(self, source: str) -> None:
+    def _begin_or_go_on(self, source: Mapping[str, str]) -> None:
         mark = self._folder / _SOURCE
         try:
-            if not mark.is_file() or mark.read_text(encoding='utf-8') != source:
+            before = _source_in(mark)
+            if before != source:
+                if self._files():
+                    self.changed = tuple(key for key in source if before.get(key) != source[key])
                 shutil.rmtree(self._folder, ignore_errors=True)
                 self._folder.mkdir()
-                mark.write_text(source, encoding='utf-8')
+                mark.write_text(json.dumps(source), encoding='utf-8')
         except OSError as error:
             raise write_error(self.path, error) from None
 
@@ -144,3 +151,12 @@ class MapParts:
         self._end_part()
         if not self._files():
             shutil.rmtree(self._folder)
+
+
+def _source_in(mark: Path) -> dict[str, Any]:
+    """Return the source in the file `mark`; empty if there is none that can be read."""
+    try:
+        found = json.loads(mark.read_text(encoding='utf-8'))
+    except (FileNotFoundError, ValueError):  # torn by a kill
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -5,7 +5,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Set
+from collections.abc import Callable, Iterable, Set
 from typing import Any
 
 import rclpy
@@ -33,7 +33,7 @@ from porotwin_recording.player import (
     played_topics,
 )
 from porotwin_recording.replay_clock import ReplayClock
-from porotwin_recording.replay_readiness import RECORDER, GraphSeen, PlayedTopic, missing
+from porotwin_recording.replay_readiness import HUB, RECORDER, GraphSeen, PlayedTopic, missing
 from porotwin_recording.serialization import SECOND, Serializer, stamp_of
 
 QUEUE_DEPTH = 1000
@@ -154,7 +154,7 @@ class PlayerNode(Node):
         self._answer_subscription: Subscription | None = None
         self._refused: dict[int, str] = {}
         self._unanswered = 0
-        self._selection: Any = None
+        self._asked: dict[str, Any] = {}
         self._answers = threading.Condition()
         self._stopping = threading.Event()
         self._unacknowledged: dict[str, tuple[int, int]] = {}
@@ -204,7 +204,9 @@ class PlayerNode(Node):
         try:
             self._await_graph()
             count = len(self._publishers_by_topic)
-            self.get_logger().info(f'playing {count} topics of {self._bag.path}')
+            self.get_logger().info(
+                f'playing {count} topics of {self._bag.path} into {self._graph_found()}'
+            )
             while not self._stopping.is_set():
                 self._play_once()
                 if not self._loop:
@@ -225,13 +227,19 @@ class PlayerNode(Node):
         """Wait until the graph is ready, see `replay_readiness`, and stays so for a moment.
 
         Raises:
-            InputError: nobody listens after `discovery_s`, or in lock-step something is missing.
+            InputError: the graph runs in real time, nobody listens after `discovery_s`, or in
+                lock-step something is missing.
         """
         begin = settled_since = time.monotonic()
         due = begin + PROGRESS_PERIOD
         before: GraphSeen | None = None
         while (now := time.monotonic()) < begin + self._patience:
             seen = self._seen()
+            if seen.simulated is False:
+                raise InputError(
+                    f'{self._graph_found()} runs in real time; nothing was played: stop it and '
+                    'start ./porotwin up --replay, or choose another --domain'
+                )
             waits = missing(seen)
             if waits or seen != before:
                 before, settled_since = seen, now
@@ -285,19 +293,37 @@ class PlayerNode(Node):
             for name, _ in self.get_service_names_and_types()
             if name.startswith(f'{space}/')
         )
-        return GraphSeen(nodes, topics, services, self._recorded(nodes), self._hears_answers())
+        told = self._told(HUB, nodes, ['use_sim_time', 'rig'])
+        simulated = None if told is None else bool(told[0].bool_value)
+        return GraphSeen(
+            nodes, topics, services, self._recorded(nodes), self._hears_answers(), simulated
+        )
+
+    def _graph_found(self) -> str:
+        """Return the graph that the player sees: its namespace, and the rig of its hub."""
+        told = self._told(HUB, (), [])
+        rig = told[1].string_value if told is not None else ''
+        return f'the graph {self.get_namespace()}' + (f' of the rig {rig}' if rig else '')
 
     def _recorded(self, nodes: Set[str]) -> frozenset[str] | None:
         """Return the topics that the node `recorder` takes; None: all, or it has not answered."""
-        if self._selection is None and RECORDER in nodes:
-            client = AsyncParameterClient(self, RECORDER)
-            if client.services_are_ready():
-                self._selection = client.get_parameters(['topics'])
-        if self._selection is None or not self._selection.done():
+        told = self._told(RECORDER, nodes, ['topics'])
+        if told is None:
             return None
-        (value,) = self._selection.result().values
+        (value,) = told
         names = value.string_value.split()
         return frozenset(self.resolve_topic_name(name) for name in names) if names else None
+
+    def _told(self, name: str, nodes: Iterable[str], parameters: list[str]) -> list[Any] | None:
+        """Return the values of parameters of one of the `nodes`; None: it has not answered yet."""
+        if name not in self._asked and name in nodes:
+            client = AsyncParameterClient(self, name)
+            if client.services_are_ready():
+                self._asked[name] = client.get_parameters(parameters)
+        if name not in self._asked or not self._asked[name].done():
+            return None
+        values: list[Any] = self._asked[name].result().values
+        return values if len(values) else None
 
     def _hears_answers(self) -> bool | None:
         """Return whether the answering node is connected; None without lock-step.

@@ -10,6 +10,9 @@ TWIN = frozenset({'imaging', 'solver', 'costa', 'hub'})
 RECORDER = 'recorder'
 """The node that subscribes to a topic after it has found a publisher."""
 
+HUB = 'hub'
+"""The node that tells which rig the graph stands for, and where it takes its time from."""
+
 SERVICES = frozenset({'solver/predict', 'costa/corrective_source'})
 """Services of the twin that the first photograph needs."""
 
@@ -50,6 +53,7 @@ class GraphSeen:
         services: names of all services in that namespace, relative to it.
         recorded: names of the topics that the node `recorder` takes; None: all.
         answering: whether somebody publishes the answers of the lock-step; None: no lock-step.
+        simulated: whether the node `hub` takes its time from /clock; None: it has not told.
     """
 
     nodes: frozenset[str]
@@ -57,6 +61,7 @@ class GraphSeen:
     services: frozenset[str] = frozenset()
     recorded: frozenset[str] | None = None
     answering: bool | None = None
+    simulated: bool | None = True
 
 
 def missing(seen: GraphSeen) -> list[str]:
@@ -78,6 +83,8 @@ def missing(seen: GraphSeen) -> list[str]:
             waits.append(f'{topic.name} to connect {known - topic.connected} of {known} nodes')
     if not any(topic.connected for topic in seen.topics):
         waits.insert(0, 'a subscriber of any played topic')
+    if HUB in seen.nodes and seen.simulated is None:
+        waits.append('node hub to tell where it takes its time from')
     if seen.answering is False:
         waits.insert(0, 'the node that answers in lock-step')
     return waits

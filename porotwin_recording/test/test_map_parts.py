@@ -18,7 +18,7 @@ MAPS = np.random.default_rng(5).random((2 * MAPS_PER_PART + 5, *GRID.shape)).ast
 
 def parts(path: Path, source: str = 'bag') -> MapParts:
     """Return a writer of maps from `source`."""
-    return MapParts(path, RIG, GRID, source=source)
+    return MapParts(path, RIG, GRID, source={'photographs': source, 'rig.yaml': 'the same'})
 
 
 def add(writer: MapParts, numbers: Iterable[int]) -> None:
@@ -53,6 +53,7 @@ def test_parts_of_another_source_are_not_used(tmp_path: Path) -> None:
     add(parts(tmp_path / 'maps.nc', 'another bag'), range(MAPS_PER_PART))
     with parts(tmp_path / 'maps.nc') as writer:
         assert writer.earlier == ()
+        assert writer.changed == ('photographs',)
         add(writer, range(2))
     assert len(open_maps(tmp_path / 'maps.nc', RIG)) == 2
 

@@ -37,6 +37,15 @@ node.create_subscription(CompressedImage, 'camera/image/compressed', answer, 1)
 rclpy.spin(node)
 """
 
+HUB = """
+import rclpy
+rclpy.init()
+node = rclpy.create_node('hub', namespace='/porotwin')
+node.declare_parameter('rig', 'rigs/mine/rig.yaml')
+print('ready', flush=True)
+rclpy.spin(node)
+"""
+
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
@@ -103,6 +112,19 @@ def test_lock_step_without_the_answering_node_plays_nothing(tmp_path: Path, bag:
     (line,) = [line for line in player.output.splitlines() if 'ERROR' in line]
     assert 'waited 0.5 s for the node that answers in lock-step' in line
     assert 'nothing was played; start ./porotwin up --replay' in line
+
+
+def test_a_graph_in_real_time_is_named_and_refused(tmp_path: Path, bag: Path) -> None:
+    hub = Process(tmp_path / 'hub.log', ['-c', HUB])
+    try:
+        hub.wait_for_output('ready')
+        with node(tmp_path / 'player.log', 'player_node', bag=bag) as player:
+            assert player.popen.wait(timeout=100) == 1, player.output
+    finally:
+        hub.stop(signal.SIGKILL)
+    (line,) = [line for line in player.output.splitlines() if 'ERROR' in line]
+    assert 'the graph /porotwin of the rig rigs/mine/rig.yaml runs in real time' in line
+    assert 'nothing was played: stop it and start ./porotwin up --replay' in line
 
 
 def test_an_interrupt_ends_the_player(tmp_path: Path, bag: Path) -> None:

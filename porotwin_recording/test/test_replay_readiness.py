@@ -50,3 +50,9 @@ def test_the_recorder_is_waited_for_unless_it_takes_other_topics() -> None:
 def test_lock_step_needs_the_answering_node() -> None:
     seen = GraphSeen(TWIN, (image('imaging'),), SERVICES, answering=False)
     assert missing(seen) == ['the node that answers in lock-step']
+
+
+def test_the_hub_tells_its_time_before_anything_is_played() -> None:
+    seen = GraphSeen(TWIN, (image('imaging'),), SERVICES, simulated=None)
+    assert missing(seen) == ['node hub to tell where it takes its time from']
+    assert missing(GraphSeen(frozenset(), (image('page'),), simulated=None)) == []

@@ -1,9 +1,9 @@
 """How far the plume's front was from its forecast, anywhere in the rig.
 
 A cause that no sibling knows, such as a swinging water table, moves the front wherever it is. So it
-shows before the plume reaches the zone, where the zone alone tells nothing. The distance by which
-recent forecasts missed the front, beyond the usual, moves the expected front out and in, and the
-tracer and the area in the zone then widen the bands.
+shows before the plume reaches the zone, and the zone alone tells nothing then. Recent forecasts
+missed the front by some distance. What is more than usual moves the expected front out and in, and
+the tracer and the area in the zone then widen the bands.
 """
 
 import math
@@ -75,9 +75,10 @@ class FrontCheck:
     def distances(self, times: FloatArray) -> FloatArray:
         """Return how far the front may be from its forecast [m], 90 % of the time, (times,).
 
-        It grows with the time ahead [s], because an unknown cause goes on.
+        It grows with the root of the time ahead [s]: an unknown cause goes on, but not always in
+        one direction.
         """
-        return BAND_DEVIATIONS * self.excess * (times / CHECK_S).clip(1.0)
+        return BAND_DEVIATIONS * self.excess * np.sqrt((times / CHECK_S).clip(1.0))
 
 
 def widened(

@@ -1,5 +1,6 @@
 """The rates of all wells over time, as setpoints, pumps and operator tell them."""
 
+import itertools
 from collections import deque
 from collections.abc import Sequence
 
@@ -23,6 +24,9 @@ SAME_STAMP_S = 1e-6
 
 LONGEST_HORIZON_S = 86400.0
 """Longest horizon of a forecast [s]: experiments last hours."""
+
+MOST_STEPS = 100
+"""Most changes of a question: each costs every sibling a flow field or more."""
 
 
 class RateLog:
@@ -96,11 +100,31 @@ def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tupl
     )
 
 
+def check_steps(steps: Sequence[RateStep]) -> None:
+    """Return if the `steps` of a question are few, and their times increase.
+
+    Raises:
+        InputError: there are too many, or they are not in order.
+    """
+    if len(steps) > MOST_STEPS:
+        raise InputError(
+            f'proposal: {len(steps)} changes are more than the {MOST_STEPS} that are answered; '
+            'ask for fewer'
+        )
+    for before, step in itertools.pairwise(steps):
+        if step.start <= before.start:
+            raise InputError(
+                f'proposal: a change at {step.start:g} s follows one at {before.start:g} s; '
+                'give times that increase, and one change for each'
+            )
+
+
 def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
     """Return if proposed `steps` may be run over `horizon` [s] on `rig`.
 
     Raises:
-        InputError: the horizon is too long, a step lies beyond it, or a rate is not plausible.
+        InputError: the horizon is too long, a step lies beyond it or before the state, or a rate is
+            not plausible.
     """
     if not 0.0 < horizon <= LONGEST_HORIZON_S:
         raise InputError(
@@ -109,6 +133,11 @@ def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:
         )
     for step in steps:
         refuse_too_great(step.rates, rig)
+        if not step.start >= 0.0:
+            raise InputError(
+                f'proposal: a change {step.start:g} s after the state lies before the state; '
+                'give a time of 0 s or more'
+            )
         if step.start >= horizon:
             raise InputError(
                 f'proposal: a change {step.start:g} s after the state lies beyond the horizon of '

@@ -29,16 +29,20 @@ def known_rates_from_msg(wells: Iterable[Any], rig: Rig) -> dict[str, WellRate]:
 
 
 def photograph_from_msg(message: NewState, map_grid: Grid) -> Photograph:
-    """Return the map of a state, which must lie on `map_grid`.
+    """Return the map of a state, which must lie on `map_grid` and show something.
 
     Raises:
-        InputError: its map or its deviations are wrong.
+        InputError: its map, its noise or its deviations are wrong.
     """
     values, grid = conversions.tracer_from_msg(message.tracer)
     deviation = conversions.deviation_from_msg(message.deviation, grid)
     systematic = conversions.deviation_from_msg(message.systematic, grid)
     if grid != map_grid:
         raise InputError(f'its map is {grid}, the siblings work on {map_grid}')
+    if not np.isfinite(values).any():
+        raise InputError('its map shows no cell; is the camera covered?')
+    if message.noise < 0.0 or np.isinf(message.noise):
+        raise InputError(f'its noise is {message.noise:g}; send 0 or more, NaN when not known')
     photograph = Photograph.plain(conversions.time_from_msg(message.header.stamp), values)
     if deviation is None or systematic is None:
         return photograph

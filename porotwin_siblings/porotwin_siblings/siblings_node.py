@@ -23,12 +23,12 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
-from porotwin_core.rates_in_force import KnownRates
+from porotwin_core.rates_in_force import LONGEST_GAP_INTERVALS, KnownRates
 from porotwin_core.rig import EffectDescription
 from porotwin_core.run_topics import follow_run
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.single_instance import only_one
-from porotwin_core.units import MINUTE_S
+from porotwin_core.units import DAY_S, MINUTE_S
 from porotwin_core.wells import RateStep
 from porotwin_msgs.msg import CleanState, Forecast, ModelEffects, NewState, Setpoint, WellRates
 from porotwin_msgs.srv import CostGradient, WhatIf
@@ -40,6 +40,7 @@ from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
     RateLog,
     check_proposal,
+    check_steps,
     proposed_plan,
 )
 from porotwin_siblings.siblings import Siblings
@@ -48,6 +49,7 @@ from porotwin_siblings.siblings_messages import (
     known_rates_from_msg,
     photograph_from_msg,
 )
+from porotwin_siblings.traits import COMMON_UNKNOWNS
 from porotwin_solver.adjoint.schedule_cost import ScheduleCost
 
 NICENESS = 10
@@ -100,6 +102,15 @@ class SiblingsNode(Node):
             at_least=60.0,
             at_most=LONGEST_HORIZON_S,
         )
+        self._longest_gap = LONGEST_GAP_INTERVALS * declare(
+            self,
+            'photo_interval_s',
+            30.0,
+            f'time between photographs [s]; after {LONGEST_GAP_INTERVALS} without one, forecasts '
+            'begin anew',
+            at_least=0.1,
+            at_most=DAY_S,
+        )
         self._judges = declare(
             self,
             'judges',
@@ -122,14 +133,23 @@ class SiblingsNode(Node):
             self, 'diagnosis', '', 'diagnosis.json whose effects the siblings draw; empty: none'
         )
         self._quick = ThreadCrew(workers)
+        self._patient = _learning_executor(
+            self._declare_scheduler(), workers, self.get_logger().warning
+        )
         self._make_siblings = partial(
             Siblings,
             grid=self._declare_grid(),
             map_grid=self._map_grid,
-            executor=_learning_executor(
-                self._declare_scheduler(), workers, self.get_logger().warning
+            executor=self._patient,
+            count=declare(
+                self,
+                'siblings',
+                32,
+                f'number of siblings: more than the wells, {COMMON_UNKNOWNS} other unknowns and '
+                'the numbers of a diagnosis together',
+                at_least=COMMON_UNKNOWNS + 2,
+                at_most=1000,
             ),
-            count=declare(self, 'siblings', 32, 'number of siblings', at_least=2, at_most=1000),
             diagnosed=read_diagnosis(Path(diagnosis)) if diagnosis else (),
         )
         self.siblings = self._make_siblings(self._rig)
@@ -145,6 +165,12 @@ class SiblingsNode(Node):
         self._diagnostics = Diagnostics(self)
         self._make_topics()
         threading.Thread(target=self._work, daemon=True).start()
+
+    def destroy_node(self) -> None:
+        """End the node; courses that have not begun are given up, so that its process can end."""
+        for executor in (self._quick, self._patient):
+            executor.shutdown(wait=False, cancel_futures=True)
+        super().destroy_node()
 
     def _declare_grid(self) -> Grid:
         """Return the grid of the siblings, which is never finer than the maps."""
@@ -246,6 +272,8 @@ class SiblingsNode(Node):
                     self._learn(arrived.photograph)
                     self._tell()
             except Exception as error:  # the siblings outlive any one photograph
+                if not self.context.ok():
+                    return
                 self.get_logger().error(f'state {arrived.sequence} failed: {error!r}')
                 self._diagnostics.report(DiagnosticStatus.ERROR, f'siblings failed: {error!r}')
                 continue
@@ -260,11 +288,20 @@ class SiblingsNode(Node):
         with self._changed:
             if siblings.started and photograph.time <= siblings.time:
                 siblings.begin_anew()
-            elif self._interrupted:
+            elif self._interrupted or self._is_late(photograph):
                 siblings.interrupt()
             self._interrupted = False
             periods = self._rates.take(siblings.time, photograph.time) if siblings.started else ()
         siblings.observe(photograph, periods)
+
+    def _is_late(self, photograph: Photograph) -> bool:
+        """Return whether the last photograph is too old to compute from it to `photograph`."""
+        gap = photograph.time - self.siblings.time if self.siblings.started else 0.0
+        if gap > self._longest_gap:
+            self.get_logger().warning(
+                f'interrupted: {gap:.0f} s without a photograph; the forecasts begin anew'
+            )
+        return gap > self._longest_gap
 
     def _follow_effects(self, photograph: Photograph) -> bool:
         """Return whether other effects act: new siblings, who have learnt nothing, then follow.
@@ -345,6 +382,7 @@ class SiblingsNode(Node):
             raise InputError('no photograph has come yet; ask again after the first one')
         horizon = request.horizon or self._ahead()
         steps = conversions.plan_from_msg(request.proposed)
+        check_steps(steps)
         check_proposal(steps, horizon, self._rig)
         with self._changed:
             rates = self._rates.present(self.siblings.time)

@@ -35,6 +35,9 @@ WAVES = tuple(wave for wave in itertools.product(range(4), range(3)) if 0 < wave
 """Half waves along x and z of the cosines that change the permeability: half waves of 1/3 of the
 rig and above; smaller scales bend the plume little."""
 
+COMMON_UNKNOWNS = 6 + len(WAVES)
+"""Unknowns of every rig, beside the rates of its wells."""
+
 WAVE_DEVIATION = 0.25
 """Standard deviation of the log permeability in one wave of the longest kind [-]."""
 
@@ -88,7 +91,7 @@ class Unknowns:
         """Return the unknowns of `rig` and of effects that a diagnosis found."""
         porosity = float(np.mean(rig.nominal_map('porosity')))
         permeability = float(np.exp(np.mean(np.log(rig.nominal_map('permeability_m2')))))
-        # speed [m/s] at which 1 kg/m3 sinks
+        # sinking speed [m/s] of 1 kg/m3
         sinking = permeability * GRAVITY / (rig.viscosity_pa_s * porosity)
         drift = DRIFT_M_H / HOUR_S * porosity
         listed = [

@@ -61,7 +61,7 @@ class ZoneMeasure:
 
     @property
     def reached_tracer(self) -> float:
-        """Tracer in the zone from which on it counts as reached [m^3]."""
+        """Tracer that must be in the zone before it counts as reached [m^3]."""
         return REACHED_SHARE * float(self.pores.sum())
 
 

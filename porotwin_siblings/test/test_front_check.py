@@ -1,4 +1,4 @@
-"""Tests of the doubt about a front: how far it was from its forecast, and what that means."""
+"""Tests of the doubt about a front: its distance from the forecast, and wider bands."""
 
 import math
 
@@ -39,7 +39,7 @@ def test_usual_misses_add_nothing_and_large_ones_soon_do() -> None:
         check.compare(4e-3)
     soon, late = check.distances(TIMES)
     assert soon > 3e-3
-    assert late == pytest.approx(4.0 * soon)
+    assert late == pytest.approx(2.0 * soon), 'it grows with the root of the time ahead'
 
 
 def test_a_front_before_the_zone_may_be_in_it() -> None:

@@ -9,7 +9,14 @@ from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
-from porotwin_siblings.rate_log import RateLog, check_proposal, plan_periods, proposed_plan
+from porotwin_siblings.rate_log import (
+    MOST_STEPS,
+    RateLog,
+    check_proposal,
+    check_steps,
+    plan_periods,
+    proposed_plan,
+)
 
 REST = {'a': WellRate(), 'out': WellRate()}
 FIRST = {'a': WellRate(1e-7), 'out': WellRate(-1e-7)}
@@ -81,6 +88,8 @@ def test_wells_that_a_proposal_leaves_out_follow_the_present_plan() -> None:
         (0.0, 1e9, 600.0, "well 'control1': 1e\\+09 ml/h is not plausible"),
         (0.0, 300.0, 1e9, 'horizon 1e\\+09 s: must be above 0 and at most 86400 s'),
         (0.0, 300.0, 0.0, 'horizon 0 s'),
+        (-100.0, 300.0, 600.0, 'a change -100 s after the state lies before the state'),
+        (float('nan'), 300.0, 600.0, 'a change nan s after the state'),
         (900.0, 300.0, 600.0, 'a change 900 s after the state lies beyond the horizon of 600 s'),
     ],
 )
@@ -92,3 +101,12 @@ def test_a_proposal_without_end_is_refused(
     with pytest.raises(InputError, match=complaint):
         check_proposal([step], horizon, rig)
     check_proposal([RateStep(0.0, {'control1': WellRate(from_ml_h(500.0))})], 600.0, rig)
+
+
+def test_a_question_has_few_steps_at_times_that_increase() -> None:
+    check_steps([RateStep(1.0 * number, FIRST) for number in range(MOST_STEPS)])
+    with pytest.raises(InputError, match='101 changes are more than the 100'):
+        check_steps([RateStep(1.0 * number, FIRST) for number in range(MOST_STEPS + 1)])
+    for second in (100.0, 50.0):
+        with pytest.raises(InputError, match='at 100 s; give times that increase'):
+            check_steps([RateStep(100.0, FIRST), RateStep(second, SECOND)])

@@ -1,4 +1,4 @@
-"""Tests of the siblings: what they learn, their bands, and where they run."""
+"""Tests of the siblings: their learning, their bands, and the places of their work."""
 
 import pickle
 from collections.abc import Callable, Iterator

@@ -154,3 +154,9 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     beside.photograph(300.0, plume)
     beside.wait(lambda: len(beside.forecasts) == 2)
     assert beside.node.siblings.rig.effects == (effect,)
+
+    wrong = beside.ask([RateStep(0.001 * number, flush) for number in range(101)], 600.0)
+    assert '101 changes are more than the 100' in wrong.outcome.message
+    beside.photograph(2e9, plume)  # a clock that jumps: nothing is computed over half a century
+    beside.wait(lambda: len(beside.forecasts) == 3)
+    assert beside.node.siblings.time == 2e9

@@ -28,20 +28,14 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     Raises:
         InputError: a leak or a patch lies outside the rig.
     """
+    _check_patches(physics.grid, learnt)
     x, z = physics.background_flux
     by_x, by_z = learnt.background_flux
-    grid = physics.grid
-    for patch in learnt.patches:
-        if not (0.0 < patch.x < grid.width and 0.0 < patch.z < grid.height):
-            raise InputError(
-                f'patch of sand at ({patch.x:g}, {patch.z:g}) m lies outside the rig of '
-                f'{grid.width:g} x {grid.height:g} m; train again for this rig'
-            )
     leaks = tuple(Leak(SourceSink(leak.x, leak.z), leak.rate) for leak in learnt.leaks)
     along, across = learnt.longitudinal_dispersivity, learnt.transverse_dispersivity
     changed = replace(
         physics,
-        permeability=physics.permeability * learnt.permeability_factor(grid),
+        permeability=physics.permeability * learnt.permeability_factor(physics.grid),
         density_difference=physics.density_difference + learnt.density_difference,
         longitudinal_dispersivity=physics.longitudinal_dispersivity + along,
         transverse_dispersivity=physics.transverse_dispersivity + across,
@@ -51,6 +45,15 @@ def adapted(physics: Physics, learnt: LearntPhysics) -> Physics:
     )
     check(changed)
     return changed
+
+
+def _check_patches(grid: Grid, learnt: LearntPhysics) -> None:
+    for number, patch in enumerate(learnt.patches, start=1):
+        if not (0.0 <= patch.x <= grid.width and 0.0 <= patch.z <= grid.height):
+            raise InputError(
+                f'learnt physics, patch {number} at ({patch.x:.6g}, {patch.z:.6g}) m lies outside '
+                f'the rig of {grid.width:g} x {grid.height:g} m; train again'
+            )
 
 
 class AdjointModel(Model):

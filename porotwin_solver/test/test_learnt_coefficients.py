@@ -72,6 +72,12 @@ def test_learnt_physics_does_what_the_effect_does(
     )
 
 
+def test_a_patch_outside_the_rig_is_refused(rig: Rig, grid: Grid) -> None:
+    far = LearntPhysics(patches=(SandPatch(30.0, 0.2, 0.1, 1.0),))
+    with pytest.raises(InputError, match=r'patch 1 at \(30, 0.2\) m lies outside the rig'):
+        LearntModels(rig, grid, 'fast').model(far)
+
+
 def test_a_run_is_the_steps_one_after_the_other(rig: Rig, grid: Grid) -> None:
     solver = LearntModels(rig, grid, 'fast')
     schedule, start = Schedule.constant(RATES), np.zeros(grid.shape)
@@ -95,9 +101,3 @@ def test_the_adjoint_of_a_step_is_the_slope_of_the_prediction(
     up, down = (model.predict(plume + sign * step * direction, RATES, 90.0) for sign in (1, -1))
     slope = float(np.vdot(bar, up - down)) / (2.0 * step)
     assert float(np.vdot(by_previous, direction)) == pytest.approx(slope, rel=1e-4)
-
-
-def test_a_patch_outside_the_rig_is_refused(rig: Rig, grid: Grid) -> None:
-    away = LearntPhysics(patches=(SandPatch(30.0, 0.1, 0.1, 1.0),))
-    with pytest.raises(InputError, match=r'patch of sand at \(30, 0.1\) m lies outside the rig'):
-        LearntModels(rig, grid, 'upwind').model(away)

@@ -4,6 +4,7 @@ import pytest
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.preset_names import PRESET_NAMES
 from porotwin_solver.presets import MAX_REFINED_CELLS, PRESETS, preset_named
 from porotwin_solver.scheme import Scheme
 
@@ -32,3 +33,7 @@ def test_the_accurate_preset_refines_up_to_a_number_of_cells(cells, factor) -> N
     assert PRESETS['accurate'].refinement(grid) == factor
     assert grid.nx * grid.nz * factor**2 <= MAX_REFINED_CELLS
     assert PRESETS['fast'].refinement(grid) == 1
+
+
+def test_the_help_texts_name_every_preset() -> None:
+    assert tuple(PRESETS) == PRESET_NAMES

@@ -41,9 +41,9 @@ def command(
     parts: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f'Parts to measure: {", ".join(BENCHES)}; only by name: loop, mend, physics '
-            'and faults, which take an hour or more, calibration, which needs --baseline, scaling '
-            'and decision. Default: all but these.'
+            help=f'Parts to measure: {", ".join(BENCHES)} (default: all of these); only by name: '
+            f'{", ".join(LONG)}. loop, mend, physics and faults take an hour or more; calibration '
+            'needs --baseline.'
         ),
     ] = None,
     kills: Annotated[int, typer.Option(help='faults: kills of each node.', min=0)] = 100,

@@ -8,6 +8,7 @@ import typer
 
 from porotwin_cli.output_files import check_output
 from porotwin_cli.terminal import Json, print_json, say
+from porotwin_core.preset_names import PRESET_WORDS
 
 PICTURE = 'check.png'
 """Name of the picture by default."""
@@ -19,7 +20,7 @@ def command(
     grid: Annotated[
         str, typer.Option(help='Columns x rows, such as 187x112. Default: cells of 5 mm.')
     ] = '',
-    preset: Annotated[str, typer.Option(help='Preset: accurate, fast or upwind.')] = 'fast',
+    preset: Annotated[str, typer.Option(help=f'Preset: {PRESET_WORDS}.')] = 'fast',
     photo_interval_s: Annotated[
         float, typer.Option(help='Time between photographs, for the cost [s].', min=0.1)
     ] = 30.0,
@@ -39,7 +40,7 @@ def command(
     if output.is_dir():
         output = output / PICTURE
     if output.name != PICTURE:  # the picture of an earlier check may be replaced
-        check_output(output, path)
+        check_output(output, path, command='check')
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
     check_picture(output, checked)
     if as_json:

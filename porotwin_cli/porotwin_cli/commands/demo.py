@@ -7,6 +7,7 @@ import typer
 
 from porotwin_cli.terminal import Json, duration_in_words, print_json, say
 from porotwin_cli.workspace import run_folder, small_rig
+from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_core.ros_environment import prepare_environment
 
 
@@ -39,7 +40,7 @@ def command(
         str | None,
         typer.Option(
             help='Preset of the physics-based model: upwind is too diffusive, as in the paper; '
-            'fast is not. Default: upwind; with a hidden effect fast.'
+            f'fast is not. All: {PRESET_WORDS}. Default: upwind; with a hidden effect fast.'
         ),
     ] = None,
     photo_width: Annotated[

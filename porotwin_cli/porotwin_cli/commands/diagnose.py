@@ -11,6 +11,7 @@ from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.rig_choice import Domain, Namespace
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core.errors import InputError
+from porotwin_core.preset_names import PRESET_WORDS
 from porotwin_core.ros_environment import enter_domain, namespace_of
 from porotwin_hub.graph import NAMESPACE
 
@@ -30,9 +31,7 @@ def command(
     rig: Annotated[
         Path | None, typer.Option(help='rig.yaml of the model. Default: from the recording.')
     ] = None,
-    preset: Annotated[
-        str, typer.Option(help='Preset of the model: accurate, sharp, fast or upwind.')
-    ] = 'accurate',
+    preset: Annotated[str, typer.Option(help=f'Preset of the model: {PRESET_WORDS}.')] = 'accurate',
     apply: Annotated[
         bool, typer.Option(help='Also write a rig.yaml with the effects found.')
     ] = False,

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from porotwin_cli.terminal import Json, print_json, say
+from porotwin_core.preset_names import PRESET_WORDS
 
 
 def command(
@@ -17,7 +18,7 @@ def command(
         typer.Option(help='rig.yaml of the physics-based model. Default: from the recording.'),
     ] = None,
     preset: Annotated[
-        str, typer.Option(help='Preset of the physics-based model: fast, accurate or upwind.')
+        str, typer.Option(help=f'Preset of the physics-based model: {PRESET_WORDS}.')
     ] = 'fast',
     effect: Annotated[
         list[str], typer.Option(help='Effect of the physics-based model, as in its training.')

@@ -8,6 +8,7 @@ import typer
 
 from porotwin_cli.conversion import convert
 from porotwin_cli.terminal import Json, print_json, progress, say
+from porotwin_core.errors import InputError
 
 
 def command(
@@ -37,6 +38,11 @@ def command(
     """
     from porotwin_recording.bag_conversion import export_bag, topics_left_out
 
+    if bag.suffix == '.nc':
+        raise InputError(
+            f'{bag}: is a file of maps already; xarray.open_dataset opens it, and '
+            './porotwin measure makes a table of it'
+        )
     if kind != 'folder':
         _export_dataset(bag, folder, kind, segment, as_json=as_json)
         return

@@ -7,10 +7,11 @@ import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
-from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from porotwin_cli.map_sureness import Doubt
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
@@ -51,7 +52,7 @@ def command(
         sureness_words,
         typical_doubt,
     )
-    from porotwin_cli.output_files import check_output
+    from porotwin_cli.output_files import check_output, maker
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
@@ -62,11 +63,12 @@ def command(
     from porotwin_imaging.sand_refinement import refined
     from porotwin_recording.concentration import MapOrigin
     from porotwin_recording.map_parts import MapParts
+    from porotwin_recording.photo_source import fingerprints
     from porotwin_recording.recording import open_recording
 
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment, calibration)
+        check_output(path, experiment, calibration, command='image')
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
@@ -101,12 +103,12 @@ def command(
     for remark in baseline.remarks:
         say(remark)
     imaged, refused, doubts = [], [], []
-    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), PROGRAM)
+    origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
-    source = f'{experiment.resolve()}, {len(baselines)} baselines'
-    writing = MapParts(output, rig, map_grid, source=source, origin=origin)
-    done = set(writing.earlier)
-    left = [photo for photo in states if not done or photo.time > max(done)]
+    writing = MapParts(output, rig, map_grid, source=fingerprints(recording), origin=origin)
+    done, left = _done_and_left(states, writing.earlier)
+    if writing.changed:
+        say(f'beginning anew: {", ".join(writing.changed)} changed since an interrupted call')
     if done:
         say(f'going on behind {len(done)} maps of an interrupted call')
     with pool, writing as writer, progress() as bar:
@@ -138,7 +140,7 @@ def command(
         if not imaged and not done:
             raise WorkFailed('no photograph could be used')
     if done:
-        before = _imaged_before(output, rig, [photo for photo in states if photo.time in done])
+        before = _imaged_before(output, rig, done)
         imaged = [*(entry for entry, _ in before), *imaged]
         doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
@@ -162,6 +164,21 @@ def command(
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)
+
+
+def _done_and_left(
+    states: 'list[Photo]', earlier: 'Sequence[float]'
+) -> 'tuple[list[Photo], list[Photo]]':
+    """Return the photographs of the maps at the `earlier` times [s], and the others.
+
+    Photographs that an interrupted call refused are among the others: they tell their reasons once
+    more.
+    """
+    waiting, done, left = set(earlier), [], []
+    for photo in states:
+        (done if photo.time in waiting else left).append(photo)
+        waiting.discard(photo.time)
+    return done, left
 
 
 def _imaged_before(
@@ -207,4 +224,5 @@ def _draw(picture: Path, output: Path, rig: 'Rig', *, calibrated: bool) -> None:
     shown = chosen_maps(len(maps.times))
     scale = 'calibrated' if calibrated else 'uncalibrated'
     times = [float(maps.times[index]) for index in shown]
-    sheet_of_maps(picture, rig, times, [maps[index] for index in shown], f'{output.name}, {scale}')
+    pictured = [maps[index] for index in shown]
+    sheet_of_maps(picture, rig, times, pictured, f'{output.name}, {scale}', command='image')

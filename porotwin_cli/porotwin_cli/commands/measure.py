@@ -57,7 +57,7 @@ def command(
 
     The distance [m] is the Wasserstein distance of the normalised maps to the previous map, or to
     the map of --against at the same time. Tracer, centre, spread and distance use the plume and
-    3 cm around it, to leave out the noise of clean sand.
+    3 cm around it, to leave out the noise of clean sand. A map with noise alone has no tracer.
 
     A finger is a bulge of the front on one side. A separate plume counts as a finger. The file and
     --json hold standard deviations if the maps have them.

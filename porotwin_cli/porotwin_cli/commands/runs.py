@@ -12,6 +12,9 @@ from porotwin_cli.terminal import Json, print_json, print_table, progress, say
 if TYPE_CHECKING:
     from porotwin_recording.catalogue import CatalogueEntry
 
+RUNS = Path('runs')
+"""Folder of the runs by default; it is made by the first run."""
+
 AT_ONCE = 8
 """Number of recordings side by side: the disk or the network takes the time."""
 
@@ -22,7 +25,7 @@ NOTHING = '-'
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(help='Folder with recordings.')] = Path('runs'),
+    folder: Annotated[Path, typer.Argument(help='Folder with recordings.')] = RUNS,
     as_json: Json = False,
 ) -> None:
     """List the bags and experiment folders below a folder, the oldest first.
@@ -39,7 +42,8 @@ def command(
     )
 
     with progress() as bar:
-        paths = list(find_recordings(folder))
+        begun = folder != RUNS or folder.exists()
+        paths = list(find_recordings(folder)) if begun else []
         task = bar.add_task('recordings', total=len(paths))
         entries = []
         with ThreadPoolExecutor(AT_ONCE) as pool:
@@ -55,7 +59,7 @@ def command(
         print_json({'folder': folder, 'recordings': [_as_json(entry) for entry in entries]})
         return
     if not entries:
-        print(f'{folder}: no bag or experiment folder')
+        print(f'{folder}: no bag or experiment folder' if begun else f'{folder}: no runs yet')
         return
     readable = [entry for entry in entries if entry.state != 'unreadable']
     columns = [
@@ -65,7 +69,8 @@ def command(
     told = [(title, cells) for title, cells in columns if set(cells) != {NOTHING}]
     if told:
         titles, cells = zip(*told, strict=True)
-        print_table(f'{len(readable)} recordings in {folder}', titles, zip(*cells, strict=True))
+        count = f'{len(readable)} recording{"s" * (len(readable) != 1)}'
+        print_table(f'{count} in {folder}', titles, zip(*cells, strict=True))
         if 'photos*' in titles:
             print('* without baselines')
     for entry in entries:

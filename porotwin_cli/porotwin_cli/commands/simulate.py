@@ -10,6 +10,7 @@ import typer
 from porotwin_cli.terminal import Json, print_json, progress
 from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
+from porotwin_core.preset_names import PRESET_WORDS
 
 if TYPE_CHECKING:
     from porotwin_cli.free_run_errors import LateMaps
@@ -54,7 +55,7 @@ def command(
         ),
     ] = '',
     preset: Annotated[
-        str, typer.Option(help='Preset: accurate, sharp, fast or upwind.')
+        str, typer.Option(help=f'Preset: {PRESET_WORDS}; see docs/solver.md.')
     ] = 'accurate',
     device: Annotated[
         str,
@@ -84,9 +85,9 @@ def command(
     from scipy.ndimage import gaussian_filter
 
     from porotwin_cli.grids import grid_of, tell_cost
-    from porotwin_cli.output_files import check_output
+    from porotwin_cli.output_files import check_output, maker
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
-    from porotwin_recording.concentration import ConcentrationWriter
+    from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import parse_effect
     from porotwin_solver.prediction_cost import prediction_cost
@@ -94,7 +95,7 @@ def command(
 
     picture = picture_beside(output)
     for path in (output, picture):
-        check_output(path, experiment)
+        check_output(path, experiment, command='simulate')
     recording = open_recording(experiment)
     rig = recording.rig
     moments = _parse_times(times) if times else _recorded_times(recording)
@@ -112,10 +113,11 @@ def command(
         effects=effects,
         device=device,
     )
+    origin = MapOrigin(program=maker('simulate'))
     compared = _late_maps(recording, cells, times)
     shown = chosen_maps(len(moments))
     pictured: list[FloatArray] = []
-    with ConcentrationWriter(output, cells) as writer, progress() as bar:
+    with ConcentrationWriter(output, cells, origin=origin) as writer, progress() as bar:
         task = bar.add_task('simulating', total=len(moments))
         for index, (time, values) in enumerate(zip(moments, maps, strict=True)):
             writer.append(time, gaussian_filter(values, blur) if blur else values)
@@ -125,7 +127,9 @@ def command(
                 compared.see(index, values)
             bar.advance(task)
     title = f'{recording.source.name}: model, preset {preset}'
-    sheet_of_maps(picture, rig, [moments[index] for index in shown], pictured, title)
+    sheet_of_maps(
+        picture, rig, [moments[index] for index in shown], pictured, title, command='simulate'
+    )
     errors = compared.errors() if compared is not None else None
     if as_json:
         print_json(

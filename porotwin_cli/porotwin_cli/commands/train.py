@@ -7,6 +7,7 @@ import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
 from porotwin_cli.terminal import Json, print_json, refuse_existing
+from porotwin_core.preset_names import PRESET_WORDS
 
 PAIRS_KEPT = 300
 """Most pairs that are kept beside a model for training beside the twin; 8 B a cell and pair."""
@@ -20,7 +21,7 @@ def command(
         str, typer.Option(help='Columns x rows, such as 187x112. Default: cells of 5 mm.')
     ] = '',
     preset: Annotated[
-        str, typer.Option(help='Preset of the model to correct: fast, accurate or upwind.')
+        str, typer.Option(help=f'Preset of the model to correct: {PRESET_WORDS}.')
     ] = 'fast',
     architecture: Annotated[
         str, typer.Option(help='hybrid (default), local, paper or paper-complex.')

@@ -62,7 +62,7 @@ def command(
     """
     from porotwin_cli.output_files import check_output
     from porotwin_cli.what_if_picture import what_if_picture
-    from porotwin_cli.what_if_study import rate_step, seconds_of, study_what_if
+    from porotwin_cli.what_if_study import rate_steps, seconds_of, study_what_if
     from porotwin_core.parallel import crew
     from porotwin_recording.recording import open_recording
 
@@ -75,10 +75,10 @@ def command(
         raise InputError(f'--output {output}: is a file; give a folder for the picture')
     output.mkdir(parents=True, exist_ok=True)
     picture = output / 'what_if.png'
-    check_output(picture, recording, rig)
+    check_output(picture, recording, rig, command='what-if')
     opened = open_recording(recording, rig=rig)
     start = seconds_of(at)
-    steps = sorted((rate_step(text, opened.rig, start) for text in rates), key=lambda s: s.start)
+    steps = rate_steps(rates, opened.rig, start)
     ahead = seconds_of(horizon) if horizon else None
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIBLING_BYTES, tell=say
@@ -108,7 +108,7 @@ def _show(found: 'WhatIfStudy') -> None:
     """Print the rates of both plans, and their outlooks at some times."""
     import numpy as np
 
-    from porotwin_cli.what_if_study import NO_ZONE
+    from porotwin_cli.what_if_study import NO_ZONE, REACHED
     from porotwin_core.units import ML
 
     for name, outlook in (('present', found.present), ('proposed', found.proposed)):
@@ -117,7 +117,7 @@ def _show(found: 'WhatIfStudy') -> None:
             print(f'{name}, from {minute:.4g} min [ml/h]: {_in_words(step.rates)}')
     plans = (found.present, found.proposed)
     if np.isnan(found.seen_tracer[0]):
-        print(f'{NO_ZONE} ({found.seconds:.2f} s)')
+        print(f'{NO_ZONE}; forecasts computed in {found.seconds:.1f} s')
         return
     rows = []
     for index in np.linspace(0, len(plans[0].times) - 1, TABLE_ROWS).round().astype(int):
@@ -127,8 +127,8 @@ def _show(found: 'WhatIfStudy') -> None:
             row += [f'{median:.2f} ({low:.2f} to {high:.2f})', f'{outlook.zone_reached[index]:.0%}']
         rows.append(row)
     print_table(
-        f'tracer in the zone (ml), median and 90 % band; probability that it is reached '
-        f'({found.seconds:.2f} s)',
+        f'tracer in the zone (ml), median and 90 % band; probability that it is reached: '
+        f'{REACHED} (computed in {found.seconds:.1f} s)',
         ('time [min]', 'present', 'reached', 'proposed', 'reached'),
         rows,
     )
@@ -141,16 +141,18 @@ def _in_words(rates: 'WellRates') -> str:
 
 
 def _json(found: 'WhatIfStudy') -> dict[str, Any]:
-    """Return both forecasts in laboratory units."""
+    """Return both forecasts in laboratory units; times are on the clock of the recording."""
     from porotwin_core.units import ML
 
     return {
         'at_s': found.start,
-        'present': _outlook_json(found.present),
-        'proposed': _outlook_json(found.proposed),
+        'present': _outlook_json(found.present, found.start),
+        'proposed': _outlook_json(found.proposed, found.start),
         'seen': {
-            'times_s': (found.seen_times - found.start).tolist(),
+            'times_s': found.seen_times.tolist(),
             'zone_ml': (found.seen_tracer * ML).tolist(),
+            'deviation_ml': (found.seen_deviation * ML).tolist(),
+            'deviations_known': found.deviations_known,
         },
         'rate_factors': {
             well: {'factor': factor, 'deviation': deviation}
@@ -161,19 +163,20 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
     }
 
 
-def _outlook_json(outlook: 'Outlook') -> dict[str, Any]:
+def _outlook_json(outlook: 'Outlook', start: float) -> dict[str, Any]:
+    """Return an outlook from `start` [s] on."""
     from porotwin_core.units import ML, to_ml_h
 
     names = ('low', 'median', 'high')
     return {
         'schedule': [
             {
-                'start_s': step.start,
+                'start_s': start + step.start,
                 'rates_ml_h': {name: to_ml_h(well.rate) for name, well in step.rates.items()},
             }
             for step in outlook.plan
         ],
-        'times_s': outlook.times.tolist(),
+        'times_s': (start + outlook.times).tolist(),
         'zone_ml': dict(zip(names, (outlook.zone_tracer * ML).tolist(), strict=True)),
         'zone_area_cm2': dict(zip(names, (outlook.zone_area * 1e4).tolist(), strict=True)),
         'zone_reached': outlook.zone_reached.tolist(),

@@ -14,6 +14,7 @@ from porotwin_core.rig import load_rig
 from porotwin_recording import topic_names
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.map_parts import MapParts
+from porotwin_recording.photo_source import fingerprints
 from porotwin_recording.recording import open_recording
 
 LARGE = 20_000_000
@@ -56,7 +57,7 @@ def test_image_of_a_large_bag_goes_on_after_a_kill(
     whole = json.loads(porotwin(*words, tmp_path / 'whole.nc', '--workers', '1').stdout)['maps']
     maps = open_maps(tmp_path / 'whole.nc', rig)
     assert [entry['photo'] for entry in whole] == [f'photos/state_{n:04d}.jpg' for n in range(1, 7)]
-    source = f'{large_bag.resolve()}, 1 baselines'
+    source = fingerprints(open_recording(large_bag))
     with (
         pytest.raises(KeyboardInterrupt),
         MapParts(output, rig, maps.grid, source=source, origin=maps.origin) as writer,

@@ -61,3 +61,11 @@ def test_maps_of_other_programs_become_a_folder_and_a_dataset(
     assert json.loads(again.stdout)['maps'] == len(before.times)
     after = open_recording(tmp_path / 'again')
     np.testing.assert_array_equal(after.concentration, before.concentration)
+
+
+def test_maps_of_a_simulation_need_no_export(tmp_path: Path) -> None:
+    (tmp_path / 'model.nc').write_bytes(b'')
+    for kind in ('folder', 'zarr'):
+        result = porotwin('export', tmp_path / 'model.nc', tmp_path / 'out', '--format', kind)
+        assert result.returncode == 2
+        assert 'xarray.open_dataset opens it' in result.stderr

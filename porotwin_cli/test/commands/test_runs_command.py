@@ -4,7 +4,11 @@ import json
 import shutil
 from pathlib import Path
 
+import pytest
 from cli_examples import porotwin
+from typer.testing import CliRunner
+
+from porotwin_cli.app import app
 
 SAMPLE = Path(__file__).resolve().parents[3] / 'bags' / 'sample'
 
@@ -14,7 +18,7 @@ def test_recordings_are_listed_and_a_broken_one_does_not_stop_the_list(tmp_path:
     (tmp_path / 'broken.mcap').write_text('no bag')
     told = porotwin('runs', tmp_path)
     assert told.returncode == 0, told.stderr
-    assert '1 recordings' in told.stdout
+    assert '1 recording in' in told.stdout
     assert 'morning/sample' in told.stdout
     assert f'{tmp_path}/broken.mcap: not an MCAP file' in told.stderr
     found = json.loads(porotwin('runs', tmp_path, '--json').stdout)['recordings']
@@ -22,6 +26,13 @@ def test_recordings_are_listed_and_a_broken_one_does_not_stop_the_list(tmp_path:
     assert (sample['photographs'], sample['maps'], sample['setpoints']) == (13, 13, 13)
     assert sample['duration_s'] == 360.0
     assert sample['rig'] == 'small'
+
+
+def test_no_runs_yet_is_no_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ['runs'])
+    assert (result.exit_code, result.stdout) == (0, 'runs: no runs yet\n')
+    assert json.loads(CliRunner().invoke(app, ['runs', '--json']).stdout)['recordings'] == []
 
 
 def test_a_folder_that_is_not_there_is_refused() -> None:

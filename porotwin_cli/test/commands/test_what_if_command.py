@@ -19,6 +19,9 @@ def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_p
     assert result['present']['schedule'][0]['rates_ml_h']['producer'] == pytest.approx(-500.0)
     assert set(result['proposed']['zone_ml']) == {'low', 'median', 'high'}
     assert Path(result['picture']).is_file()
+    assert result['at_s'] == result['seen']['times_s'][0] == 120.0
+    assert result['proposed']['schedule'][0]['start_s'] == 120.0
+    assert result['proposed']['times_s'][-1] == pytest.approx(240.0)
     assert 'refuse' in found.stderr
     shown = porotwin(*asked, '--output', tmp_path)
     assert 'nothing was pumped' in shown.stdout
