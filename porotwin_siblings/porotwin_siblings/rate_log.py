@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from porotwin_core.errors import InputError
 from porotwin_core.plausible_rates import refuse_too_great
 from porotwin_core.rates_in_force import (
+    SAME_RATE,
     KnownRates,
     RatePeriod,
     latest_known,
@@ -14,6 +15,7 @@ from porotwin_core.rates_in_force import (
     same_rates,
 )
 from porotwin_core.rig import Rig
+from porotwin_core.units import to_ml_h
 from porotwin_core.wells import RateStep, WellRate, WellRates, check_plan, net_rate
 
 KEPT = 4096
@@ -117,6 +119,22 @@ def check_steps(steps: Sequence[RateStep]) -> None:
                 f'proposal: a change at {step.start:g} s follows one at {before.start:g} s; '
                 'give times that increase, and one change for each'
             )
+
+
+def check_roles(steps: Sequence[RateStep], rig: Rig) -> None:
+    """Return if every control well injects in all `steps`, and the producer never does.
+
+    Raises:
+        InputError: a pump would have to run backwards.
+    """
+    if rig.control is None:
+        return
+    for name, rate in (item for step in steps for item in step.rates.items()):
+        told = f"proposal: well '{name}' at {to_ml_h(rate.rate):g} ml/h"
+        if name in rig.control.wells and rate.rate < -SAME_RATE:
+            raise InputError(f'{told}: a control well only injects; give 0 or more')
+        if name == rig.control.producer and rate.rate > SAME_RATE:
+            raise InputError(f'{told}: the producer never injects; give 0 or less, or leave it out')
 
 
 def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:

@@ -40,6 +40,7 @@ from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
     RateLog,
     check_proposal,
+    check_roles,
     check_steps,
     proposed_plan,
 )
@@ -383,6 +384,7 @@ class SiblingsNode(Node):
         horizon = request.horizon or self._ahead()
         steps = conversions.plan_from_msg(request.proposed)
         check_steps(steps)
+        check_roles(steps, self._rig)
         check_proposal(steps, horizon, self._rig)
         with self._changed:
             rates = self._rates.present(self.siblings.time)

@@ -13,11 +13,13 @@ from porotwin_siblings.rate_log import (
     MOST_STEPS,
     RateLog,
     check_proposal,
+    check_roles,
     check_steps,
     plan_periods,
     proposed_plan,
 )
 
+RIG = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
 REST = {'a': WellRate(), 'out': WellRate()}
 FIRST = {'a': WellRate(1e-7), 'out': WellRate(-1e-7)}
 SECOND = {'a': WellRate(2e-7), 'out': WellRate(-2e-7)}
@@ -96,11 +98,10 @@ def test_wells_that_a_proposal_leaves_out_follow_the_present_plan() -> None:
 def test_a_proposal_without_end_is_refused(
     start: float, rate_ml_h: float, horizon: float, complaint: str
 ) -> None:
-    rig = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
     step = RateStep(start, {'control1': WellRate(from_ml_h(rate_ml_h))})
     with pytest.raises(InputError, match=complaint):
-        check_proposal([step], horizon, rig)
-    check_proposal([RateStep(0.0, {'control1': WellRate(from_ml_h(500.0))})], 600.0, rig)
+        check_proposal([step], horizon, RIG)
+    check_proposal([RateStep(0.0, {'control1': WellRate(from_ml_h(500.0))})], 600.0, RIG)
 
 
 def test_a_question_has_few_steps_at_times_that_increase() -> None:
@@ -110,3 +111,16 @@ def test_a_question_has_few_steps_at_times_that_increase() -> None:
     for second in (100.0, 50.0):
         with pytest.raises(InputError, match='at 100 s; give times that increase'):
             check_steps([RateStep(100.0, FIRST), RateStep(second, SECOND)])
+
+
+@pytest.mark.parametrize(
+    ('well', 'rate_ml_h', 'complaint'),
+    [
+        ('control1', -300.0, "'control1' at -300 ml/h: a control well only injects"),
+        ('producer', 500.0, "'producer' at 500 ml/h: the producer never injects"),
+    ],
+)
+def test_no_pump_runs_backwards(well: str, rate_ml_h: float, complaint: str) -> None:
+    check_roles([RateStep(0.0, {well: WellRate(from_ml_h(-rate_ml_h))})], RIG)
+    with pytest.raises(InputError, match=complaint):
+        check_roles([RateStep(0.0, {well: WellRate(from_ml_h(rate_ml_h))})], RIG)

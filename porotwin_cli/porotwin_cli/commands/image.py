@@ -174,7 +174,9 @@ def _done_and_left(
     Photographs that an interrupted call refused are among the others: they tell their reasons once
     more.
     """
-    waiting, done, left = set(earlier), [], []
+    waiting = set(earlier)
+    done: list[Photo] = []
+    left: list[Photo] = []
     for photo in states:
         (done if photo.time in waiting else left).append(photo)
         waiting.discard(photo.time)
