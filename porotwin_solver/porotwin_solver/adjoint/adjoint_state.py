@@ -37,24 +37,21 @@ class AdjointState(State):
     def add_by_mean(self, engine: Engine, by_mean: FloatArray) -> None:
         """Add dJ/d(mean concentration) (nz, nx) in place."""
         immobile = engine.physics.immobile_fraction
-        self.mobile += (1.0 - immobile) * by_mean
         self.immobile += immobile * by_mean
-        self._widen(by_mean / engine.physics.storage)
+        self.add_by_mobile(engine, (1.0 - immobile) * by_mean)
 
     def add_by_mobile(self, engine: Engine, by_mobile: FloatArray) -> None:
         """Add dJ/d(mobile concentration) (nz, nx) in place."""
         self.mobile += by_mobile
-        self._widen(by_mobile / engine.storage)
+        added = by_mobile / engine.storage
+        self.lowest += min(float(added.min()), 0.0)
+        self.highest += max(float(added.max()), 0.0)
 
     @property
     def bounds(self) -> tuple[float, float]:
         """The least and the greatest dJ/dc / S [cost/m^3] that transport leaves as they are."""
         beyond = OVERSHOOT * (self.highest - self.lowest)
         return self.lowest - beyond, self.highest + beyond
-
-    def _widen(self, added: FloatArray) -> None:
-        self.lowest += min(float(added.min()), 0.0)
-        self.highest += max(float(added.max()), 0.0)
 
 
 def refuse_not_finite(cost: float, *derivatives: FloatArray) -> None:
