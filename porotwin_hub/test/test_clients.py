@@ -13,11 +13,13 @@ from rclpy.executors import MultiThreadedExecutor
 from std_srvs.srv import Trigger
 
 from porotwin_core import conversions
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.node import until_shutdown
 from porotwin_core.rig import Rig
-from porotwin_hub.clients import Caller, PhysicsModelClient
+from porotwin_core.wells import RateStep
+from porotwin_hub.clients import Caller, PhysicsModelClient, PlanModelClient
 from porotwin_hub.forecast import ModelUnavailable
-from porotwin_msgs.srv import Predict
+from porotwin_msgs.srv import CostGradient, Predict
 
 pytestmark = pytest.mark.graph
 
@@ -94,3 +96,28 @@ def test_an_answer_that_is_no_concentration_is_refused(solver: SlowSolver, small
     model = PhysicsModelClient(Caller(solver.node, timeout=PATIENCE), grid)
     with pytest.raises(ModelUnavailable, match="'solver/predict' answers wrongly: tracer field"):
         model.predict(np.zeros(grid.shape), {}, 30.0)
+
+
+class PlanService:
+    """A solver whose derivatives are all `derivative`; it is called as a `Caller`."""
+
+    def __init__(self, derivative: float, wells: int) -> None:
+        self.response = CostGradient.Response(cost=1.0, gradient=[derivative] * wells)
+
+    def __call__(self, *_: Any, **__: Any) -> CostGradient.Response:
+        return self.response
+
+
+@pytest.mark.parametrize('derivative', [float('nan'), float('inf')])
+def test_a_gradient_that_is_not_finite_is_refused(small_rig: Rig, derivative: float) -> None:
+    service: Any = PlanService(derivative, len(small_rig.wells))
+    with pytest.raises(ModelUnavailable, match="'solver/cost_gradient' answers wrongly: not fin"):
+        PlanModelClient(service, small_rig).plan_cost(
+            np.zeros((3, 4)),
+            [RateStep(0.0, {})],
+            horizon=30.0,
+            terms=[],
+            with_gradient=True,
+            learnt=NO_LEARNT_PHYSICS,
+            patience=1.0,
+        )
