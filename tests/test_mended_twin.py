@@ -133,7 +133,7 @@ def test_an_offer_acts_when_accepted_and_is_taken_back_when_photographs_disagree
         'Pump injector delivers 60 % of the commanded rate: with it the model errs by 2 % instead '
         'of 30 %.'
     )
-    assert 'there is none' in lab.answer(7, accept=True).message
+    assert 'does not exist' in lab.answer(7, accept=True).message
     assert lab.answer(1, accept=True).code == Outcome.OK
     assert lab.effects_of_the_solver() == ['rate']
     assert 'offer 1 is accepted already' in lab.answer(1, accept=False).message

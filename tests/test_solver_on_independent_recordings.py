@@ -14,7 +14,9 @@ from porotwin_core.rig import EffectDescription, load_rig
 from porotwin_recording.recording import open_recording
 from porotwin_solver.batch import Job, simulate_many
 
-CASES = range(1, 23)
+CASES = (2, 5, 9, 10, 11, 12, 13, 15, 16, 17, 18, 20, 22)
+"""A recording without effect, and one of each physical effect. The effects of the camera leave the
+model as it is."""
 
 
 @pytest.fixture
@@ -68,7 +70,7 @@ def table(cases: Path, numbers) -> list[tuple[int, str, float, float]]:
 
 
 @pytest.mark.slow
-def test_the_true_effects_explain_every_recording(cases) -> None:
+def test_the_true_effects_explain_a_recording_of_each_kind(cases) -> None:
     for number, names, error, floor in table(cases, CASES):
         limit = 1.1 if names == 'none' else 1.15
         assert error <= limit * floor, f'case {number}, {names}: {error:.4f} of {floor:.4f}'
