@@ -126,12 +126,8 @@ class PumpWatch:
         stands = share < STOPPED_SHARE
         self.faults[well] = Fault(NOTHING if stands else share)
         told = 'nothing' if stands else f'about {share:.0%} of its rate'
-        return [
-            f'{well} seems to deliver {told}, by the photographs: check its pump and tube; '
-            'the plan goes on without it'
-            if stands
-            else f'{well} seems to deliver {told}, by the photographs: check its pump and tube'
-        ]
+        line = f'{well} seems to deliver {told}, by the photographs: check its pump and tube'
+        return [f'{line}; the plan goes on without it' if stands else line]
 
 
 def likeliest(seen: Expectations) -> tuple[str, float, float]:
