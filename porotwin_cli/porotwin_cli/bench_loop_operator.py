@@ -1,5 +1,6 @@
 """The person at the pumps of a scenario: prompt or late, exact or not, willing or not."""
 
+import itertools
 from collections import deque
 from dataclasses import dataclass
 
@@ -79,3 +80,13 @@ class OperatorAtWork:
         rates = self._limits.control_rates(order)
         rates[well] = share * self._limits.max_rate
         return self._limits.setpoint(rates)
+
+
+def photographs_until_set(operator: Operator, limits: Limits, *, seed: int) -> int:
+    """Return after how many photographs a person sets the first order of an experiment.
+
+    No twin can change this: the person is late, or refuses for a while.
+    """
+    person = OperatorAtWork(operator, limits, seed=seed)
+    order = limits.setpoint(np.full(len(limits.wells), limits.max_total_rate / len(limits.wells)))
+    return next(count for count in itertools.count() if person.follow(order)[1])

@@ -1,20 +1,23 @@
 """The best schedule of a scenario found offline, with the hidden effects and faults known.
 
-It is the bound that a controller is compared with. Simple plans are tried, the best ones are
-improved by SLSQP on the solver's adjoint, and the virtual rig then plays the results, because it
-has numerics of its own.
+It is the bound that a controller is compared with, with the same person at the pumps. Simple plans
+are tried, the best ones are improved by SLSQP on the solver's adjoint, and the virtual rig then
+plays the results, because it has numerics of its own.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import LinearConstraint, minimize
 
 from porotwin_cli.bench_loop_dose import Plan, ScenarioDose, simple_plans
+from porotwin_cli.bench_loop_operator import photographs_until_set
 from porotwin_cli.bench_loop_rig import LoopRig, LoopSettings
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_core.grid import FloatArray
 from porotwin_core.wells import Schedule
+from porotwin_hub.setpoint_limits import Limits
 
 PIECE_S = 480.0
 """Length of a piece of constant rates [s]: shorter ones hardly lower the dose."""
@@ -30,7 +33,14 @@ STEPS = 25
 
 
 def optimum_schedules(scenario: LoopScenario) -> Iterator[Schedule]:
-    """Yield good schedules of the control wells: the best simple one, and improved ones."""
+    """Yield good schedules of the control wells: the best simple one, and improved ones.
+
+    They begin when the person of the scenario sets a first order. Later orders can be given ahead,
+    so that no other order waits for the person.
+    """
+    limits = Limits.of(scenario.rig)
+    missed = photographs_until_set(scenario.operator, limits, seed=scenario.seed)
+    scenario = replace(scenario, start=scenario.start + missed * scenario.photo_interval)
     dose = ScenarioDose(scenario)
     constant, switched = simple_plans(dose.limits, dose.duration, SWITCHES)
     plans = sorted(constant + switched, key=dose.dose)
@@ -40,7 +50,7 @@ def optimum_schedules(scenario: LoopScenario) -> Iterator[Schedule]:
 
 
 def play(scenario: LoopScenario, schedule: Schedule, settings: LoopSettings) -> LoopRig:
-    """Return the rig after the experiment under `schedule`, set on time and as it says."""
+    """Return the rig after the experiment under `schedule`, set at its times and as it says."""
     rig = LoopRig(scenario, settings)
     while not rig.is_over:
         rig.advance(schedule.at(rig.time))

@@ -4,6 +4,7 @@ import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -154,7 +155,9 @@ def run_optimum(scenario: LoopScenario, settings: LoopSettings) -> LoopFigures:
         (play(scenario, schedule, settings), schedule) for schedule in optimum_schedules(scenario)
     ]
     best, schedule = min(played, key=lambda pair: pair[0].dose_ml_min)
-    orders = len({row.time for row in schedule.rows if row.time >= scenario.start})
+    moments = sorted({row.time for row in schedule.rows})
+    rates = [Limits.of(scenario.rig).safe(), *map(schedule.at, moments)]
+    orders = sum(not same_rates(before, after) for before, after in pairwise(rates))
     return figures_of(best, orders=orders)
 
 

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from porotwin_cli.bench_loop_operator import REFUSAL_PHOTOGRAPHS, Operator, OperatorAtWork
+from porotwin_cli.bench_loop_operator import (
+    REFUSAL_PHOTOGRAPHS,
+    Operator,
+    OperatorAtWork,
+    photographs_until_set,
+)
 from porotwin_cli.bench_loop_scenarios import demo_scenario
 from porotwin_core.wells import WellRates
 from porotwin_hub.setpoint_limits import Limits
@@ -52,3 +57,11 @@ def test_the_same_seed_makes_the_same_mistakes(limits: Limits) -> None:
     assert [people[0].follow(item) for item in orders] == [
         people[1].follow(item) for item in orders
     ]
+
+
+def test_the_first_order_waits_for_the_person(limits: Limits) -> None:
+    assert photographs_until_set(Operator(), limits, seed=1) == 0
+    assert photographs_until_set(Operator(late=3), limits, seed=1) == 3
+    unwilling = {photographs_until_set(Operator(refuses=0.3), limits, seed=n) for n in range(30)}
+    assert min(unwilling) == 0
+    assert max(unwilling) % REFUSAL_PHOTOGRAPHS == 0 < max(unwilling)
