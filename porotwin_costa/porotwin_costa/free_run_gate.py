@@ -235,7 +235,7 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
         for one, errors in judged
         if errors.harmless and (one.trust == 0.0 or judge.rests(one))
     ]
-    chosen, errors = _chosen(harmless or judged[-1:])
+    chosen, errors = nearly_best(harmless or judged[-1:])
     low, high = 1.0, 1.0
     passed = []
     for factor in RATE_FACTORS if chosen.trust > 0 else ():
@@ -261,7 +261,7 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
     )
 
 
-def _chosen(
+def nearly_best(
     judged: Sequence[tuple[CorrectiveModel, RunErrors]],
 ) -> tuple[CorrectiveModel, RunErrors]:
     """Return the first one whose mean error is not clearly larger than the least."""
