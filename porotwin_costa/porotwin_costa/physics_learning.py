@@ -27,8 +27,11 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 64
-"""Most columns of the grid for learning. The model refines it itself, so that its scheme hardly
+"""Most columns of the grid for the last fit. The model refines it itself, so that its scheme hardly
 errs; more columns only cost time."""
+
+SEARCH_COLUMNS = 40
+"""Most columns of the grid for choosing parts: a run takes about a fifth of the time."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -114,13 +117,12 @@ class PhysicsTrial(NamedTuple):
 class Share:
     """Frames to compare with: those to learn from, and those kept to judge.
 
-    `quick` are the fitted ones with a quick solver, `whole` all runs from their start to their end.
+    `quick` are the fitted ones with a quick solver.
     """
 
     fitted: Sequence[Comparison]
     kept: Sequence[Comparison]
     quick: Sequence[Comparison]
-    whole: Sequence[Comparison]
 
     @classmethod
     def of(cls, experiments: Sequence[Frames], grid: Grid, solvers: Solvers) -> 'Share':
@@ -130,10 +132,7 @@ class Share:
             InputError: there are too few frames.
         """
         solver, quick = solvers.precise(grid), solvers.quick(grid)
-        maps = [resampled(frames, grid) for frames in experiments]
-        runs = [run for frames in maps for run in sequences(frames) if len(run.times) > 2]
-        if not runs:
-            raise InputError('no free run can be compared: give three consecutive maps at least')
+        runs = _runs(experiments, grid)
         if len(runs) > 1:
             kept, fitted = [Comparison(runs[-1], grid, solver)], runs[:-1]
         else:
@@ -148,7 +147,6 @@ class Share:
             [Comparison(run, grid, solver) for run in chosen],
             kept,
             [Comparison(run, grid, quick) for run in chosen],
-            [Comparison(run, grid, solver) for run in runs],
         )
 
     @property
@@ -186,11 +184,11 @@ def learn_physics(
     Raises:
         InputError: there are too few frames, or the model cannot run.
     """
-    coarse = no_finer(grid, LEARNING_COLUMNS)
-    share = Share.of(experiments, coarse, solvers)
+    share = Share.of(experiments, no_finer(grid, SEARCH_COLUMNS), solvers)
+    finer = no_finer(grid, LEARNING_COLUMNS)
     maker = PartMaker(
         rig,
-        coarse,
+        finer,
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
@@ -211,8 +209,23 @@ def learn_physics(
         say('the model lacks no physics that these maps show')
         return LearntPhysics()
     parts, start = best.learnt
-    values = fit(parts, share.whole, start, iterations=LAST_ITERATIONS, pool=pool)
+    solver = solvers.precise(finer)
+    whole = [Comparison(run, finer, solver) for run in _runs(experiments, finer)]
+    values = fit(parts, whole, start, iterations=LAST_ITERATIONS, pool=pool)
     return physics_of(parts, values)
+
+
+def _runs(experiments: Sequence[Frames], grid: Grid) -> list[Frames]:
+    """Return the sequences of all maps on `grid` that are long enough for a free run.
+
+    Raises:
+        InputError: there is none.
+    """
+    maps = [resampled(frames, grid) for frames in experiments]
+    runs = [run for frames in maps for run in sequences(frames) if len(run.times) > 2]
+    if not runs:
+        raise InputError('no free run can be compared: give three consecutive maps at least')
+    return runs
 
 
 def _judged(trial: PhysicsTrial) -> float:
