@@ -124,7 +124,7 @@ TRIPLE_BASES, TRIPLE_COUPLES = 3, 6
 """Number of single effects that get two more effects at once, and of couples that are fitted beside
 each; they bound the time. The linear responses rank couples only roughly."""
 
-REFINED_TRIPLES = 3
+REFINED_TRIPLES = 4
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
 
 # Decision ---------------------------------------------------------------------------------------

@@ -41,6 +41,11 @@ def test_no_two_of_the_distinct_triples_share_two_effects():
     assert chosen == ['registration + decay + depth', 'registration + leak + rate']
 
 
+def test_a_leak_does_not_push_out_a_zone_beside_the_same_effects():
+    both = [fit_of('rate', 'clock', name, misfit=1.0) for name in ('leak', 'heterogeneity')]
+    assert distinct(both) == both
+
+
 def test_an_effect_joins_another_one_or_itself_at_another_well(quiet):
     samples = [sample_of(quiet)]
     rate, porosity = candidate(samples, 'rate injector'), candidate(samples, 'porosity')

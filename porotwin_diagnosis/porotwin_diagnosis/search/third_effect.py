@@ -74,14 +74,24 @@ def distinct(triples: Sequence[Fit]) -> list[Fit]:
     """Return the `triples` of which no two share two effects, the best score first.
 
     A pair that imitates much would otherwise fill all places, each time with another third effect.
-    The score has a penalty per parameter, like that of pairs.
+    Triples that differ in a leak and a zone are kept: coarse cells cannot tell these apart. The
+    score has a penalty per parameter, like that of pairs.
     """
     chosen: list[Fit] = []
     for fit in sorted(triples, key=_penalised):
-        names = member_labels(fit.members)
-        if all(len(names & member_labels(other.members)) < 2 for other in chosen):
+        if not any(_nearly_the_same(fit, other) for other in chosen):
             chosen.append(fit)
     return chosen
+
+
+def _nearly_the_same(one: Fit, other: Fit) -> bool:
+    """Return whether two triples share two effects, and differ in more than a leak and a zone."""
+    labels = member_labels(one.members), member_labels(other.members)
+    if len(labels[0] & labels[1]) < 2:
+        return False
+    shared = labels[0] & labels[1]
+    rest = [m for m in (*one.members, *other.members) if m.label not in shared]
+    return not rest or not all(has_place(member.effect) for member in rest)
 
 
 def _penalised(fit: Fit) -> float:
