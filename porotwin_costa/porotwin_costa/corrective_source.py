@@ -26,8 +26,8 @@ from porotwin_core.wells import WellRates
 from porotwin_costa.frames import rate_vector, same_time_step
 
 if TYPE_CHECKING:
-    from porotwin_costa.networks import Window
     from porotwin_costa.corrective_model import CorrectiveModel
+    from porotwin_costa.networks import Window
 
 NO_MODEL = 'no model loaded'
 APPLIED = 'applied'

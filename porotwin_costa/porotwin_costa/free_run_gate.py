@@ -1,7 +1,7 @@
 """The gate judges free runs: it decides on the trust in a correction and the range of rates.
 
 The model alone and the corrected model run freely over kept experiments; the errors of single steps
-do not count. The trust in the network is the largest one of TRUSTS with about the least error, and no
+do not count. The trust in the network is the largest one of TRUSTS with about the least error. No
 frame of a run may be worse than LARGEST_LOSS times the model alone. Learnt physics is judged in the
 same way.
 

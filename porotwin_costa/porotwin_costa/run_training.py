@@ -18,7 +18,6 @@ from porotwin_costa.physics_learning import SolverOn, Solvers, learn_physics
 from porotwin_costa.rollout_training import CURRICULUM, Stage, train_through_runs
 from porotwin_costa.training import ProgressFn, train
 
-
 SCHEME_GAIN = 0.5
 """Share of the squared error of kept runs that a sharper scheme must take away [-]: its steps cost
 many times as much."""

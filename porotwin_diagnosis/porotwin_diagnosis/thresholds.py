@@ -8,6 +8,8 @@ front that lies `FRONT_TOLERANCE` cells off. Ratios and factors are dimensionles
 are natural logarithms of odds.
 """
 
+import math
+
 # Search -----------------------------------------------------------------------------------------
 
 # The normalised misfit (`ranking.normalised_misfit`) and the ranking
@@ -113,6 +115,10 @@ RELOCATED_TRIPLES = 3
 found without the third effect is wrong, and the true triple may then rank behind imitations. Each
 takes some 150 simulations."""
 
+TRIPLE_BASES, PAIRS_PER_EFFECT = 3, 2
+"""Largest number of judged pairs that get a third effect, and of those with the same effect. The
+best pair without the third effect is often an imitation, and the true pair comes behind it."""
+
 REFINED_TRIPLES = 3
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
 
@@ -142,6 +148,14 @@ one must earn its place."""
 SYSTEMATIC_MISFIT = 0.16
 """Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the
 scheme, which misplaces fronts by 0.16 of the 0.12 cells of the front tolerance."""
+
+RIVAL_LOG_ODDS = math.log(20.0)
+"""Log-odds against a single effect below which it is compared on equal terms with the best one. The
+correction of the cells moves a misfit of 0.45 by up to 0.06, and so the log-odds by 1."""
+
+NEAR_EQUAL_LOG_ODDS = math.log(3.0)
+"""Log-odds against a single effect below which the verdict lists it beside the named one. Nobody
+would stake a repair on odds below three to one."""
 
 INDISTINGUISHABLE = 0.06
 """Whitened root mean square difference of two predictions below which the camera shows the same."""

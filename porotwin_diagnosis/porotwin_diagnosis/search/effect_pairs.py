@@ -165,8 +165,9 @@ def _screened_pairs(
     for index, base in enumerate(bases):
         levels.progress(f'pairs with {base.label}', 0.54 + 0.12 * index / len(bases))
         every = index < with_all_partners
+        placed = every or not has_place(base.members[0].effect)
         partners = best_partners(
-            levels, space, base, screened, one_parameter=every, with_places=every
+            levels, space, base, screened, one_parameter=every, with_places=placed
         )
         pairs |= combined_fits(levels, base, partners, pairs.keys())
     pairs |= relocated(levels, pairs)

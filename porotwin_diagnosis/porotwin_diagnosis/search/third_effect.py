@@ -7,6 +7,7 @@ again. Members are not exchanged: with so many parameters an exchange soon finds
 a triple that earns its place is returned.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 
 from porotwin_diagnosis.model.fit import Fit
@@ -26,7 +27,13 @@ from porotwin_diagnosis.search.ranking import (
     score,
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, REFINED_TRIPLES, RELOCATED_TRIPLES
+from porotwin_diagnosis.thresholds import (
+    EXCHANGE_MISFIT,
+    PAIRS_PER_EFFECT,
+    REFINED_TRIPLES,
+    RELOCATED_TRIPLES,
+    TRIPLE_BASES,
+)
 
 
 def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -43,8 +50,7 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
         return Judgement(levels, [])
     if normalised_misfit(pairs[0]) > EXCHANGE_MISFIT:
         return Judgement(levels, [])
-    levels.progress(f'a third effect beside {pairs[0].label}', 0.88)
-    screened = _screened_triples(levels, space, pairs[0], findings.screened)
+    screened = _screened_triples(levels, space, distinct_pairs(pairs), findings.screened)
     best = close_to_best(sorted(screened.values(), key=score))[:REFINED_TRIPLES]
     judged = levels.judged(levels.refined(best, 0.88), 0.89)
     again = levels.judged_again(judged, findings.null, 0.9)
@@ -53,14 +59,33 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
 
 
 def _screened_triples(
-    levels: Levels, space: SearchSpace, pair: Fit, screened: Sequence[Fit]
+    levels: Levels, space: SearchSpace, pairs: Sequence[Fit], screened: Sequence[Fit]
 ) -> Combinations:
-    """Return fits of `pair` with a third effect on the screening cells.
+    """Return fits of each of `pairs` with a third effect on the screening cells.
 
-    A leak or a zone of the pair is then looked for again: its place in the pair imitates the third
-    effect.
+    A leak or a zone of the best ones is then looked for again: its place in the pair imitates the
+    third effect.
     """
-    base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
-    partners = best_partners(levels, space, base, screened, with_places=True)
-    triples = combined_fits(levels, base, partners, ())
+    triples: Combinations = {}
+    for pair in pairs:
+        levels.progress(f'a third effect beside {pair.label}', 0.88)
+        base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
+        partners = best_partners(levels, space, base, screened, with_places=True)
+        triples |= combined_fits(levels, base, partners, triples.keys())
     return triples | relocated(levels, triples, RELOCATED_TRIPLES)
+
+
+def distinct_pairs(pairs: Sequence[Fit]) -> list[Fit]:
+    """Return the judged `pairs` that get a third effect, the most plausible first.
+
+    Each effect belongs to at most `PAIRS_PER_EFFECT` of them. Otherwise one effect that imitates
+    much, such as a shifted picture, would be in all.
+    """
+    chosen: list[Fit] = []
+    uses: Counter[str] = Counter()
+    for pair in pairs:
+        names = [member.effect for member in pair.members]
+        if all(uses[name] < PAIRS_PER_EFFECT for name in names):
+            uses.update(names)
+            chosen.append(pair)
+    return chosen[:TRIPLE_BASES]
