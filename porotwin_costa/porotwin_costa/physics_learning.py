@@ -27,8 +27,8 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 64
-"""Most columns of the grid for the last fit. The model refines it itself, so that its scheme hardly
-errs; more columns only cost time."""
+"""Most columns of the grid for the last fit, and for the errors that end the search. The model
+refines it itself, so that its scheme hardly errs; more columns only cost time."""
 
 SEARCH_COLUMNS = 40
 """Most columns of the grid for choosing parts: a run takes about a fifth of the time."""
@@ -186,6 +186,7 @@ def learn_physics(
     """
     share = Share.of(experiments, no_finer(grid, SEARCH_COLUMNS), solvers)
     finer = no_finer(grid, LEARNING_COLUMNS)
+    judging = Share.of(experiments, finer, solvers)
     maker = PartMaker(
         rig,
         finer,
@@ -193,7 +194,7 @@ def learn_physics(
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
     best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
-    search = PartSearch(maker, share, pool, best)
+    search = PartSearch(maker, share, judging, pool, judging.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         if search.ends_with(best):
             break
@@ -254,20 +255,26 @@ def _errors_together(runs: Sequence[Comparison], physics: LearntPhysics) -> Floa
 class PartSearch:
     """Looks for one more part that brings free runs closer to the frames of `share`.
 
-    `alone` is the trial without any part.
+    `judging` holds the same frames on a finer grid, and `alone` the costs there without any part.
     """
 
     maker: PartMaker
     share: Share
+    judging: Share
     pool: Crew
-    alone: PhysicsTrial
+    alone: tuple[float, float]
 
     def ends_with(self, trial: PhysicsTrial) -> bool:
-        """Return whether the error that `trial` leaves is not worth another part."""
-        fitted, kept = self.share.power
-        good = max(trial.fitted / fitted, trial.kept / kept) < GOOD_ERROR**2
-        gains = _gain(self.alone.fitted, trial.fitted), _gain(self.alone.kept, trial.kept)
-        return good or min(gains) > ENOUGH
+        """Return whether the error that `trial` leaves on the finer grid is not worth another part.
+
+        On the coarse one the scheme itself errs: another part would imitate that.
+        """
+        if not np.isfinite(trial.fitted):
+            return False
+        left = self.judging.cost(trial.learnt.physics)
+        shares = [cost / power for cost, power in zip(left, self.judging.power, strict=True)]
+        gains = [_gain(before, after) for before, after in zip(self.alone, left, strict=True)]
+        return max(shares) < GOOD_ERROR**2 or min(gains) > ENOUGH
 
     def with_one_more(self, known: Learnt) -> PhysicsTrial:
         """Return the best trial of `known` with one more part, refitted.
@@ -279,7 +286,8 @@ class PartSearch:
         parts = [part for part in self.maker.everywhere() if part.name not in taken]
         trials = [self._fitted(part, known) for part in parts]
         before, _ = self.share.cost(known.physics)
-        if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in trials):
+        clear = any(_gain(before, trial.fitted) >= CLEAR_GAIN for trial in trials)
+        if not clear and not self.ends_with(min(trials, key=_judged)):
             for part in self._placed(known):
                 trials.append(self._fitted(part, known))
                 if self.ends_with(trials[-1]):
