@@ -28,7 +28,7 @@ from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.search.place_scan import (
-    Comparison,
+    ScanComparison,
     compared,
     perturbed,
     trials_of,
@@ -105,7 +105,7 @@ def promising_couples(
 
 
 def _response(
-    comparisons: Sequence[Comparison], effects: tuple[EffectDescription, ...]
+    comparisons: Sequence[ScanComparison], effects: tuple[EffectDescription, ...]
 ) -> FloatArray:
     """Return the response to `effects`, zero where the model cannot run with them."""
     try:

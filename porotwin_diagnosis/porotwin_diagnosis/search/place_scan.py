@@ -80,7 +80,7 @@ class CoarseRecording:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ScanComparison:
     """The residual of a model with given effects, and the maps that it simulates.
 
     Attributes:
@@ -141,7 +141,7 @@ def promising_starts(
     return _best_apart(trials, list(run(gain, trials)), _place_distance(sample))
 
 
-def compared(forward: Forward, given: tuple[EffectDescription, ...]) -> Comparison:
+def compared(forward: Forward, given: tuple[EffectDescription, ...]) -> ScanComparison:
     """Return the comparison of a recording with the model with the effects `given`."""
     sample = forward.sample
     columns = min(SCAN_COLUMNS, sample.grid.nx)
@@ -152,7 +152,7 @@ def compared(forward: Forward, given: tuple[EffectDescription, ...]) -> Comparis
     residual = (sample.observed_or_zero[frames] - expected) * sample.seen_mask[frames]
     coarse = np.stack([conservative_resample(frame, grid.shape) for frame in residual])
     recording = CoarseRecording(sample, grid, sample.times[frames], forward.crew)
-    return Comparison(recording, _smoothed(coarse), recording.simulated(given))
+    return ScanComparison(recording, _smoothed(coarse), recording.simulated(given))
 
 
 def _smoothed(maps: FloatArray) -> FloatArray:
