@@ -122,7 +122,8 @@ def _blocks(
     An effect without a place has a column per parameter, one step from its first start. An effect
     at a place has one column.
     """
-    blocks, changes = [], []
+    blocks: list[_Block] = []
+    changes: list[EffectDescription] = []
     for candidate in candidates:
         begin = len(changes)
         for index in range(len(candidate.parameters)):
