@@ -20,6 +20,7 @@ from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.objective import WeightedTracer
 from porotwin_hub.order_delay import OrdersAhead
 from porotwin_hub.plan_controller import PlanController
+from porotwin_hub.plant_knowledge import PlantKnowledge
 
 SHAPE = (2, 3)
 STATE = np.zeros(SHAPE)
@@ -119,7 +120,7 @@ def test_the_decision_carries_the_whole_plan() -> None:
 
 def test_learnt_physics_acts_in_every_plan() -> None:
     model, learnt = TwoStages(), LearntPhysics(density_difference=0.8)
-    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), learnt=learnt)
+    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge(learnt=learnt))
     assert model.learnt == learnt
 
 
@@ -145,7 +146,7 @@ def test_rates_ramp_where_they_may_not_jump() -> None:
 def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> None:
     model = TwoStages()
     decision = controller(model).decide(
-        ToyModel(), STATE, LIMITS.safe(), delivery={'control1': 0.0, 'control3': 0.5}
+        ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge({'control1': 0.0, 'control3': 0.5})
     )
     assert all(control_ml_h(step.rates)[0] == 0.0 for step in decision.plan)
     most = max(rates['control3'].rate for rates in model.rates)
@@ -169,7 +170,9 @@ def test_orders_to_a_late_person_are_given_in_time() -> None:
     asked = []
     for now in np.arange(2400.0, SWITCH + 1.0, 60.0):
         model.now = float(now)
-        decision = planner.decide(ToyModel(), STATE, previous, now=float(now), ahead=ahead)
+        decision = planner.decide(
+            ToyModel(), STATE, previous, now=float(now), plant=PlantKnowledge(ahead=ahead)
+        )
         asked.append((float(now), control_ml_h(decision.rates)))
     first = next(time for time, rates in asked if rates == [0.0, 0.0, 500.0])
     assert first == pytest.approx(SWITCH - 240.0, abs=60.0)
@@ -179,7 +182,7 @@ def test_an_order_that_waits_is_the_base_of_the_next_one() -> None:
     model, waiting = TwoStages(), LIMITS.setpoint(np.array([0.0, FULL, 0.0]))
     ahead = OrdersAhead(waits=True)
     held = controller(model, change_cost=1e9).decide(
-        ToyModel(), STATE, waiting, now=0.0, ahead=ahead
+        ToyModel(), STATE, waiting, plant=PlantKnowledge(ahead=ahead)
     )
     assert held.rates == waiting
 
@@ -209,7 +212,9 @@ def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:
 
 def test_a_pause_of_the_injection_is_planned_to_end() -> None:
     model = TwoStages()
-    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), delivery={'injector': 0.02})
+    controller(model).decide(
+        ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge({'injector': 0.02})
+    )
     assert {rates['injector'].rate for rates in model.rates} == {LIMITS.fixed['injector'].rate}
 
 
