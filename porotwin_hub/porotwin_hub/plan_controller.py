@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
@@ -25,6 +26,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.control_plan import ControlPlan, growing_blocks, same
+from porotwin_hub.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.objective_registry import make_objective
@@ -110,6 +112,7 @@ class PlanController:
         end: of the experiment, in the time of the states [s]; None: open.
         change_cost: of every order [m^3 s].
         patience: longest wall-clock time of a decision [s]; then the best plan so far is taken.
+        pauses: announced pauses of the fixed wells, in the time of the states.
         last: the plan of the last decision.
     """
 
@@ -122,6 +125,7 @@ class PlanController:
     end: float | None = None
     change_cost: float = 0.0
     patience: float = math.inf
+    pauses: FixedPauses = NO_PAUSES
     last: LastPlan = field(default_factory=LastPlan, compare=False)
 
     def decide(
@@ -231,6 +235,7 @@ def plan_controller(
         end=None if end_min is None else MINUTE_S * end_min,
         change_cost=from_ml_min(rig.control.change_cost_ml_min),
         patience=patience,
+        pauses=FixedPauses.of(rig),
     )
 
 
@@ -252,6 +257,7 @@ class _Task:
         self._lead = plant.ahead.lead
         self._whole, self._horizon = horizon, horizon - self._lead
         self._previous, self._plant = previous, plant
+        self._now, self._pauses = now, controller.pauses
         self._deadline = time.monotonic() + controller.patience
         self._state = conservative_resample(state, controller.cells)
         terms = controller.objective.terms(now, horizon)
@@ -387,17 +393,16 @@ class _Task:
         if self.evaluations and left <= 0.0:
             raise OutOfTimeError
         self.evaluations += 1
-        first = [
-            RateStep(step.start, self._delivered(self._limits.control_rates(step.rates)))
-            for step in self._plant.ahead.steps
-        ]
-        planned = [
-            RateStep(self._lead + float(start), self._delivered(rates))
-            for start, rates in zip(plan.starts, plan.rates, strict=True)
-        ]
+        ahead = self._plant.ahead.steps
+        starts = np.array([*(step.start for step in ahead), *(self._lead + plan.starts)])
+        rates = [*(self._limits.control_rates(step.rates) for step in ahead), *plan.rates]
+        moments, stages = self._with_pauses(starts)
         cost, by_rate = self._model.plan_cost(
             self._state,
-            first + planned,
+            [
+                RateStep(float(moment), self._delivered(rates[stage], float(moment)))
+                for moment, stage in zip(moments, stages, strict=True)
+            ],
             horizon=self._whole,
             terms=self._terms,
             with_gradient=with_gradient,
@@ -408,18 +413,33 @@ class _Task:
         cost += self._water_cost * float(lengths @ plan.rates.sum(axis=1))
         if by_rate is None:
             return cost, np.zeros(plan.rates.shape)
-        wells, by_rate = self._limits.all_wells, by_rate[len(first) :]
+        by_stage = np.zeros((len(starts), by_rate.shape[1]))
+        np.add.at(by_stage, stages, by_rate)
+        wells, by_rate = self._limits.all_wells, by_stage[len(ahead) :]
         by_control = by_rate[:, [wells.index(name) for name in self._limits.wells]]
         if self._limits.producer is not None:
             by_control = by_control - by_rate[:, [wells.index(self._limits.producer)]]
         return cost, self._shares * by_control + self._water_cost * lengths[:, None]
 
-    def _delivered(self, control_rates: FloatArray) -> dict[str, WellRate]:
-        """Return the delivered rates for `control_rates` (wells,), balanced by the producer."""
-        limits = self._limits
+    def _with_pauses(self, starts: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return when any rate changes, and the stage that holds from then on.
+
+        Announced pauses divide the stages that begin at `starts` after the state [s], (stages,).
+        """
+        edges = self._pauses.moments(self._now, self._now + self._whole)
+        moments = np.union1d(starts, [edge - self._now for edge in edges])
+        return moments, np.searchsorted(starts, moments, side='right') - 1
+
+    def _delivered(self, control_rates: FloatArray, moment: float) -> dict[str, WellRate]:
+        """Return the delivered rates for `control_rates` (wells,), balanced by the producer.
+
+        The fixed wells rest that pause at that `moment` after the state [s].
+        """
+        limits, resting = self._limits, self._pauses.resting(self._now + moment)
         commanded = {
             **dict.fromkeys(limits.all_wells, WellRate()),
             **limits.fixed,
+            **dict.fromkeys(resting, WellRate()),
             **{
                 name: WellRate(float(rate))
                 for name, rate in zip(limits.wells, control_rates, strict=True)

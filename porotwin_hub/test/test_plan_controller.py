@@ -14,8 +14,9 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates
+from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.controller import Controller, WithSubstitute
+from porotwin_hub.fixed_pauses import FixedPauses
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.objective import WeightedTracer
 from porotwin_hub.order_delay import OrdersAhead
@@ -208,6 +209,16 @@ def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:
     decision = controller(model).decide(ToyModel(), STATE, beyond)
     assert LIMITS.violations(decision.rates) == []
     assert model.calls < 500
+
+
+def test_an_announced_pause_acts_in_every_plan_and_changes_no_order() -> None:
+    told, untold = TwoStages(), TwoStages()
+    pauses = FixedPauses({'injector': ((600.0, 1200.0), (4000.0, 4100.0))})
+    decided = controller(told, pauses=pauses).decide(ToyModel(), STATE, LIMITS.safe())
+    usual = controller(untold).decide(ToyModel(), STATE, LIMITS.safe())
+    assert decided.plan == usual.plan  # this cost knows no injector, and gradients add up
+    assert {rates['injector'].rate for rates in told.rates} == {0.0, LIMITS.fixed['injector'].rate}
+    assert all(net_rate(rates) == pytest.approx(0.0, abs=1e-20) for rates in told.rates)
 
 
 def test_a_pause_of_the_injection_is_planned_to_end() -> None:
