@@ -9,6 +9,10 @@ Van Cittert's iteration (Jansson, Deconvolution of Images and Spectra, 1997) tak
 They multiply no wave by more than 3. Each value stays between the least and the largest v of its
 cell and the eight neighbours, so that no front overshoots and plateaus keep their height. The steps
 come after the denoising, which hardly widens fronts, so that little noise is amplified.
+
+The cells are coarser than the blur. A Gaussian between cells with the variance of the blur is right
+for wide fronts only: from a front as sharp as the blur it takes two thirds of what the camera does.
+G is therefore the discrete Gaussian that does the same to such a front, at any place in a cell.
 """
 
 import math
@@ -33,6 +37,12 @@ _STEPS = 2
 """Steps of the iteration; more change little."""
 _FREQUENCIES = 64
 """Frequencies over which the gain of noise is averaged."""
+_FRONT_WAVES = np.arange(0.5, 640.0) * (np.pi / 64.0)
+"""Frequencies of a front [1 / cell], far beyond the finest wave that cells show."""
+_ROUNDS = 6
+"""Steps towards the variance of a kernel; more change it by less than a thousandth."""
+_SHARPEST = 0.02
+"""Blurs below this count as this [cells]; they change nothing."""
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
@@ -89,13 +99,31 @@ def _blurred(values: Array, up: Array, across: Array) -> Array:
 
 
 def _kernel(width: float) -> Array:
-    """Return the discrete Gaussian of standard deviation `width` [cells], shape (odd,).
+    """Return the discrete Gaussian that acts on cells as the blur `width` [cells], shape (odd,).
 
     Its variance is exact for small widths too (Lindeberg, IEEE Trans. PAMI 12:234, 1990).
     """
-    reach = max(1, math.ceil(_KERNEL_REACH * width))
-    weights = ive(np.arange(-reach, reach + 1), width**2)
+    variance = _variance_between_cells(max(width, _SHARPEST))
+    reach = max(1, math.ceil(_KERNEL_REACH * math.sqrt(variance)))
+    weights = ive(np.arange(-reach, reach + 1), variance)
     return np.asarray(weights / weights.sum(), np.float32)
+
+
+def _variance_between_cells(width: float) -> float:
+    """Return the variance of the discrete Gaussian [cells^2] for a blur of `width` [cells].
+
+    It does to cell means of a front of this width what the blur does, by least squares over all
+    places of the front in a cell. The waves of the front beyond the finest one of the cells count
+    with the wave that cells take them for.
+    """
+    waves = _FRONT_WAVES
+    front = (np.sinc(waves / (2 * np.pi)) * np.exp(-0.5 * (width * waves) ** 2) / waves) ** 2
+    lost = 1.0 - np.exp(-0.5 * (width * waves) ** 2)
+    variance = width**2
+    for _ in range(_ROUNDS):
+        between = -np.expm1(variance * (np.cos(waves) - 1.0))
+        variance *= float(front @ (lost * between) / (front @ between**2))
+    return variance
 
 
 def _noise_factor(up: Array, across: Array) -> float:

@@ -60,6 +60,7 @@ def refined(
     photographs: Sequence[Photograph],
     schedule: Schedule | None,
     settings: ImagingSettings = DEFAULTS,
+    source: str = 'experiment',
 ) -> RefinedCalibration:
     """Return the calibration with better factors for sands whose factor was a guess.
 
@@ -71,6 +72,7 @@ def refined(
         schedule: injected rates in the time of the photographs; None: nothing is refined, because
             the injected fluid may be a dilution.
         settings: settings of all steps.
+        source: name of the experiment, for the record of where a factor is from.
 
     Raises:
         InputError: the baseline cannot be used.
@@ -86,7 +88,7 @@ def refined(
         return RefinedCalibration(calibration)
     labels = cv2.resize(calibration.sands, grid.shape[::-1], interpolation=cv2.INTER_NEAREST)
     found = _levels(signals, np.ascontiguousarray(labels[::-1]), calibration, settings)
-    return _with_levels(calibration, found, settings)
+    return _with_levels(calibration, found, settings, source)
 
 
 def _with_stock(photographs: Sequence[Photograph], schedule: Schedule | None) -> list[Photograph]:
@@ -148,11 +150,23 @@ def _level_of_stock(calibration: Calibration) -> float:
     return float(np.interp(1.0, response.concentration, response.signal))
 
 
+def _origins(calibration: Calibration) -> list[str]:
+    """Return where each factor is from; a person may have edited the record."""
+    told = calibration.made.get('sands_from')
+    known = [str(one) for one in told] if isinstance(told, list) else []
+    count = len(calibration.factors)
+    return [*known, *['unknown'] * count][:count]
+
+
 def _with_levels(
-    calibration: Calibration, levels: dict[int, SandLevel], settings: ImagingSettings
+    calibration: Calibration,
+    levels: dict[int, SandLevel],
+    settings: ImagingSettings,
+    source: str,
 ) -> RefinedCalibration:
     """Return the calibration with the mean of guess and core, weighted by their variances."""
     factors, deviations = list(calibration.factors), list(calibration.factor_deviations)
+    origins = _origins(calibration)
     lines = []
     for sand, one in sorted(levels.items()):
         before, guess_error = factors[sand], deviations[sand]
@@ -164,10 +178,16 @@ def _with_levels(
         share = guess_error**2 / (guess_error**2 + core_error**2)
         factors[sand] = before * math.exp(share * apart)
         deviations[sand] = guess_error * math.sqrt(1.0 - share)
+        origins[sand] = f'core in {source}'
         lines.append(
             f'sand {sand}: factor {before:.2f} +- {before * guess_error:.2f} of the calibration is '
             f'now {factors[sand]:.2f} +- {factors[sand] * deviations[sand]:.2f}, because a plume '
             'of stock has reached it'
         )
-    better = replace(calibration, factors=tuple(factors), factor_deviations=tuple(deviations))
+    better = replace(
+        calibration,
+        factors=tuple(factors),
+        factor_deviations=tuple(deviations),
+        made={**calibration.made, 'sands_from': origins},
+    )
     return RefinedCalibration(better, tuple(lines))

@@ -34,6 +34,14 @@ def test_the_blur_of_a_front_is_taken_back(rim: float) -> None:
     assert found.sum() == pytest.approx(truth.sum(), rel=1e-3)
 
 
+def test_fronts_as_sharp_as_the_blur_are_taken_back_as_well() -> None:
+    truth, seen = disc(blurred=False, rim=0.3), disc(blurred=True, rim=0.3)
+    found = sharpened(of(seen), BLUR).values
+    high = (truth > 0.5) & (truth < 0.9)
+    assert (seen - truth)[high].mean() < -0.04
+    assert abs((found - truth)[high].mean()) < 0.015
+
+
 @pytest.mark.parametrize('height', [0.3, 1.0])
 def test_plateaus_keep_their_height_and_fronts_do_not_overshoot(height: float) -> None:
     found = sharpened(of(disc(blurred=True, height=height)), BLUR).values

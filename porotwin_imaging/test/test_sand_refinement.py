@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_imaging.calibration import load_calibration, save_calibration
+from porotwin_imaging.imaging_session import ImagingSession
 from porotwin_imaging.sand_refinement import refined
 
 INTERFACE_M, HEIGHT_M = 0.22, 0.5
@@ -39,8 +41,9 @@ def test_a_plume_of_stock_in_two_sands_tells_the_factor_of_the_guessed_one(
 ) -> None:
     states = experiment(two_sands, make_plume(true_shape, 0.4, 0.24, 0.14))
     empty = two_sands.photograph(no_tracer, seed=1)
-    found = refined(guessed, two_sands.rig, [empty], states, injecting(1.0))
+    found = refined(guessed, two_sands.rig, [empty], states, injecting(1.0), source='monday')
     assert found.calibration.factors[1] == pytest.approx(1 / UPTAKE, rel=0.03)
+    assert found.calibration.made['sands_from'] == ['unknown', 'core in monday']
     assert found.calibration.factor_deviations[1] < 0.03
     assert found.calibration.factors[0] == 1.0
     assert 'sand 1' in found.lines[0]
@@ -62,3 +65,23 @@ def test_a_plume_that_is_paler_than_stock_is_not_taken_for_it(
     empty = two_sands.photograph(no_tracer, seed=1)
     found = refined(guessed, two_sands.rig, [empty], states, injecting(1.0))
     assert found.calibration.factors == guessed.factors
+
+
+def test_the_running_twin_uses_what_was_learnt(
+    two_sands, guessed, make_plume, true_shape, no_tracer, tmp_path
+) -> None:
+    states = experiment(two_sands, make_plume(true_shape, 0.4, 0.24, 0.14))
+    empty = two_sands.photograph(no_tracer, seed=1)
+    learnt = refined(guessed, two_sands.rig, [empty], states, injecting(1.0)).calibration
+    save_calibration(learnt, tmp_path / 'calibration.yaml')
+    lower = {}
+    for name, used in (
+        ('before', guessed),
+        ('after', load_calibration(tmp_path / 'calibration.yaml')),
+    ):
+        session = ImagingSession(two_sands.rig, two_sands.rig.grid(90, 50), calibration=used)
+        session.add_baseline(empty)
+        values = session.add_photo(60.0, states[0][1]()).map.values
+        lower[name] = float(np.median(values[14:18, 36:44]))  # stock in the lower sand
+    assert lower['before'] < 0.9
+    assert lower['after'] == pytest.approx(1.0, abs=0.02)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
-from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, say
+from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, refuse_existing, say
 from porotwin_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,6 +31,10 @@ def command(
     output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
     grid: Annotated[str, typer.Option(help='Columns x rows; default: cells of 5 mm.')] = '',
     calibration: Annotated[Path | None, typer.Option(help='Calibration of the camera.')] = None,
+    learnt: Annotated[
+        Path | None,
+        typer.Option(help='Folder to make: the calibration with the factors learnt here, for up.'),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = '',
     as_json: Json = False,
@@ -38,9 +42,10 @@ def command(
     """Turn the photographs of an experiment into maps of tracer concentration.
 
     A bad photograph is named and left out. If the calibration only guessed the factor of a sand,
-    the core of the plume in that sand corrects it. A picture of the maps lies beside the output,
-    with the same name and the suffix .png. After an interruption a second call continues. It
-    begins anew if the photographs, rig.yaml or the rates have changed since.
+    the core of the plume in that sand corrects it. --learnt FOLDER keeps the corrected calibration
+    for ./porotwin up --calibration FOLDER/calibration.yaml. A picture of the maps lies beside the
+    output, with the same name and the suffix .png. After an interruption a second call continues.
+    It begins anew if the photographs, rig.yaml or the rates have changed since.
 
     Example: ./porotwin image experiment --output maps.nc --grid 280x150
     """
@@ -57,7 +62,7 @@ def command(
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
-    from porotwin_imaging.calibration import load_calibration
+    from porotwin_imaging.calibration import load_calibration, save_calibration
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
     from porotwin_imaging.photo_to_map import concentration_map
@@ -70,6 +75,7 @@ def command(
     picture = picture_beside(output)
     for path in (output, picture):
         check_output(path, experiment, calibration, command='image')
+    _check_learnt(learnt, calibration)
     recording = open_recording(experiment)
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
@@ -90,10 +96,14 @@ def command(
             clean,
             [(photo.time, photo.read) for photo in states],
             recording.measured or recording.commanded,
+            source=experiment.name,
         )
         used = better.calibration
         for line in better.lines:
             say(line)
+        if learnt:
+            save_calibration(used, learnt / 'calibration.yaml')
+            say(_learnt_words(learnt, len(better.lines)))
     known_factors = used.factor_deviations if used else ()
     baseline = make_baseline(
         rig,
@@ -165,6 +175,25 @@ def command(
     print(f'picture: {picture}')
     if calibration is None:
         print(UNCALIBRATED)
+
+
+def _check_learnt(learnt: Path | None, calibration: Path | None) -> None:
+    """Check that the folder `learnt` can be made, and that there is something to learn from.
+
+    Raises:
+        InputError: it exists, or there is no calibration.
+    """
+    if learnt is None:
+        return
+    if calibration is None:
+        raise InputError('--learnt corrects a calibration; name one with --calibration')
+    refuse_existing(learnt)
+
+
+def _learnt_words(folder: Path, corrected: int) -> str:
+    """Return how to use the calibration in `folder`, with the number of `corrected` factors."""
+    what = f'{corrected} learnt factors' if corrected else 'no other factors than before'
+    return f'{folder}: calibration with {what}; use it with --calibration {folder}/calibration.yaml'
 
 
 def _done_and_left(

@@ -10,7 +10,10 @@ import pytest
 from cli_examples import porotwin
 from sparse_bags import SparseBag
 
+from porotwin_cli.commands.image import command
+from porotwin_core.errors import InputError
 from porotwin_core.rig import load_rig
+from porotwin_imaging.calibration import Calibration, load_calibration, save_calibration
 from porotwin_recording import topic_names
 from porotwin_recording.concentration import open_maps
 from porotwin_recording.map_parts import MapParts
@@ -33,6 +36,20 @@ def test_image_turns_photographs_into_maps(experiment: Path, tmp_path: Path) -> 
     with netCDF4.Dataset(output) as dataset:
         seen = np.ma.filled(dataset['concentration'][-1].astype(float), np.nan)
     assert np.nanmax(seen) > 0.5
+
+
+def test_image_keeps_the_calibration_that_it_used(
+    experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, learnt = tmp_path / 'calibration.yaml', tmp_path / 'learnt'
+    save_calibration(Calibration(), given)
+    command(experiment, tmp_path / 'maps.nc', '40x24', given, learnt)
+    assert f'--calibration {learnt}/calibration.yaml' in capsys.readouterr().err
+    assert load_calibration(learnt / 'calibration.yaml').response == Calibration().response
+    with pytest.raises(InputError, match='exists already'):
+        command(experiment, tmp_path / 'maps.nc', '40x24', given, learnt)
+    with pytest.raises(InputError, match='name one with --calibration'):
+        command(experiment, tmp_path / 'maps.nc', '40x24', None, tmp_path / 'other')
 
 
 @pytest.fixture
