@@ -104,11 +104,11 @@ def planning_twin(
 
     It plans over the rest of the experiment, filters the state and learns the rates of the pumps.
 
-    The end of the experiment is known, as a laboratory knows it. `models` replace those of the
-    scenario's rig.
+    The end of the experiment and the pauses of the injection are known, as a laboratory knows them.
+    `models` replace those of the scenario's rig.
     """
     grid = settings.grid(scenario)
-    rig = with_end(scenario)
+    rig = with_plan(scenario)
     models = models or GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)
     pores = rig.cell_pore_volume(grid)
     return Twin(
@@ -125,12 +125,28 @@ def planning_twin(
     )
 
 
-def with_end(scenario: LoopScenario) -> Rig:
-    """Return the rig of a scenario with the end of the experiment."""
+def with_plan(scenario: LoopScenario) -> Rig:
+    """Return the rig of a scenario with its end and the pauses of its fixed wells.
+
+    A laboratory plans these itself, so they are no secrets.
+    """
     control = scenario.rig.control
     assert control is not None
-    told = control.model_copy(update={'end_min': scenario.end / 60.0})
+    fixed = {
+        name: well.model_copy(update={'pauses_min': _pauses_min(scenario, name)})
+        for name, well in control.fixed.items()
+    }
+    told = control.model_copy(update={'end_min': scenario.end / 60.0, 'fixed': fixed})
     return scenario.rig.model_copy(update={'control': told})
+
+
+def _pauses_min(scenario: LoopScenario, well: str) -> tuple[tuple[float, float], ...]:
+    """Return the pauses of a well that end again [min]."""
+    return tuple(
+        (fault.start / 60.0, fault.end / 60.0)
+        for fault in scenario.faults
+        if fault.well == well and fault.share == 0.0 and math.isfinite(fault.end)
+    )
 
 
 TWINS: dict[str, MakeTwin] = {

@@ -18,7 +18,7 @@ import numpy as np
 
 from porotwin_cli.bench_jobs import do_jobs
 from porotwin_cli.bench_loop_rig import LoopRig, LoopSettings, make_eyes
-from porotwin_cli.bench_loop_run import PLAN_PRESET, planning_twin, with_end
+from porotwin_cli.bench_loop_run import PLAN_PRESET, planning_twin, with_plan
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_cli.hidden_effect import MENDABLE, as_text, draw_context, surprise
 from porotwin_cli.mended_loop import Mending, forecast_errors, run_beside, scenario_of
@@ -146,7 +146,7 @@ class _MendedRun:
     """A closed loop whose twin is diagnosed and mended on the way."""
 
     def __init__(self, scenario: LoopScenario, settings: LoopSettings, folder: Path) -> None:
-        rig, grid = with_end(scenario), settings.grid(scenario)
+        rig, grid = with_plan(scenario), settings.grid(scenario)
         self.grid, self._settings, self._folder = grid, settings, folder
         self._models = _ChangingModels(
             GridModels(rig, grid, preset=settings.preset, coarse_preset=PLAN_PRESET)

@@ -106,6 +106,10 @@ def test_the_small_rig_is_not_odd() -> None:
             },
             'max_change_ml_h 15 is below 20 ml/h',
         ),
+        (
+            {'control.fixed': {'injector': {'rate_ml_h': 500.0, 'pauses_min': [[20, 10]]}}},
+            'a pause from 20 to 10 min: its end must be later',
+        ),
         ({'control.end_min': 1e12}, 'end_min = 1000000000000.0: no experiment is longer'),
         (
             {'control.objective': {'name': 'sweep', 'zones_m': [BOW]}},

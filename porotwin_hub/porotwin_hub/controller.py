@@ -5,18 +5,16 @@
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 from porotwin_core.grid import FloatArray
-from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.wells import WellRates
 from porotwin_hub import cobyla
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.optimisation import Decision, Search, optimise
-from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
+from porotwin_hub.plant_knowledge import NOTHING_LEARNT, PlantKnowledge
 from porotwin_hub.setpoint_limits import Limits
 
 
@@ -40,9 +38,7 @@ class Planner(Protocol):
         previous: WellRates,
         *,
         now: float = 0.0,
-        delivery: Mapping[str, float] | None = None,
-        ahead: OrdersAhead = AT_ONCE,
-        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
+        plant: PlantKnowledge = NOTHING_LEARNT,
     ) -> Decision:
         """Return the rates to command from a `state` (nz, nx) on.
 
@@ -51,9 +47,7 @@ class Planner(Protocol):
             state: the state estimate (nz, nx) [-].
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
-            delivery: the share of its commanded rate that each pump delivers; 1 where absent.
-            ahead: the rates in force until an order of now will be set.
-            learnt: the physics that the data-driven model corrects by.
+            plant: what was learnt of pumps, person and physics.
 
         Raises:
             ModelUnavailable: the models do not answer.
@@ -90,18 +84,16 @@ class Controller:
         previous: WellRates,
         *,
         now: float = 0.0,
-        delivery: Mapping[str, float] | None = None,
-        ahead: OrdersAhead = AT_ONCE,
-        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
+        plant: PlantKnowledge = NOTHING_LEARNT,
     ) -> Decision:
         """Return the rates of least cost, from `state` (nz, nx) and the `previous` rates.
 
-        `now`, `delivery`, `ahead` and `learnt` do not matter: the paper knows none of them.
+        `now` and `plant` do not matter: the paper knows neither.
 
         Raises:
             ModelUnavailable: the physics-based model does not answer.
         """
-        del now, delivery, ahead, learnt
+        del now, plant
 
         def cost(rates: WellRates) -> float:
             water = self.objective.water_cost * float(self.limits.control_rates(rates).sum())
@@ -141,9 +133,7 @@ class WithSubstitute:
         previous: WellRates,
         *,
         now: float = 0.0,
-        delivery: Mapping[str, float] | None = None,
-        ahead: OrdersAhead = AT_ONCE,
-        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
+        plant: PlantKnowledge = NOTHING_LEARNT,
     ) -> Decision:
         """Return the rates to command, with a remark where the substitute chose them.
 
@@ -153,15 +143,7 @@ class WithSubstitute:
             ModelUnavailable: neither model answers.
         """
         try:
-            return self.planner.decide(
-                physics,
-                state,
-                previous,
-                now=now,
-                delivery=delivery,
-                ahead=ahead,
-                learnt=learnt,
-            )
+            return self.planner.decide(physics, state, previous, now=now, plant=plant)
         except ModelUnavailable as error:
-            found = self.substitute.decide(physics, state, previous, now=now, delivery=delivery)
+            found = self.substitute.decide(physics, state, previous, now=now, plant=plant)
             return replace(found, remark=f'constant rates instead of a plan: {error}')

@@ -10,26 +10,28 @@ maps its limiters leave kinks, and a gradient search stops there.
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
-from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
+from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.control_plan import ControlPlan, growing_blocks, same
+from porotwin_hub.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.optimisation import Decision, OutOfTimeError
-from porotwin_hub.order_delay import AT_ONCE, OrdersAhead
+from porotwin_hub.plant_knowledge import NOTHING_LEARNT, PlantKnowledge
 from porotwin_hub.projected_gradient import descend
 from porotwin_hub.setpoint_limits import Limits
 
@@ -110,6 +112,7 @@ class PlanController:
         end: of the experiment, in the time of the states [s]; None: open.
         change_cost: of every order [m^3 s].
         patience: longest wall-clock time of a decision [s]; then the best plan so far is taken.
+        pauses: announced pauses of the fixed wells, in the time of the states.
         last: the plan of the last decision.
     """
 
@@ -122,6 +125,7 @@ class PlanController:
     end: float | None = None
     change_cost: float = 0.0
     patience: float = math.inf
+    pauses: FixedPauses = NO_PAUSES
     last: LastPlan = field(default_factory=LastPlan, compare=False)
 
     def decide(
@@ -131,9 +135,7 @@ class PlanController:
         previous: WellRates,
         *,
         now: float = 0.0,
-        delivery: Mapping[str, float] | None = None,
-        ahead: OrdersAhead = AT_ONCE,
-        learnt: LearntPhysics = NO_LEARNT_PHYSICS,
+        plant: PlantKnowledge = NOTHING_LEARNT,
     ) -> Decision:
         """Return the first rates of the best plan found, and the plan.
 
@@ -141,24 +143,25 @@ class PlanController:
             state: the state estimate (nz, nx) [-].
             previous: the rates of the setpoint in force.
             now: the time of the state since the start of the experiment [s].
-            delivery: the share of its commanded rate that each pump delivers; 1 where absent.
-            ahead: the rates in force until an order of now will be set; the plan begins there.
-            learnt: the physics that the data-driven model corrects by; it acts in the plan.
+            plant: what was learnt of pumps, person and physics. The plan begins when an order of
+                now will be set.
 
         Raises:
             ModelUnavailable: the model tells not even the cost of the last plan.
         """
-        if self.end is not None and now + ahead.lead >= self.end:
+        begins = now + plant.ahead.lead
+        if self.end is not None and begins >= self.end:
             return self._kept(state, previous)
-        horizon, begins = self._horizon(now), now + ahead.lead
+        horizon = self._horizon(now)
         remembered = self.last.plan if now >= self.last.asked > -math.inf else None
-        expected = self._expected(delivery or {})
-        task = _Task(self, state, previous, now, horizon, expected, ahead, learnt)
+        task = _Task(self, state, previous, now, horizon, self._expected(plant))
         first = remembered is None
         begin = task.hold
         if remembered is not None:
             task.standing = remembered.rates[0]
-            begin = remembered.after(max(begins - self.last.begins, 0.0), horizon - ahead.lead)
+            begin = remembered.after(
+                max(begins - self.last.begins, 0.0), horizon - plant.ahead.lead
+            )
         recent = tuple(time for time in self.last.orders if 0.0 <= now - time < BUSY_S)
         task.recent_orders = len(recent)
         chosen = task.search(begin, turn=self.last.turn, first=first)
@@ -173,15 +176,16 @@ class PlanController:
             plan=task.steps(chosen),
         )
 
-    def _expected(self, delivery: Mapping[str, float]) -> dict[str, float]:
-        """Return the share of its rate that each pump will deliver.
+    def _expected(self, plant: PlantKnowledge) -> PlantKnowledge:
+        """Return the plant as it is planned with.
 
         A fixed well that stands still is planned as running: a pause of the injection ends.
         """
-        return {
+        delivery = {
             name: 1.0 if name in self.limits.fixed and share < DEAD_PUMP else share
-            for name, share in delivery.items()
+            for name, share in plant.delivery.items()
         }
+        return replace(plant, delivery=delivery)
 
     def _kept(self, state: FloatArray, previous: WellRates) -> Decision:
         """Return the rates in force: at the end of the experiment no order is worth its cost."""
@@ -231,6 +235,7 @@ def plan_controller(
         end=None if end_min is None else MINUTE_S * end_min,
         change_cost=from_ml_min(rig.control.change_cost_ml_min),
         patience=patience,
+        pauses=FixedPauses.of(rig),
     )
 
 
@@ -244,25 +249,22 @@ class _Task:
         previous: WellRates,
         now: float,
         horizon: float,
-        delivery: dict[str, float],
-        ahead: OrdersAhead,
-        learnt: LearntPhysics,
+        plant: PlantKnowledge,
     ) -> None:
         self._limits, self._model = controller.limits, controller.model
         self._water_cost = controller.objective.water_cost
         self._change_cost, self._interval = controller.change_cost, controller.interval
-        self._whole, self._lead, self._horizon = horizon, ahead.lead, horizon - ahead.lead
-        self._previous, self._delivery = previous, delivery
-        self._learnt = learnt
+        self._lead = plant.ahead.lead
+        self._whole, self._horizon = horizon, horizon - self._lead
+        self._previous, self._plant = previous, plant
+        self._now, self._pauses = now, controller.pauses
         self._deadline = time.monotonic() + controller.patience
         self._state = conservative_resample(state, controller.cells)
         terms = controller.objective.terms(now, horizon)
         self._terms = [term.on_cells(controller.cells) for term in terms]
-        self._shares = np.array([delivery.get(name, 1.0) for name in self._limits.wells])
+        self._shares = np.array([plant.delivery.get(name, 1.0) for name in self._limits.wells])
         self._greatest = np.where(self._shares < DEAD_PUMP, 0.0, self._limits.max_rate)
         self._before = self._limits.control_rates(previous)
-        self._waits = ahead.waits
-        self._until_set = ahead.steps
         self.standing = self._before
         """The last order (wells,) [m^3/s]: it costs nothing to repeat, set or not."""
         held = np.minimum(self._before, self._greatest)
@@ -306,7 +308,7 @@ class _Task:
 
     def _free(self) -> tuple[FloatArray, ...]:
         """Return the rates (wells,) that need no new order: ordered before, or else set."""
-        return (self._before,) if self._waits else (self._before, self.standing)
+        return (self._before,) if self._plant.ahead.waits else (self._before, self.standing)
 
     def _orders(self, plan: ControlPlan) -> int:
         """Return the orders of a plan; one that follows others soon counts more than once."""
@@ -319,7 +321,7 @@ class _Task:
             RateStep(self._lead + float(start), self._limits.setpoint(rates))
             for start, rates in zip(plan.starts, plan.rates, strict=True)
         )
-        return (*self._until_set, *planned)
+        return (*self._plant.ahead.steps, *planned)
 
     def _simple_plans(self) -> Iterator[ControlPlan]:
         """Yield constant plans: no control, and each well alone at its maximum."""
@@ -391,46 +393,60 @@ class _Task:
         if self.evaluations and left <= 0.0:
             raise OutOfTimeError
         self.evaluations += 1
-        first = [
-            RateStep(step.start, self._delivered(self._limits.control_rates(step.rates)))
-            for step in self._until_set
-        ]
-        planned = [
-            RateStep(self._lead + float(start), self._delivered(rates))
-            for start, rates in zip(plan.starts, plan.rates, strict=True)
-        ]
+        ahead = self._plant.ahead.steps
+        starts = np.array([*(step.start for step in ahead), *(self._lead + plan.starts)])
+        rates = [*(self._limits.control_rates(step.rates) for step in ahead), *plan.rates]
+        moments, stages = self._with_pauses(starts)
         cost, by_rate = self._model.plan_cost(
             self._state,
-            first + planned,
+            [
+                RateStep(float(moment), self._delivered(rates[stage], float(moment)))
+                for moment, stage in zip(moments, stages, strict=True)
+            ],
             horizon=self._whole,
             terms=self._terms,
             with_gradient=with_gradient,
-            learnt=self._learnt,
+            learnt=self._plant.learnt,
             patience=max(left, 0.0),
         )
         lengths = plan.lengths
         cost += self._water_cost * float(lengths @ plan.rates.sum(axis=1))
         if by_rate is None:
             return cost, np.zeros(plan.rates.shape)
-        wells, by_rate = self._limits.all_wells, by_rate[len(first) :]
+        by_stage = np.zeros((len(starts), by_rate.shape[1]))
+        np.add.at(by_stage, stages, by_rate)
+        wells, by_rate = self._limits.all_wells, by_stage[len(ahead) :]
         by_control = by_rate[:, [wells.index(name) for name in self._limits.wells]]
         if self._limits.producer is not None:
             by_control = by_control - by_rate[:, [wells.index(self._limits.producer)]]
         return cost, self._shares * by_control + self._water_cost * lengths[:, None]
 
-    def _delivered(self, control_rates: FloatArray) -> dict[str, WellRate]:
-        """Return the delivered rates for `control_rates` (wells,), balanced by the producer."""
-        limits = self._limits
+    def _with_pauses(self, starts: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return when any rate changes, and the stage that holds from then on.
+
+        Announced pauses divide the stages that begin at `starts` after the state [s], (stages,).
+        """
+        edges = self._pauses.moments(self._now, self._now + self._whole)
+        moments = np.union1d(starts, [edge - self._now for edge in edges])
+        return moments, np.searchsorted(starts, moments, side='right') - 1
+
+    def _delivered(self, control_rates: FloatArray, moment: float) -> dict[str, WellRate]:
+        """Return the delivered rates for `control_rates` (wells,), balanced by the producer.
+
+        The fixed wells rest that pause at that `moment` after the state [s].
+        """
+        limits, resting = self._limits, self._pauses.resting(self._now + moment)
         commanded = {
             **dict.fromkeys(limits.all_wells, WellRate()),
             **limits.fixed,
+            **dict.fromkeys(resting, WellRate()),
             **{
                 name: WellRate(float(rate))
                 for name, rate in zip(limits.wells, control_rates, strict=True)
             },
         }
         delivered = {
-            name: WellRate(well.rate * self._delivery.get(name, 1.0), well.concentration)
+            name: WellRate(well.rate * self._plant.delivery.get(name, 1.0), well.concentration)
             for name, well in commanded.items()
         }
         if limits.producer is not None:

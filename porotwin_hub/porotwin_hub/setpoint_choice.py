@@ -2,15 +2,15 @@
 
 import math
 import time
-from collections.abc import Mapping
+from dataclasses import replace
 
-from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rates_in_force import PUMP_ACCURACY, different_wells
 from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
-from porotwin_hub.order_delay import OrderDelay, OrdersAhead
+from porotwin_hub.order_delay import OrderDelay
+from porotwin_hub.plant_knowledge import PlantKnowledge
 from porotwin_hub.setpoint_expiry import SetpointDecision, validity
 
 
@@ -48,8 +48,7 @@ class SetpointChoice:
         physics: PhysicsModel,
         *,
         began: float,
-        delivery: Mapping[str, float],
-        learnt: LearntPhysics,
+        plant: PlantKnowledge,
     ) -> None:
         """Set the setpoint of `cycle` from its state, and remarks about faults.
 
@@ -57,14 +56,14 @@ class SetpointChoice:
             cycle: with a state estimate and the rates in force.
             physics: the physics-based model, for one interval.
             began: start of the experiment [s].
-            delivery: the share of its commanded rate that each pump delivers, where it is known.
-            learnt: the physics that the data-driven model corrects by.
+            plant: what was learnt of pumps and physics; the delay of orders is added here.
         """
         if self.planner is None:
             return
         begin, now = time.perf_counter(), cycle.observation.time
         before = self.commanded(self.planner, now)
-        cycle.setpoint = self._planned(cycle, self.planner, physics, began, delivery, learnt)
+        plant = replace(plant, ahead=self.delay.ahead(now, cycle.pumped))
+        cycle.setpoint = self._planned(cycle, self.planner, physics, began, plant)
         self.delay.ordered(now, cycle.setpoint.rates, before)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
@@ -75,20 +74,16 @@ class SetpointChoice:
         planner: Planner,
         physics: PhysicsModel,
         began: float,
-        delivery: Mapping[str, float],
-        learnt: LearntPhysics,
+        plant: PlantKnowledge,
     ) -> SetpointDecision:
         now = cycle.observation.time
-        ahead = self.delay.ahead(now, cycle.pumped)
         try:
             cycle.decision = planner.decide(
                 physics,
                 cycle.state,
-                self._rates_to_change(cycle, planner, ahead),
+                self._rates_to_change(cycle, planner, plant),
                 now=now - began,
-                delivery=delivery,
-                ahead=ahead,
-                learnt=learnt,
+                plant=plant,
             )
         except ModelUnavailable as error:
             cycle.remarks.append(f'not optimised: {error}')
@@ -101,7 +96,7 @@ class SetpointChoice:
             rates, reason = planner.limits.safe(), 'optimised rates broke a limit'
         return SetpointDecision(rates, now + self.validity, reason)
 
-    def _rates_to_change(self, cycle: Cycle, planner: Planner, ahead: OrdersAhead) -> WellRates:
+    def _rates_to_change(self, cycle: Cycle, planner: Planner, plant: PlantKnowledge) -> WellRates:
         """Return the rates that a decision starts from: those in force.
 
         They are the commanded ones where the pumps are within their accuracy of them, and where
@@ -109,7 +104,7 @@ class SetpointChoice:
         setpoint.
         """
         commanded = self.commanded(planner, cycle.observation.time)
-        if ahead.waits or math.isfinite(planner.limits.max_change):
+        if plant.ahead.waits or math.isfinite(planner.limits.max_change):
             return commanded
         other = different_wells(cycle.pumped, commanded, accuracy=PUMP_ACCURACY)
         return cycle.pumped if other else commanded

@@ -25,6 +25,7 @@ from porotwin_core.wells import WellRates
 from porotwin_hub.controller import Planner
 from porotwin_hub.cycle import Cycle, Observation
 from porotwin_hub.forecast import Forecast, Forecaster, ModelUnavailable, PhysicsModel
+from porotwin_hub.plant_knowledge import PlantKnowledge
 from porotwin_hub.rate_learning import DeliveringModel, PumpFactor, RateLearner
 from porotwin_hub.setpoint_choice import SetpointChoice
 from porotwin_hub.state_estimation import StateEstimation
@@ -157,13 +158,8 @@ class Twin:
         self._count_disallowed_tracer(cycle)
         if actuate:
             delivery = {name: found.factor for name, found in self._factors().items()}
-            self._choice.choose(
-                cycle,
-                self._physics,
-                began=self._began or 0.0,
-                delivery=delivery,
-                learnt=self._learnt,
-            )
+            plant = PlantKnowledge(delivery, learnt=self._learnt)
+            self._choice.choose(cycle, self._physics, began=self._began or 0.0, plant=plant)
         return cycle
 
     def reject_setpoint(self, cycle: Cycle) -> None:

@@ -14,12 +14,14 @@ from porotwin_core.cost_term import CostTerm
 from porotwin_core.grid import FloatArray
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates
+from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.controller import Controller, WithSubstitute
+from porotwin_hub.fixed_pauses import FixedPauses
 from porotwin_hub.forecast import ModelUnavailable
 from porotwin_hub.objective import WeightedTracer
 from porotwin_hub.order_delay import OrdersAhead
 from porotwin_hub.plan_controller import PlanController
+from porotwin_hub.plant_knowledge import PlantKnowledge
 
 SHAPE = (2, 3)
 STATE = np.zeros(SHAPE)
@@ -119,7 +121,7 @@ def test_the_decision_carries_the_whole_plan() -> None:
 
 def test_learnt_physics_acts_in_every_plan() -> None:
     model, learnt = TwoStages(), LearntPhysics(density_difference=0.8)
-    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), learnt=learnt)
+    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge(learnt=learnt))
     assert model.learnt == learnt
 
 
@@ -145,7 +147,7 @@ def test_rates_ramp_where_they_may_not_jump() -> None:
 def test_a_failed_well_is_left_out_and_the_plan_uses_what_pumps_deliver() -> None:
     model = TwoStages()
     decision = controller(model).decide(
-        ToyModel(), STATE, LIMITS.safe(), delivery={'control1': 0.0, 'control3': 0.5}
+        ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge({'control1': 0.0, 'control3': 0.5})
     )
     assert all(control_ml_h(step.rates)[0] == 0.0 for step in decision.plan)
     most = max(rates['control3'].rate for rates in model.rates)
@@ -169,7 +171,9 @@ def test_orders_to_a_late_person_are_given_in_time() -> None:
     asked = []
     for now in np.arange(2400.0, SWITCH + 1.0, 60.0):
         model.now = float(now)
-        decision = planner.decide(ToyModel(), STATE, previous, now=float(now), ahead=ahead)
+        decision = planner.decide(
+            ToyModel(), STATE, previous, now=float(now), plant=PlantKnowledge(ahead=ahead)
+        )
         asked.append((float(now), control_ml_h(decision.rates)))
     first = next(time for time, rates in asked if rates == [0.0, 0.0, 500.0])
     assert first == pytest.approx(SWITCH - 240.0, abs=60.0)
@@ -179,7 +183,7 @@ def test_an_order_that_waits_is_the_base_of_the_next_one() -> None:
     model, waiting = TwoStages(), LIMITS.setpoint(np.array([0.0, FULL, 0.0]))
     ahead = OrdersAhead(waits=True)
     held = controller(model, change_cost=1e9).decide(
-        ToyModel(), STATE, waiting, now=0.0, ahead=ahead
+        ToyModel(), STATE, waiting, plant=PlantKnowledge(ahead=ahead)
     )
     assert held.rates == waiting
 
@@ -207,9 +211,21 @@ def test_rates_in_force_beyond_the_limits_do_not_stop_the_search() -> None:
     assert model.calls < 500
 
 
+def test_an_announced_pause_acts_in_every_plan_and_changes_no_order() -> None:
+    told, untold = TwoStages(), TwoStages()
+    pauses = FixedPauses({'injector': ((600.0, 1200.0), (4000.0, 4100.0))})
+    decided = controller(told, pauses=pauses).decide(ToyModel(), STATE, LIMITS.safe())
+    usual = controller(untold).decide(ToyModel(), STATE, LIMITS.safe())
+    assert decided.plan == usual.plan  # this cost knows no injector, and gradients add up
+    assert {rates['injector'].rate for rates in told.rates} == {0.0, LIMITS.fixed['injector'].rate}
+    assert all(net_rate(rates) == pytest.approx(0.0, abs=1e-20) for rates in told.rates)
+
+
 def test_a_pause_of_the_injection_is_planned_to_end() -> None:
     model = TwoStages()
-    controller(model).decide(ToyModel(), STATE, LIMITS.safe(), delivery={'injector': 0.02})
+    controller(model).decide(
+        ToyModel(), STATE, LIMITS.safe(), plant=PlantKnowledge({'injector': 0.02})
+    )
     assert {rates['injector'].rate for rates in model.rates} == {LIMITS.fixed['injector'].rate}
 
 

@@ -107,7 +107,7 @@ def test_a_decision_uses_the_learnt_physics_while_corrections_are_applied(
         limits, objective = toy_controller.limits, toy_controller.objective
 
         def decide(self, *state: Any, **known: Any) -> Decision:
-            asked.append(known['learnt'])
+            asked.append(known['plant'].learnt)
             return toy_controller.decide(*state, **known)
 
     twin = make_twin(lambda *_: next(answers))

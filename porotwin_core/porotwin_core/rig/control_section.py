@@ -34,6 +34,19 @@ class FixedWell(Section):
     concentration: Share = Field(
         0.0, description='concentration of the injected water: 0 water, 1 tracer stock'
     )
+    pauses_min: tuple[tuple[NotNegative, Positive], ...] = Field(
+        (), description='announced pauses: start and end of each after the start [min]'
+    )
+
+    @pydantic.field_validator('pauses_min')
+    @classmethod
+    def _pauses_end_later(
+        cls, pauses: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        for start, end in pauses:
+            if end <= start:
+                raise ValueError(f'a pause from {start:g} to {end:g} min: its end must be later')
+        return pauses
 
 
 class ObjectiveDescription(Section):
