@@ -115,9 +115,14 @@ RELOCATED_TRIPLES = 3
 found without the third effect is wrong, and the true triple may then rank behind imitations. Each
 takes some 150 simulations."""
 
-TRIPLE_BASES, PAIRS_PER_EFFECT = 3, 2
-"""Largest number of judged pairs that get a third effect, and of those with the same effect. The
-best pair without the third effect is often an imitation, and the true pair comes behind it."""
+PART_OF_A_TRIPLE = 0.2
+"""Share of the normalised misfit of a large gap that a pair may leave for a third effect to be
+looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
+3."""
+
+TRIPLE_BASES, TRIPLE_COUPLES = 3, 6
+"""Number of single effects that get two more effects at once, and of couples that are fitted beside
+each; they bound the time. The linear responses rank couples only roughly."""
 
 REFINED_TRIPLES = 3
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
