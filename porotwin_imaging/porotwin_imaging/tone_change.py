@@ -13,9 +13,13 @@ With r the log ratio of the state to the baseline light b, the change is undone 
 which leave a constant gain for the drift of light. Sands of different brightness without tracer
 determine p or the offset: the best value lets most of the sand follow one smooth light. The search
 starts only if dark and bright sand drift apart.
+
+Haze has a colour of its own. The clean sand of the best offset therefore tells the offset of every
+channel by a straight line, state = gain light + offset. Haze brightens dark grains most, so that it
+is taken from the samples of the photograph (`cell_sums`); the formula above is for cells.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -53,11 +57,13 @@ class ToneChange:
         kind: 'curve' or 'haze', see the module.
         amount: p, or the offset [linear light].
         reference: light that keeps its log ratio, b0 [linear light].
+        veil: red, green and blue of haze [linear light]; None for a curve.
     """
 
     kind: Literal['curve', 'haze']
     amount: float
     reference: float
+    veil: tuple[float, float, float] | None = None
 
     def undone(self, log_ratio: Array, before: Array) -> Array:
         """Return the log ratios (nz, nx, 3) without the change.
@@ -86,6 +92,7 @@ class ToneChange:
 def tone_change(
     log_ratio: Array,
     before: Array,
+    after: Array,
     visible: Mask,
     checker_gain: Array | None,
     settings: ImagingSettings = DEFAULTS,
@@ -94,19 +101,23 @@ def tone_change(
 
     Args:
         log_ratio: log ratio of photograph to baseline, shape (nz, nx, 3).
-        before: linear light of the baseline, same shape.
+        before: linear light of the baseline in colours of the camera, same shape.
+        after: the same of the photograph.
         visible: cells that show their sand, shape (nz, nx).
         checker_gain: log gain at the colour chart, shape (3,), or None.
         settings: settings of all steps.
     """
     stride = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
     thin = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
-    search = _Search(log_ratio[thin], before[thin], visible[thin], checker_gain, settings)
+    planes = (plane[thin] for plane in (log_ratio, before, after, visible))
+    search = _Search(*planes, checker_gain, settings)
     if not search.is_unusual():
         return None
     best = max((search.best('curve', _POWERS), search.best('haze', _OFFSETS)), key=search.score)
     gain = search.score(best) / max(search.score(None), 1.0)
-    return best if gain > settings.tone.least_gain else None
+    if gain <= settings.tone.least_gain:
+        return None
+    return search.with_veil(best) if best.kind == 'haze' else best
 
 
 @dataclass(frozen=True)
@@ -115,6 +126,7 @@ class _Search:
 
     log_ratio: Array
     before: Array
+    after: Array
     visible: Mask
     checker_gain: Array | None
     settings: ImagingSettings
@@ -150,6 +162,24 @@ class _Search:
             found = max([found, *near], key=self.score)
             step /= 2
         return found
+
+    def with_veil(self, haze: ToneChange) -> ToneChange:
+        """Return `haze` with the offset of every channel, from the clean sand that it leaves.
+
+        The scatter of a ratio does not depend on the light, so that every cell counts by its ratio.
+        """
+        weight, residual = self._background(haze)
+        smooth = np.exp(haze.undone(self.log_ratio, self.before) - residual)
+        smooth = smooth.mean(axis=2) / np.average(smooth.mean(axis=2), weights=weight)
+        veil = []
+        for channel in range(3):
+            light = self.before[..., channel]
+            terms = np.stack([smooth, 1.0 / light], axis=-1) * np.sqrt(weight)[..., None]
+            ratio = self.after[..., channel] / light * np.sqrt(weight)
+            found = np.linalg.lstsq(terms.reshape(-1, 2), ratio.ravel(), rcond=None)[0]
+            veil.append(float(found[1]))
+        red, green, blue = veil
+        return replace(haze, amount=float(np.mean(veil)), veil=(red, green, blue))
 
     def score(self, change: ToneChange | None) -> float:
         """Return the amount of sand that follows one smooth light."""
