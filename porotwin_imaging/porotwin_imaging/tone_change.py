@@ -40,6 +40,8 @@ _HALVINGS = 4
 _PALER = 0.3
 """Error of stock that remains, relative to the light of haze on dark sand [-]: on a composed
 photograph, 0.05 of 0.18 and 0.09 of 0.45."""
+_VEIL_ROUNDS = 3
+"""Fits of the offsets of the channels, each with the clean sand of the last one."""
 _LEAST_RATIO = 1e-3
 """Ratios to the baseline are raised to this before the logarithm."""
 _DARK_PERCENTILE = 25.0
@@ -168,18 +170,28 @@ class _Search:
 
         The scatter of a ratio does not depend on the light, so that every cell counts by its ratio.
         """
-        weight, residual = self._background(haze)
-        smooth = np.exp(haze.undone(self.log_ratio, self.before) - residual)
-        smooth = smooth.mean(axis=2) / np.average(smooth.mean(axis=2), weights=weight)
-        veil = []
+        ratio = haze.undone(self.log_ratio, self.before)
+        for _ in range(_VEIL_ROUNDS):
+            veil = self._lines(ratio)
+            left = 1.0 - veil / np.maximum(self.after, _SMALLEST_DIVISOR)
+            ratio = self.log_ratio + np.log(np.maximum(left, _LEAST_RATIO))
+        red, green, blue = (float(value) for value in veil)
+        return replace(haze, amount=float(np.mean(veil)), veil=(red, green, blue))
+
+    def _lines(self, ratio: Array) -> Array:
+        """Return the offset of every channel (3,), with clean sand by the log ratios `ratio`."""
+        weight, residual = self._weighted(ratio)
+        weight = np.maximum(weight, _SMALLEST_DIVISOR * self.visible)
+        smooth = np.exp(ratio - residual).mean(axis=2)
+        smooth = smooth / np.average(smooth, weights=weight)
+        root = np.sqrt(weight)
+        offsets = []
         for channel in range(3):
             light = self.before[..., channel]
-            terms = np.stack([smooth, 1.0 / light], axis=-1) * np.sqrt(weight)[..., None]
-            ratio = self.after[..., channel] / light * np.sqrt(weight)
-            found = np.linalg.lstsq(terms.reshape(-1, 2), ratio.ravel(), rcond=None)[0]
-            veil.append(float(found[1]))
-        red, green, blue = veil
-        return replace(haze, amount=float(np.mean(veil)), veil=(red, green, blue))
+            terms = np.stack([smooth * root, root / light], axis=-1)
+            right = root * self.after[..., channel] / light
+            offsets.append(np.linalg.lstsq(terms.reshape(-1, 2), right.ravel(), rcond=None)[0][1])
+        return np.array(offsets)
 
     def score(self, change: ToneChange | None) -> float:
         """Return the amount of sand that follows one smooth light."""
@@ -187,8 +199,13 @@ class _Search:
 
     def _background(self, change: ToneChange | None) -> tuple[Array, Array]:
         """Return robust weights (nz, nx) of sand without tracer, and residuals (nz, nx, 3)."""
+        if change is None:
+            return self._weighted(self.log_ratio)
+        return self._weighted(change.undone(self.log_ratio, self.before))
+
+    def _weighted(self, ratio: Array) -> tuple[Array, Array]:
+        """Return the same for log ratios that are undone."""
         light = self.settings.light
-        ratio = self.log_ratio if change is None else change.undone(self.log_ratio, self.before)
         drift = light_drift(ratio, self.visible.astype(np.float32), self.checker_gain, light)
         residual = ratio - drift.log_gain
         distance = (residual**2).mean(axis=2) / light.tolerance**2
