@@ -47,7 +47,7 @@ def coarsen(folder: Path) -> None:
     """Replace the maps of an experiment by coarse ones, on which a diagnosis takes seconds."""
     recording = open_recording(folder)
     assert recording.maps is not None
-    grid = recording.rig.grid(47, 28)
+    grid = recording.rig.grid(31, 19)
     with ConcentrationWriter(folder / 'coarse.nc', grid) as writer:
         for time, values in zip(recording.times, recording.maps, strict=True):
             writer.append(float(time), conservative_resample(values, grid.shape))

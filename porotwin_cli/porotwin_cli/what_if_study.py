@@ -26,7 +26,12 @@ from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.recording import Recording
 from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
-from porotwin_siblings.rate_log import LONGEST_HORIZON_S, check_proposal, proposed_plan
+from porotwin_siblings.rate_log import (
+    LONGEST_HORIZON_S,
+    check_proposal,
+    concentration_note,
+    proposed_plan,
+)
 from porotwin_siblings.siblings import Siblings
 from porotwin_siblings.zone_measure import REACHED_SHARE, ZoneMeasure
 
@@ -67,6 +72,7 @@ class WhatIfStudy:
             if known, and the noise of clean sand, see `zone_noise`.
         deviations_known: whether the maps tell deviations.
         objections: limits that the proposal breaks, one line each.
+        note: on concentrations other than those of rig.yaml, in one line; '' without any.
         rate_factors: share that each pump delivers, and its standard deviation [-].
         seconds: wall-clock time of both forecasts [s].
     """
@@ -83,6 +89,7 @@ class WhatIfStudy:
     seen_deviation: FloatArray
     deviations_known: bool
     objections: tuple[str, ...]
+    note: str
     rate_factors: dict[str, tuple[float, float]]
     seconds: float
 
@@ -251,6 +258,7 @@ def study_what_if(
         seen_deviation=np.hypot(doubt, noise),
         deviations_known=common is not None,
         objections=objections,
+        note=concentration_note([present, proposed], recording.rig),
         rate_factors=family.rate_factors(),
         seconds=seconds,
     )

@@ -66,6 +66,7 @@ def test_the_producer_balances_the_proposal(found: WhatIfStudy) -> None:
     assert to_ml_h(step.rates['producer'].rate) == pytest.approx(-1000.0)
     assert step.rates['injector'] == WellRate(from_ml_h(500.0), 1.0)
     assert found.objections == ()
+    assert found.note == ''
 
 
 def test_bands_hold_the_median_and_grow(found: WhatIfStudy) -> None:

@@ -156,9 +156,9 @@ def _floats(values: learnt_physics.LearntLeak | learnt_physics.SandPatch) -> dic
     return {name: float(value) for name, value in asdict(values).items()}
 
 
-def ok() -> Outcome:
-    """Return the outcome of a successful request."""
-    return Outcome(code=Outcome.OK)
+def ok(note: str = '') -> Outcome:
+    """Return the outcome of a successful request, with a `note` on its answer in one line."""
+    return Outcome(code=Outcome.OK, message=note)
 
 
 def refusal(error: Exception) -> Outcome:

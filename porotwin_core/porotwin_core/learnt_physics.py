@@ -70,6 +70,8 @@ class LearntPhysics:
     log_retardation: logarithm of the factor on the retardation [-].
     leaks: unknown sources and sinks of water.
     patches: patches of other sand; where they overlap, their factors multiply.
+    scheme: name of a sharper numerical scheme for single steps; empty: the scheme of the model.
+        It belongs to the model, not to the sand: models over longer times keep their own.
     """
 
     density_difference: float = 0.0
@@ -79,6 +81,7 @@ class LearntPhysics:
     log_retardation: float = 0.0
     leaks: tuple[LearntLeak, ...] = ()
     patches: tuple[SandPatch, ...] = ()
+    scheme: str = ''
 
     def check(self) -> None:
         """Check that every number is finite and within the range that any rig can have.

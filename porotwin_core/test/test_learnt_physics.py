@@ -18,6 +18,7 @@ def test_a_description_survives_json() -> None:
         background_flux=(1e-7, 0.0),
         leaks=(LearntLeak(0.1, 0.2, 1e-9),),
         patches=(SandPatch(0.3, 0.2, 0.05, -1.5),),
+        scheme='accurate',
     )
     described = json.loads(json.dumps(learnt.description()))
     assert LearntPhysics.from_description(described) == learnt

@@ -27,12 +27,16 @@ from porotwin_costa.frames import rate_vector, same_time_step
 
 if TYPE_CHECKING:
     from porotwin_costa.corrective_model import CorrectiveModel
+    from porotwin_costa.networks import Window
 
 NO_MODEL = 'no model loaded'
 APPLIED = 'applied'
 WITHHELD = 'withheld: '
 PHYSICS_ONLY = 'applied: learnt physics, without the network: '
 """The status of a correction is one of these; the last two are followed by a reason."""
+
+LEAST_TRACER = 1e-5
+"""Concentration of a cell that counts as tracer [-]; the fluxes of less are below 0.1 % of full."""
 
 
 class LearntStep:
@@ -126,13 +130,35 @@ def _objection(model: 'CorrectiveModel', predicted: FloatArray, rates: FloatArra
 def _network_output(
     model: 'CorrectiveModel', predicted: FloatArray, rates: FloatArray
 ) -> FloatArray:
-    """Return trust times sigma [1/s] as the network computes it; `rates` has shape (wells, 2)."""
+    """Return trust times sigma [1/s] as the network computes it; `rates` has shape (wells, 2).
+
+    A network with a reach is asked about the part of the grid with tracer alone: elsewhere it
+    moves none.
+    """
     import torch
 
-    scaling = model.scaling
+    scaling, reach = model.scaling, model.architecture.reach
+    sigma = np.zeros(predicted.shape)
+    scaled = torch.as_tensor(scaling.concentration(predicted), dtype=torch.float32)[None]
+    vector = torch.as_tensor(rates / scaling.rate, dtype=torch.float32).reshape(1, -1)
     with torch.inference_mode():
-        output = model.network(
-            torch.as_tensor(scaling.concentration(predicted), dtype=torch.float32)[None],
-            torch.as_tensor(rates / scaling.rate, dtype=torch.float32).reshape(1, -1),
-        )
-    return np.asarray(output[0].numpy().astype(float) * (scaling.sigma * model.trust))
+        if reach is None:
+            sigma[:] = model.network(scaled, vector)[0].numpy()
+        elif (window := _around_tracer(predicted, reach)) is not None:
+            output = model.network.forward_windows(scaled, vector, [window])[0].numpy()
+            z, x, nz, nx = window
+            sigma[z : z + nz, x : x + nx] = output
+    return sigma * (scaling.sigma * model.trust)
+
+
+def _around_tracer(predicted: FloatArray, reach: int) -> 'Window | None':
+    """Return the window of all cells with tracer and of what influences them; None without any."""
+    from porotwin_costa.networks import Window
+
+    cells = np.argwhere(predicted > LEAST_TRACER)
+    if len(cells) == 0:
+        return None
+    margin = reach + 2  # one for the face between two cells, one for the limiter
+    low = np.maximum(cells.min(axis=0) - margin, 0)
+    high = np.minimum(cells.max(axis=0) + margin + 1, predicted.shape)
+    return Window(int(low[0]), int(low[1]), *(int(size) for size in high - low))

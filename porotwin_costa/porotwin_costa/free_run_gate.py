@@ -1,8 +1,9 @@
 """The gate judges free runs: it decides on the trust in a correction and the range of rates.
 
 The model alone and the corrected model run freely over kept experiments; the errors of single steps
-do not count. The trust in the network is the one of TRUSTS with the least error, and no frame of a
-run may be worse than LARGEST_LOSS times the model alone. Learnt physics is judged in the same way.
+do not count. The trust in the network is the largest one of TRUSTS with about the least error. No
+frame of a run may be worse than LARGEST_LOSS times the model alone. Learnt physics is judged in the
+same way.
 
 Pauses outlast recordings. So every kept run is continued without pumping for as long again. There
 the network may change the maps by no more than during the run: without flow little happens.
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from porotwin_core.grid import FloatArray, fill_unseen, relative_error
-from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver, StepModel
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate, WellRates
 from porotwin_costa.corrective_model import CorrectiveModel
@@ -29,6 +30,10 @@ from porotwin_costa.frames import Frames, cut, mean_rates, sequences
 
 TRUSTS = (1.0, 0.5, 0.0)
 """Shares of the network's answer that are tried."""
+
+SAME_ERROR = 1.1
+"""Largest ratio of two errors of kept runs that counts as equal [-]: one or two runs do not tell a
+tenth, and the network was trained to be used as a whole."""
 
 LARGEST_LOSS = 1.02
 """Largest error of a corrected run relative to the model alone, at any frame [-]."""
@@ -123,6 +128,17 @@ class Judge:
         correct = corrector(model, self._solver)
         corrected = [self._errors(run, correct) for run in self._runs]
         return RunErrors(self.alone, np.concatenate(corrected))
+
+    def physics_error(self, physics: LearntPhysics) -> float:
+        """Return the mean error of all kept runs of the model with `physics`, no network [-]."""
+        better = self._solver.model(physics)
+
+        def correct(
+            _: StepModel, previous: FloatArray, __: FloatArray, rates: WellRates, time_step: float
+        ) -> FloatArray:
+            return np.clip(better.predict(previous, rates, time_step), 0.0, 1.0)
+
+        return float(np.mean(np.concatenate([self._errors(run, correct) for run in self._runs])))
 
     def at_rates(self, model: CorrectiveModel, factor: float) -> RunErrors:
         """Return the errors at `factor` times the rates; see the module."""
@@ -219,7 +235,7 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
         for one, errors in judged
         if errors.harmless and (one.trust == 0.0 or judge.rests(one))
     ]
-    chosen, errors = min(harmless or judged[-1:], key=lambda pair: pair[1].mean_corrected)
+    chosen, errors = nearly_best(harmless or judged[-1:])
     low, high = 1.0, 1.0
     passed = []
     for factor in RATE_FACTORS if chosen.trust > 0 else ():
@@ -228,12 +244,14 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
         if len(scaled.alone) and scaled.mean_corrected <= scaled.mean_alone:
             passed.append(factor)
             low, high = min(low, factor), max(high, factor)
+    learnt = chosen.learnt or NO_LEARNT_PHYSICS
     gate = {
         'alone': errors.mean_alone,
         'corrected': errors.mean_corrected,
         'worst_ratio': errors.worst_ratio,
         'trust': chosen.trust,
-        'physics': chosen.learnt is not None,
+        'physics': replace(learnt, scheme='') != NO_LEARNT_PHYSICS,
+        'scheme': learnt.scheme,
         'rates_passed': passed,
     }
     return replace(
@@ -243,18 +261,27 @@ def gated(model: CorrectiveModel, judge: Judge) -> CorrectiveModel:
     )
 
 
+def nearly_best(
+    judged: Sequence[tuple[CorrectiveModel, RunErrors]],
+) -> tuple[CorrectiveModel, RunErrors]:
+    """Return the first one whose mean error is not clearly larger than the least."""
+    least = min(errors.mean_corrected for _, errors in judged)
+    return next(pair for pair in judged if pair[1].mean_corrected <= SAME_ERROR * least)
+
+
 def _decision(gate: Mapping[str, Any]) -> str:
     """Return the decision as a line for a person."""
-    if not gate['trust'] and not gate['physics']:
+    if not (gate['trust'] or gate['physics'] or gate['scheme']):
         return f'gate shut: nothing lowers the free-run error {gate["alone"]:.3f} of kept maps'
     applied = [
         *(['learnt physics'] if gate['physics'] else []),
+        *([f'the scheme {gate["scheme"]}'] if gate['scheme'] else []),
         *([f'{gate["trust"]:.0%} of the network'] if gate['trust'] else []),
     ]
     rates = ', '.join(f'{factor:g}' for factor in gate['rates_passed'])
     tested = f'; also at {rates} times the rates' if rates else ''
     return (
-        f'gate open for {" and ".join(applied)}: free-run error {gate["corrected"]:.3f} instead of '
+        f'gate open for {", ".join(applied)}: free-run error {gate["corrected"]:.3f} instead of '
         f'{gate["alone"]:.3f} on kept maps, at worst {gate["worst_ratio"]:.2f} times{tested}'
     )
 

@@ -27,8 +27,11 @@ from porotwin_costa.physics_fit import Comparison, fit
 from porotwin_costa.physics_parts import PartMaker, PhysicsPart, physics_of
 
 LEARNING_COLUMNS = 64
-"""Most columns of the grid for learning. The model refines it itself, so that its scheme hardly
-errs; more columns only cost time."""
+"""Most columns of the grid for the last fit, and for the errors that end the search. The model
+refines it itself, so that its scheme hardly errs; more columns only cost time."""
+
+SEARCH_COLUMNS = 40
+"""Most columns of the grid for choosing parts: a run takes about a fifth of the time."""
 
 LEAST_GAIN = 0.1
 """Share of the squared error that a part must take away where it is fitted; less is not worth a
@@ -114,13 +117,12 @@ class PhysicsTrial(NamedTuple):
 class Share:
     """Frames to compare with: those to learn from, and those kept to judge.
 
-    `quick` are the fitted ones with a quick solver, `whole` all runs from their start to their end.
+    `quick` are the fitted ones with a quick solver.
     """
 
     fitted: Sequence[Comparison]
     kept: Sequence[Comparison]
     quick: Sequence[Comparison]
-    whole: Sequence[Comparison]
 
     @classmethod
     def of(cls, experiments: Sequence[Frames], grid: Grid, solvers: Solvers) -> 'Share':
@@ -130,10 +132,7 @@ class Share:
             InputError: there are too few frames.
         """
         solver, quick = solvers.precise(grid), solvers.quick(grid)
-        maps = [resampled(frames, grid) for frames in experiments]
-        runs = [run for frames in maps for run in sequences(frames) if len(run.times) > 2]
-        if not runs:
-            raise InputError('no free run can be compared: give three consecutive maps at least')
+        runs = _runs(experiments, grid)
         if len(runs) > 1:
             kept, fitted = [Comparison(runs[-1], grid, solver)], runs[:-1]
         else:
@@ -148,7 +147,6 @@ class Share:
             [Comparison(run, grid, solver) for run in chosen],
             kept,
             [Comparison(run, grid, quick) for run in chosen],
-            [Comparison(run, grid, solver) for run in runs],
         )
 
     @property
@@ -186,16 +184,17 @@ def learn_physics(
     Raises:
         InputError: there are too few frames, or the model cannot run.
     """
-    coarse = no_finer(grid, LEARNING_COLUMNS)
-    share = Share.of(experiments, coarse, solvers)
+    share = Share.of(experiments, no_finer(grid, SEARCH_COLUMNS), solvers)
+    finer = no_finer(grid, LEARNING_COLUMNS)
+    judging = Share.of(experiments, finer, solvers)
     maker = PartMaker(
         rig,
-        coarse,
+        finer,
         max(float(frames.times[-1] - frames.times[0]) for frames in experiments),
         max((abs(row.rate.rate) for each in experiments for row in each.schedule.rows), default=0),
     )
     best = PhysicsTrial(Learnt((), np.zeros(0)), *share.cost(LearntPhysics()))
-    search = PartSearch(maker, share, pool, best)
+    search = PartSearch(maker, share, judging, pool, judging.cost(LearntPhysics()))
     for _ in range(MOST_PARTS):
         if search.ends_with(best):
             break
@@ -211,8 +210,23 @@ def learn_physics(
         say('the model lacks no physics that these maps show')
         return LearntPhysics()
     parts, start = best.learnt
-    values = fit(parts, share.whole, start, iterations=LAST_ITERATIONS, pool=pool)
+    solver = solvers.precise(finer)
+    whole = [Comparison(run, finer, solver) for run in _runs(experiments, finer)]
+    values = fit(parts, whole, start, iterations=LAST_ITERATIONS, pool=pool)
     return physics_of(parts, values)
+
+
+def _runs(experiments: Sequence[Frames], grid: Grid) -> list[Frames]:
+    """Return the sequences of all maps on `grid` that are long enough for a free run.
+
+    Raises:
+        InputError: there is none.
+    """
+    maps = [resampled(frames, grid) for frames in experiments]
+    runs = [run for frames in maps for run in sequences(frames) if len(run.times) > 2]
+    if not runs:
+        raise InputError('no free run can be compared: give three consecutive maps at least')
+    return runs
 
 
 def _judged(trial: PhysicsTrial) -> float:
@@ -241,20 +255,26 @@ def _errors_together(runs: Sequence[Comparison], physics: LearntPhysics) -> Floa
 class PartSearch:
     """Looks for one more part that brings free runs closer to the frames of `share`.
 
-    `alone` is the trial without any part.
+    `judging` holds the same frames on a finer grid, and `alone` the costs there without any part.
     """
 
     maker: PartMaker
     share: Share
+    judging: Share
     pool: Crew
-    alone: PhysicsTrial
+    alone: tuple[float, float]
 
     def ends_with(self, trial: PhysicsTrial) -> bool:
-        """Return whether the error that `trial` leaves is not worth another part."""
-        fitted, kept = self.share.power
-        good = max(trial.fitted / fitted, trial.kept / kept) < GOOD_ERROR**2
-        gains = _gain(self.alone.fitted, trial.fitted), _gain(self.alone.kept, trial.kept)
-        return good or min(gains) > ENOUGH
+        """Return whether the error that `trial` leaves on the finer grid is not worth another part.
+
+        On the coarse one the scheme itself errs: another part would imitate that.
+        """
+        if not np.isfinite(trial.fitted):
+            return False
+        left = self.judging.cost(trial.learnt.physics)
+        shares = [cost / power for cost, power in zip(left, self.judging.power, strict=True)]
+        gains = [_gain(before, after) for before, after in zip(self.alone, left, strict=True)]
+        return max(shares) < GOOD_ERROR**2 or min(gains) > ENOUGH
 
     def with_one_more(self, known: Learnt) -> PhysicsTrial:
         """Return the best trial of `known` with one more part, refitted.
@@ -266,7 +286,8 @@ class PartSearch:
         parts = [part for part in self.maker.everywhere() if part.name not in taken]
         trials = [self._fitted(part, known) for part in parts]
         before, _ = self.share.cost(known.physics)
-        if all(_gain(before, trial.fitted) < CLEAR_GAIN for trial in trials):
+        clear = any(_gain(before, trial.fitted) >= CLEAR_GAIN for trial in trials)
+        if not clear and not self.ends_with(min(trials, key=_judged)):
             for part in self._placed(known):
                 trials.append(self._fitted(part, known))
                 if self.ends_with(trials[-1]):

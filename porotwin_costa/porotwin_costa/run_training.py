@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
-from porotwin_core.learnt_physics import LearntPhysics
+from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.parallel import Crew
 from porotwin_core.rig import Rig
 from porotwin_costa.corrective_model import CorrectiveModel
@@ -18,6 +18,10 @@ from porotwin_costa.physics_learning import SolverOn, Solvers, learn_physics
 from porotwin_costa.rollout_training import CURRICULUM, Stage, train_through_runs
 from porotwin_costa.training import ProgressFn, train
 
+SCHEME_GAIN = 0.5
+"""Share of the squared error of kept runs that a sharper scheme must take away [-]: its steps cost
+many times as much."""
+
 
 @dataclass(frozen=True)
 class Experiments:
@@ -26,7 +30,8 @@ class Experiments:
     `frames` are on `grid`, `time_step` [s] apart; `preset` names the numerical scheme of
     `solver_on`. `precise_on` has a scheme that hardly errs: missing physics is found with it. The
     workers of `pool` make free runs, and prepare the pairs, an experiment each. For a pool of other
-    processes, both must be picklable.
+    processes, both must be picklable. `sharper` names a scheme that learnt physics may have; empty:
+    none is tried.
     """
 
     rig: Rig
@@ -37,6 +42,7 @@ class Experiments:
     solver_on: SolverOn
     precise_on: SolverOn
     pool: Crew
+    sharper: str = ''
 
     def pairs(self, frames: Sequence[Frames], learnt: LearntPhysics) -> Dataset:
         """Return the training pairs of `frames` for the model with `learnt` physics.
@@ -103,6 +109,7 @@ def train_from_runs(
     if not kept:
         raise InputError('no free run can be judged: give three consecutive maps at least')
     solver = experiments.solver_on(experiments.grid)
+    judge = Judge(solver, kept, experiments.time_step)
     learnt = LearntPhysics()
     if architecture.learns_physics:
         learnt = learn_physics(
@@ -113,11 +120,11 @@ def train_from_runs(
             pool=experiments.pool,
             say=say,
         )
+        learnt = _with_scheme(learnt, experiments.sharper, judge, say)
     dataset = experiments.pairs(experiments.frames, learnt)
     model = train(dataset, architecture, settings, seed=seed, progress=progress)
-    if architecture.learns_physics:
+    if learnt != NO_LEARNT_PHYSICS:
         model = replace(model, learnt=learnt)
-    judge = Judge(solver, kept, experiments.time_step)
     model = train_through_runs(
         model,
         solver.model(learnt),
@@ -130,3 +137,19 @@ def train_from_runs(
     model = gated(model, judge)
     say(model.provenance['gate']['says'])
     return model
+
+
+def _with_scheme(
+    learnt: LearntPhysics, sharper: str, judge: Judge, say: Callable[[str], None]
+) -> LearntPhysics:
+    """Return `learnt` with the scheme `sharper`, if kept runs gain enough by it."""
+    if not sharper:
+        return learnt
+    changed = replace(learnt, scheme=sharper)
+    before, after = judge.physics_error(learnt), judge.physics_error(changed)
+    kept = after**2 < (1.0 - SCHEME_GAIN) * before**2
+    say(
+        f'scheme {sharper} {"taken" if kept else "not needed"}: error of the kept free runs '
+        f'{after:.4f} instead of {before:.4f}'
+    )
+    return changed if kept else learnt

@@ -19,6 +19,7 @@ from porotwin_costa.free_run_gate import (
     faster,
     gated,
     kept_runs,
+    nearly_best,
 )
 from porotwin_costa.networks import CorrectiveNetwork, architecture
 from porotwin_costa.training import train
@@ -80,6 +81,16 @@ def test_one_frame_that_is_worse_is_harmful():
     alone = np.array([0.2, 0.2, 0.2])
     assert RunErrors(alone, np.array([0.05, 0.05, 0.2])).harmless
     assert not RunErrors(alone, np.array([0.01, 0.01, 0.21])).harmless
+
+
+def test_the_whole_network_is_taken_unless_half_of_it_is_clearly_better(silent):
+    def found(whole, half):
+        errors = [RunErrors(np.ones(3), np.full(3, error)) for error in (whole, half)]
+        tried = [replace(silent, trust=trust) for trust in (1.0, 0.5)]
+        return nearly_best(list(zip(tried, errors, strict=True)))[0].trust
+
+    assert found(0.105, 0.1) == 1.0
+    assert found(0.12, 0.1) == 0.5
 
 
 def test_twice_the_rates_give_the_maps_twice_as_fast(grid):

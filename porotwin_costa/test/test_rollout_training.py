@@ -56,7 +56,7 @@ def test_weights_that_are_not_better_are_not_kept(corrective, frames):
         [frames],
         lambda _: next(errors),
         seed=1,
-        curriculum=[Stage(3, 1, 1)],
+        curriculum=[Stage(3, 1, 1), Stage(5, 1, 1)],  # the second one is spared
     )
     after = trained.network.state_dict()
     assert all(torch.equal(before[name], after[name]) for name in before)

@@ -3,15 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
-from toy_solver import STEP_S, MovingTracers, moving_frames
+import pytest
+from toy_solver import SPEED, STEP_S, MovingTracers, moving_frames
 
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.parallel import ThreadCrew
-from porotwin_costa.run_training import Experiments
+from porotwin_costa.networks import architecture
+from porotwin_costa.run_training import Experiments, train_from_runs
 
 
 def _solver(_grid):
     return MovingTracers()
+
+
+def _slow(_grid):
+    return MovingTracers(0.8 * SPEED)
 
 
 def test_workers_prepare_the_pairs_of_one_process(rig, grid):
@@ -24,3 +30,14 @@ def test_workers_prepare_the_pairs_of_one_process(rig, grid):
     assert np.array_equal(one.experiment, both.experiment)
     assert one.sources == both.sources
     assert one.fingerprint == both.fingerprint
+
+
+@pytest.mark.parametrize(('solver', 'scheme'), [(_slow, 'sharper'), (_solver, '')])
+def test_a_sharper_scheme_is_learnt_where_free_runs_need_it(rig, grid, solver, scheme):
+    frames = [moving_frames(grid, 12, at=at) for at in (0.2, 0.3)]
+    with ThreadCrew(1) as pool:
+        data = Experiments(rig, grid, frames, STEP_S, '', solver, _solver, pool, 'sharper')
+        chosen = architecture('hybrid').described({'filters': 2})
+        model = train_from_runs(data, chosen, seed=3, epochs=1, curriculum=())
+    assert (model.learnt.scheme if model.learnt else '') == scheme
+    assert ('the scheme sharper' in model.provenance['gate']['says']) == bool(scheme)

@@ -46,12 +46,16 @@ class MovingTracer:
 
 @dataclass(frozen=True)
 class MovingTracers:
-    """A `LearntSolver`: retardation slows the tracer down, other physics does nothing."""
+    """A `LearntSolver`: retardation slows the tracer down, other physics does nothing.
+
+    Any named scheme moves it by the true SPEED.
+    """
 
     speed: float = SPEED
 
     def model(self, learnt: LearntPhysics) -> MovingTracer:
-        return MovingTracer(self.speed * float(np.exp(-learnt.log_retardation)))
+        speed = SPEED if learnt.scheme else self.speed
+        return MovingTracer(speed * float(np.exp(-learnt.log_retardation)))
 
     def run(
         self,

@@ -8,6 +8,8 @@ front that lies `FRONT_TOLERANCE` cells off. Ratios and factors are dimensionles
 are natural logarithms of odds.
 """
 
+import math
+
 # Search -----------------------------------------------------------------------------------------
 
 # The normalised misfit (`ranking.normalised_misfit`) and the ranking
@@ -113,6 +115,15 @@ RELOCATED_TRIPLES = 3
 found without the third effect is wrong, and the true triple may then rank behind imitations. Each
 takes some 150 simulations."""
 
+PART_OF_A_TRIPLE = 0.2
+"""Share of the normalised misfit of a large gap that a pair may leave for a third effect to be
+looked for. A pair that closes most of a gap of 30 is probably part of the truth, although it leaves
+3."""
+
+TRIPLE_BASES, TRIPLE_COUPLES = 3, 6
+"""Number of single effects that get two more effects at once, and of couples that are fitted beside
+each; they bound the time. The linear responses rank couples only roughly."""
+
 REFINED_TRIPLES = 3
 """Largest number of triples refined on the cells of the recording; it bounds the time."""
 
@@ -142,6 +153,14 @@ one must earn its place."""
 SYSTEMATIC_MISFIT = 0.16
 """Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the
 scheme, which misplaces fronts by 0.16 of the 0.12 cells of the front tolerance."""
+
+RIVAL_LOG_ODDS = math.log(20.0)
+"""Log-odds against a single effect below which it is compared on equal terms with the best one. The
+correction of the cells moves a misfit of 0.45 by up to 0.06, and so the log-odds by 1."""
+
+NEAR_EQUAL_LOG_ODDS = math.log(3.0)
+"""Log-odds against a single effect below which the verdict lists it beside the named one. Nobody
+would stake a repair on odds below three to one."""
 
 INDISTINGUISHABLE = 0.06
 """Whitened root mean square difference of two predictions below which the camera shows the same."""

@@ -4,7 +4,6 @@ import pytest
 
 from porotwin_diagnosis.decision.confidence import (
     confidence,
-    log_odds_against,
     missing_log_odds,
     no_gap_log_odds,
     sufficient_log_odds,
@@ -27,11 +26,3 @@ def test_a_smaller_misfit_is_more_certain():
     assert sufficient_log_odds(0.3) > sufficient_log_odds(0.6) > sufficient_log_odds(0.8)
     assert sufficient_log_odds(0.8) == sufficient_log_odds(1.0)
     assert missing_log_odds(2.0) > missing_log_odds(1.1) > missing_log_odds(1.0) == 0.0
-
-
-def test_log_odds_are_those_of_a_normal_distribution():
-    """A misfit of 0.16 * sqrt(2) beyond the best one is one unit of log-odds."""
-    best = 0.5
-    further = (best**2 + 2 * 0.16**2) ** 0.5
-    assert log_odds_against(further, best) == pytest.approx(1.0)
-    assert log_odds_against(0.4, best) == 0.0

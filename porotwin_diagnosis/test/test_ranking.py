@@ -9,6 +9,7 @@ from porotwin_diagnosis.search.ranking import (
     first_of_each_effect,
     lack_of_fit,
     larger_misfit,
+    log_odds_against,
     misfit_beyond_noise,
     normalised_misfit,
     overall_misfit,
@@ -89,3 +90,11 @@ def test_a_further_effect_must_explain_clearly_more_in_both_parts():
     assert not earns_its_place(fit_of('rate', 'decay', 'clock', misfit=1.7), pair)
     adapted = fit_of('rate', 'decay', 'clock', misfit=0.5, held_out=2.1)
     assert not earns_its_place(adapted, pair)
+
+
+def test_log_odds_are_those_of_a_normal_distribution():
+    """A misfit of 0.16 * sqrt(2) beyond the best one is one unit of log-odds."""
+    best = 0.5
+    further = (best**2 + 2 * 0.16**2) ** 0.5
+    assert log_odds_against(further, best) == pytest.approx(1.0)
+    assert log_odds_against(0.4, best) == 0.0

@@ -5,6 +5,7 @@ import json
 import netCDF4
 import numpy as np
 import pytest
+from diagnosis_examples import SKIPPED_FOR_SPEED
 from diagnosis_results import twice
 
 from porotwin_core.errors import InputError
@@ -23,7 +24,8 @@ def test_wrong_porosity_is_named_and_the_rig_corrected(denser_sand, tmp_path):
         stages.append((stage, fraction))
 
     folder = checked_folder(tmp_path / 'out', [denser_sand])
-    result = examine([open_recording(denser_sand)], progress=progress)
+    recordings = [open_recording(denser_sand)]
+    result = examine(recordings, excluded=SKIPPED_FOR_SPEED, progress=progress)
     assert list(folder.iterdir()) == [], 'examine writes nothing'
     summary = write_diagnosis(result, folder, apply=True, progress=progress)
 

@@ -9,7 +9,7 @@ from porotwin_diagnosis.search.effect_pairs import may_join, relocated
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.search.third_effect import judged_triples
+from porotwin_diagnosis.search.third_effect import distinct, judged_triples
 from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, SUFFICIENT_PAIR_MISFIT
 
 NOTHING = SearchSpace((), ())
@@ -30,6 +30,15 @@ def test_a_triple_without_a_leak_or_a_zone_has_no_place_to_look_for(quiet):
     triple = fit_of('rate', 'porosity', 'clock', misfit=1.0)
     assert relocated(levels, {frozenset(('rate', 'porosity', 'clock')): triple}, 3) == {}
     assert levels.simulations == 0
+
+
+def test_no_two_of_the_distinct_triples_share_two_effects():
+    names = ('registration', 'leak', 'rate'), ('registration', 'leak', 'clock')
+    triples = [fit_of(*members, misfit=2.0 + n) for n, members in enumerate(names)]
+    triples.append(fit_of('rate', 'leak', 'clock', misfit=4.0))
+    triples.append(fit_of('registration', 'decay', 'depth', misfit=1.0))
+    chosen = [fit.label for fit in distinct(triples)]
+    assert chosen == ['registration + decay + depth', 'registration + leak + rate']
 
 
 def test_an_effect_joins_another_one_or_itself_at_another_well(quiet):

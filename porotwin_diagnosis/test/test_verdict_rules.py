@@ -88,6 +88,19 @@ def test_another_effect_that_explains_as_well_but_looks_different_lowers_the_con
     verdict = verdict_on(findings(3.0, ('leak', 0.5), ('rate', 0.5), distances=distances))
     assert verdict.inseparable == ()
     assert verdict.confidence < 0.7
+    assert verdict.not_separable == ('rate',)
+
+
+def test_the_confidence_is_that_of_the_named_effect_and_not_of_its_close_rivals():
+    distances = [0.0, 0.01, 0.9, 0.9]
+    found = findings(
+        3.0, ('porosity', 0.5), ('retardation', 0.5), ('depth', 0.52), ('rate', 0.7),
+        distances=distances,
+    )  # fmt: skip
+    verdict = verdict_on(found)
+    assert verdict.not_separable == ('retardation', 'depth')
+    assert verdict.close == ('depth',)
+    assert 0.6 < verdict.confidence < 0.8
 
 
 def test_a_pair_is_kept_only_when_the_second_effect_earns_its_place():

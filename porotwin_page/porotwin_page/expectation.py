@@ -33,6 +33,7 @@ class Expectation:
         outline_time: time after the state [s] of `outlines`.
         outlines: outlines of the mean plume at `outline_time`.
         now: outlines of the plume of the newest photograph.
+        note: what the siblings remark on the question, in one line.
     """
 
     time: float
@@ -43,6 +44,7 @@ class Expectation:
     outline_time: float = 0.0
     outlines: tuple[Outline, ...] = ()
     now: tuple[Outline, ...] = ()
+    note: str = ''
 
 
 def plume_outlines(concentration: FloatArray, grid: Grid) -> tuple[Outline, ...]:
@@ -75,4 +77,5 @@ def expectation_view(expectation: Expectation) -> Json:
         'outline_minutes': finite(expectation.outline_time / 60.0),
         'outlines': [list(outline) for outline in expectation.outlines],
         'now': [list(outline) for outline in expectation.now],
+        'note': expectation.note,
     }

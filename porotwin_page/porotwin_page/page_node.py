@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -352,7 +353,7 @@ class PageNode(Node):
             raise SiblingsUnavailable(f'the siblings did not answer within {ANSWER_TIMEOUT:g} s')
         if response.outcome.code != Outcome.OK:
             raise InputError(response.outcome.message)
-        return self._expectation(response.proposed)
+        return replace(self._expectation(response.proposed), note=response.outcome.message)
 
     def _answer_offer(self, answer: MendAnswer) -> None:
         """Call the mend node; runs in a thread of the server.

@@ -1,8 +1,9 @@
 """The rates of all wells over time, as setpoints, pumps and operator tell them."""
 
 import itertools
+import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from porotwin_core.errors import InputError
 from porotwin_core.plausible_rates import refuse_too_great
@@ -135,6 +136,32 @@ def check_roles(steps: Sequence[RateStep], rig: Rig) -> None:
             raise InputError(f'{told}: a control well only injects; give 0 or more')
         if name == rig.control.producer and rate.rate > SAME_RATE:
             raise InputError(f'{told}: the producer never injects; give 0 or less, or leave it out')
+
+
+def concentration_note(plans: Iterable[Sequence[RateStep]], rig: Rig) -> str:
+    """Return one line on wells that inject another concentration than rig.yaml; '' without any.
+
+    It is no fault: a laboratory may dilute its tracer. But a slip looks the same.
+    """
+    if rig.control is None:
+        return ''
+    usual = {name: well.concentration for name, well in rig.control.fixed.items()}
+    usual |= dict.fromkeys(rig.control.wells, 0.0)
+    others = {
+        name: well.concentration
+        for plan in plans
+        for step in plan
+        for name, well in step.rates.items()
+        if well.rate > SAME_RATE
+        and not math.isclose(well.concentration, usual.get(name, well.concentration))
+    }
+    if not others:
+        return ''
+    told = ', '.join(
+        f'{name} injects {found:g} of the stock solution, {usual[name]:g} by rig.yaml'
+        for name, found in others.items()
+    )
+    return f'note: {told}; the forecast takes what was given'
 
 
 def check_proposal(steps: Sequence[RateStep], horizon: float, rig: Rig) -> None:

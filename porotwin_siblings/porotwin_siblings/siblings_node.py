@@ -42,6 +42,7 @@ from porotwin_siblings.rate_log import (
     check_proposal,
     check_roles,
     check_steps,
+    concentration_note,
     proposed_plan,
 )
 from porotwin_siblings.siblings import Siblings
@@ -366,15 +367,15 @@ class SiblingsNode(Node):
 
     def _what_if(self, request: WhatIf.Request, response: WhatIf.Response) -> WhatIf.Response:
         try:
-            self._answer(request, response)
-            response.outcome = conversions.ok()
+            note = self._answer(request, response)
+            response.outcome = conversions.ok(note)
         except Exception as error:
             response.outcome = conversions.refusal(error)
             self.get_logger().error(f'siblings/what_if: {response.outcome.message}')
         return response
 
-    def _answer(self, request: WhatIf.Request, response: WhatIf.Response) -> None:
-        """Fill the forecasts of a proposal and of the present rates.
+    def _answer(self, request: WhatIf.Request, response: WhatIf.Response) -> str:
+        """Fill the forecasts of a proposal and of the present rates; return a note on them.
 
         Raises:
             InputError: the proposal is wrong, or no photograph has come yet.
@@ -389,11 +390,13 @@ class SiblingsNode(Node):
         with self._changed:
             rates = self._rates.present(self.siblings.time)
         plan = proposed_plan(steps, [RateStep(0.0, rates)], self._producer)
+        note = concentration_note([[RateStep(0.0, rates)], plan], self._rig)
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan[0].rates != rates:
             present = self._outlook([RateStep(0.0, rates)], horizon, quick=True)
         response.present = self._as_message(present)
         response.proposed = self._as_message(self._outlook(plan, horizon, quick=True))
+        return note
 
     def _as_message(self, outlook: Outlook) -> Forecast:
         return forecast_to_msg(outlook, self.siblings.grid)

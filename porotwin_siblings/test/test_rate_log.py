@@ -15,6 +15,7 @@ from porotwin_siblings.rate_log import (
     check_proposal,
     check_roles,
     check_steps,
+    concentration_note,
     plan_periods,
     proposed_plan,
 )
@@ -124,3 +125,13 @@ def test_no_pump_runs_backwards(well: str, rate_ml_h: float, complaint: str) -> 
     check_roles([RateStep(0.0, {well: WellRate(from_ml_h(-rate_ml_h))})], RIG)
     with pytest.raises(InputError, match=complaint):
         check_roles([RateStep(0.0, {well: WellRate(from_ml_h(rate_ml_h))})], RIG)
+
+
+def test_another_concentration_than_that_of_rig_yaml_is_noted() -> None:
+    usual = {'injector': WellRate(1e-7, 1.0), 'control1': WellRate(1e-7)}
+    diluted = usual | {'injector': WellRate(1e-7, 0.3)}
+    assert concentration_note([[RateStep(0.0, usual)]], RIG) == ''
+    note = concentration_note([[RateStep(0.0, usual), RateStep(60.0, diluted)]], RIG)
+    assert 'injector injects 0.3 of the stock solution, 1 by rig.yaml' in note
+    resting = {'injector': WellRate(0.0, 0.3)}
+    assert concentration_note([[RateStep(0.0, resting)]], RIG) == ''

@@ -136,6 +136,7 @@ def test_photographs_lead_to_forecasts_and_a_proposal_is_answered(beside: Beside
     flush = {'control1': WellRate(from_ml_h(500.0)), 'producer': WellRate(-from_ml_h(500.0))}
     answer = beside.ask([RateStep(0.0, flush)], 1200.0)
     assert answer.outcome.code == Outcome.OK, answer.outcome.message
+    assert not answer.outcome.message
     np.testing.assert_allclose(answer.present.zone_tracer, forecast.zone_tracer)
     assert answer.proposed.zone_tracer[-1] != answer.present.zone_tracer[-1]
     wrong = beside.ask([RateStep(0.0, {'absent': WellRate(1e-9)})], 600.0)

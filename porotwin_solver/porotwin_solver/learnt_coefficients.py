@@ -102,16 +102,17 @@ class LearntModels:
         self._effects = tuple(effects)
 
     def model(self, learnt: LearntPhysics) -> AdjointModel | ImplicitModel:
-        """Return the model with the `learnt` physics.
+        """Return the model with the `learnt` physics and scheme.
 
         Raises:
             InputError: as `Model`.
         """
-        kind = ImplicitModel if self._preset == IMPLICIT else AdjointModel
+        preset = learnt.scheme or self._preset
+        kind = ImplicitModel if preset == IMPLICIT else AdjointModel
         return kind(
             self._rig,
             self._grid,
-            preset=self._preset,
+            preset=preset,
             effects=self._effects,
             adapt=partial(adapted, learnt=learnt),
         )

@@ -78,6 +78,14 @@ def test_a_patch_outside_the_rig_is_refused(rig: Rig, grid: Grid) -> None:
         LearntModels(rig, grid, 'fast').model(far)
 
 
+def test_a_learnt_scheme_takes_the_place_of_the_own_one(rig: Rig, grid: Grid) -> None:
+    solver, state = LearntModels(rig, grid, 'upwind'), np.zeros(grid.shape)
+    found = solver.model(LearntPhysics(scheme='fast')).predict(state, RATES, 600.0)
+    assert np.array_equal(found, Model(rig, grid, preset='fast').predict(state, RATES, 600.0))
+    with pytest.raises(InputError, match="preset 'vague'"):
+        solver.model(LearntPhysics(scheme='vague'))
+
+
 def test_a_run_is_the_steps_one_after_the_other(rig: Rig, grid: Grid) -> None:
     solver = LearntModels(rig, grid, 'fast')
     schedule, start = Schedule.constant(RATES), np.zeros(grid.shape)

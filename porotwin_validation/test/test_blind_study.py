@@ -14,7 +14,7 @@ from porotwin_validation.blind_study import blind_check, work_through
 
 def light_case(number, seed):
     """Return a case on large cells, diagnosed with few effects."""
-    return replace(draw_case(number, seed), cell_m=0.01, withheld=SKIPPED_FOR_SPEED)
+    return replace(draw_case(number, seed), cell_m=0.015, withheld=SKIPPED_FOR_SPEED)
 
 
 @pytest.mark.slow

@@ -97,6 +97,8 @@ def command(
             objected=lambda line: say(f'the guard would refuse this proposal: {line}'),
         )
     what_if_picture(picture, found)
+    if found.note:
+        say(found.note)
     if as_json:
         print_json(_json(found) | {'picture': picture})
         return
@@ -159,6 +161,7 @@ def _json(found: 'WhatIfStudy') -> dict[str, Any]:
             for well, (factor, deviation) in found.rate_factors.items()
         },
         'objections': list(found.objections),
+        'note': found.note,
         'model_s': found.seconds,
     }
 

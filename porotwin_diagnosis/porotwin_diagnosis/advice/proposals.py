@@ -97,7 +97,11 @@ def propose(
 
 
 def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
-    """Return the kept model and the best other one, inseparable ones first; None without a gap."""
+    """Return the kept model and the best other one; None without a gap.
+
+    Effects that are nearly as good come first: an experiment can separate them. Effects that look
+    the same follow.
+    """
     kept = verdict.model
     if not kept.members:
         return None
@@ -107,9 +111,14 @@ def _two_best(findings: Findings, verdict: Verdict) -> tuple[Fit, Fit] | None:
     ]
     if not others:
         return None
+    close = {(name,) for name in verdict.close}
     same = {(name,) for name in verdict.inseparable} | set(verdict.alternatives)
-    others.sort(key=lambda fit: tuple(member.effect for member in fit.members) not in same)
-    return kept, others[0]
+
+    def urgency(fit: Fit) -> tuple[bool, bool]:
+        names = tuple(member.effect for member in fit.members)
+        return names not in close, names not in same
+
+    return kept, min(others, key=urgency)
 
 
 def _distance(samples: list[Sample], one: Fit, other: Fit) -> float:

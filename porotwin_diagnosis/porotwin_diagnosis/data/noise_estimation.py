@@ -62,6 +62,11 @@ UNCLIPPED = 0.99
 MOST_CLIPPED = 0.9
 """Largest share of clipped values that is corrected for; beyond it the tail says too little."""
 
+MOST_CLIPPED_NOISE = 0.7
+"""Largest share of clipped values that noise about stock makes; half of them without an error of
+the scale. Maps from photographs may be clipped to 95 % in the core of the plume. The others are
+then a few odd cells, whose spread says nothing about the noise."""
+
 OUTLIER_DEVIATIONS = 6.0
 """Changes from frame to frame above this many median changes are moving tracer, not noise."""
 
@@ -162,14 +167,17 @@ def _deviation_in_plume(
     """Return the standard deviation of full cells about their local mean, relative to that mean.
 
     Two corrections are applied: the local mean takes up a part of a noise of `width` [cells], and
-    clipping at 1 takes away the upper tail.
+    clipping at 1 takes away the upper tail. If nearly all values are clipped, the result is at most
+    `PLUME_NOISE_GUESS`.
     """
     if not full.any():
         return PLUME_NOISE_GUESS
     values = maps[full]
     remainder = np.sqrt(float(_covariance_about_mean(0.0, np.array(width), LOCAL_MEAN_WIDTH)))
     deviation = float(np.std(values / smooth[full] - 1.0)) / remainder
-    return float(deviation / _censored_deviation(float(np.mean(values >= CLIPPED))))
+    clipped = float(np.mean(values >= CLIPPED))
+    found = float(deviation / _censored_deviation(clipped))
+    return found if clipped <= MOST_CLIPPED_NOISE else min(found, PLUME_NOISE_GUESS)
 
 
 def _covariance_about_mean(distance: float, width: FloatArray, mean_width: float) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.ranking import larger_misfit
+from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import (
     CONFIDENCE_RANGE,
     MISSING_SLOPE,
@@ -25,7 +25,6 @@ from porotwin_diagnosis.thresholds import (
     SUFFICIENT_LOG_ODDS,
     SUFFICIENT_SLOPE,
     SURELY_SUFFICIENT,
-    SYSTEMATIC_MISFIT,
 )
 
 StrengthMeasures = tuple[float, float]
@@ -84,15 +83,6 @@ def strengths(findings: Findings) -> list[tuple[Fit, StrengthMeasures]]:
         (part, (1.0 / max(part.held_out_error, 1e-9), max(change, 1e-9)))
         for part, change in zip(findings.parts, findings.part_changes, strict=True)
     ]
-
-
-def log_odds_against(misfit: float, best: float) -> float:
-    """Return the log-odds of a model with misfit `best` against a model with `misfit`.
-
-    Both misfits contain the same noise. The remainder of the true model is normal with the standard
-    deviation s = `SYSTEMATIC_MISFIT`, which gives (misfit^2 - best^2) / (2 s^2), at least 0.
-    """
-    return max(misfit**2 - best**2, 0.0) / (2.0 * SYSTEMATIC_MISFIT**2)
 
 
 def single_log_odds(names: Collection[str], probabilities: dict[str, float]) -> float:

@@ -13,10 +13,13 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
     lack_of_fit,
+    larger_misfit,
+    log_odds_against,
     normalised_misfit,
 )
 from porotwin_diagnosis.thresholds import (
     INDISTINGUISHABLE,
+    NEAR_EQUAL_LOG_ODDS,
     NO_GAP_MISFIT,
 )
 
@@ -28,9 +31,10 @@ class Explanation:
     Attributes:
         model: the model without effects, the best single effect, pair or triple.
         lack_of_fit: normalised misfit of the model, relative to the largest that a true model has.
-            Above 1 the model misses something, and the next three attributes are empty.
+            Above 1 the model misses something, and the next four attributes are empty.
         members: names of its effects, the strongest first.
         inseparable: other effects that look the same as the first member, in its place.
+        close: other effects that explain the recording nearly as well as the only member.
         alternatives: other pairs that look the same as the best pair.
     """
 
@@ -39,6 +43,7 @@ class Explanation:
     members: tuple[str, ...] = ()
     inseparable: tuple[str, ...] = ()
     alternatives: tuple[tuple[str, ...], ...] = ()
+    close: tuple[str, ...] = ()
 
     @property
     def suffices(self) -> bool:
@@ -54,7 +59,8 @@ def explain(findings: Findings) -> Explanation:
         return Explanation(model, lack)
     members = _strongest_first(model, findings)
     if len(members) == 1:
-        return Explanation(model, lack, members, _inseparable_singles(findings))
+        same = _inseparable_singles(findings)
+        return Explanation(model, lack, members, same, close=_close_singles(findings, same))
     if len(members) > 2:
         return Explanation(model, lack, members)
     alternatives = _inseparable_pairs(findings)
@@ -105,6 +111,23 @@ def _inseparable_singles(findings: Findings) -> tuple[str, ...]:
         if distance < INDISTINGUISHABLE
     )
     return tuple(name for name in dict.fromkeys(names) if name != best)
+
+
+def _close_singles(findings: Findings, same: Sequence[str]) -> tuple[str, ...]:
+    """Return the single effects that explain the recording nearly as well as the best one.
+
+    They look different from the best one and from the `same` ones, but not so different that the
+    recording decides.
+    """
+    best, *others = findings.singles
+    names = (
+        fit.members[0].effect
+        for fit in others
+        if lack_of_fit(fit, findings.null) <= 1.0
+        and log_odds_against(larger_misfit(fit), larger_misfit(best)) < NEAR_EQUAL_LOG_ODDS
+    )
+    known = {best.members[0].effect, *same}
+    return tuple(name for name in dict.fromkeys(names) if name not in known)
 
 
 def _inseparable_pairs(findings: Findings) -> tuple[tuple[str, ...], ...]:

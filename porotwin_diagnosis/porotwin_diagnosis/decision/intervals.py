@@ -13,12 +13,13 @@ from porotwin_diagnosis.search.findings import Findings
 def with_intervals(
     fitter: Fitter, findings: Findings, explanation: Explanation
 ) -> tuple[Findings, Explanation]:
-    """Return both with covariances for the kept model and the effects inseparable from it.
+    """Return both with covariances for the kept model and the effects beside it.
 
     `fitter` works on the recording's own cells.
     """
+    also = {*explanation.inseparable, *explanation.close}
     singles = [
-        with_covariance(fitter, fit) if fit.members[0].effect in explanation.inseparable else fit
+        with_covariance(fitter, fit) if fit.members[0].effect in also else fit
         for fit in findings.singles
     ]
     model = with_covariance(fitter, explanation.model)

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from porotwin_diagnosis.decision.confidence import log_odds_against
 from porotwin_diagnosis.decision.verdict import NONE, Verdict
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.ranking import larger_misfit
+from porotwin_diagnosis.search.ranking import larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_LOG_ODDS, SCREENED_LOG_ODDS
 
 

@@ -25,6 +25,8 @@ class Verdict:
         inseparable: other effects that look the same as the first member.
         probabilities: probability of every effect alone, by name, and of `NONE`.
         alternatives: other combinations that look the same as the members.
+        close: other effects that look different, but explain the recording nearly as well. The
+            confidence is not theirs.
     """
 
     name: str
@@ -34,6 +36,12 @@ class Verdict:
     inseparable: tuple[str, ...]
     probabilities: dict[str, float]
     alternatives: tuple[tuple[str, ...], ...] = ()
+    close: tuple[str, ...] = ()
+
+    @property
+    def not_separable(self) -> tuple[str, ...]:
+        """Names of all other effects that the recording cannot tell from the first member."""
+        return (*self.inseparable, *self.close)
 
     @property
     def kept(self) -> bool:

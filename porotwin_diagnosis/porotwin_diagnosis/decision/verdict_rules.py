@@ -48,6 +48,7 @@ def decide(evidence: Evidence) -> Verdict:
         inseparable,
         effect_probabilities(evidence.findings),
         alternatives,
+        close=explanation.close if name in explanation.members else (),
     )
 
 

@@ -61,13 +61,13 @@ def sentence(result: Diagnosis, summary: Summary) -> str:
 def _named(result: Diagnosis, summary: Summary) -> str:
     """Name the effects and their meaning for the rig."""
     verdict = result.verdict
-    same = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.inseparable]
+    same = verdict.alternatives or [(name, *verdict.members[1:]) for name in verdict.not_separable]
     names = ' or '.join(map(_together, [verdict.members, *same]))
     means = ', and '.join(meanings(verdict.members, summary))
     if same:
         names += f', which {these(result)} cannot separate'
     if not verdict.alternatives:
-        means = ', or '.join([means, *meanings(verdict.inseparable, summary)])
+        means = ', or '.join([means, *meanings(verdict.not_separable, summary)])
     return f'{names[:3]}{names[3:4].upper()}{names[4:]}: {means}'
 
 
@@ -135,7 +135,7 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
         return f'Not in the library of effects. {_form(result)}{_part(summary)}'
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
-        lines += [f'or {_with_origin(name)}' for name in verdict.inseparable]
+        lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]
     lines += [f'or {_together(names)} together' for names in verdict.alternatives]
     return '<br>'.join(lines)
 
@@ -196,7 +196,7 @@ def _where(result: Diagnosis, summary: Summary) -> str:
         return 'Nowhere.'
     if verdict.name == UNEXPLAINED:
         return _hot_spots(result)
-    same = () if verdict.alternatives else verdict.inseparable
+    same = () if verdict.alternatives else verdict.not_separable
     names = (*verdict.members, *same)
     places = _places_of(names, result, summary)
     if len(set(places)) == 1:
@@ -248,7 +248,7 @@ def _how_much(result: Diagnosis, summary: Summary) -> str:
     verdict, errors = result.verdict, summary['error']
     named = verdict.members
     if len(named) == 1:
-        named = (*named, *verdict.inseparable)
+        named = (*named, *verdict.not_separable)
     rows = [row for row in summary['effects'] if row['name'] in named]
     lines = [
         f'{spoken(row["name"])}, {line}' if len(rows) > 1 else line
@@ -289,11 +289,18 @@ def _how_sure(result: Diagnosis) -> str:
             'such as a bent response of the dye, may be hidden by the calibration; known dilutions '
             'and the weighed outflow would show it.'
         )
-    if verdict.inseparable:
-        names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.inseparable)
+    if verdict.not_separable:
+        names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.not_separable)
         lines.append(
             f'{these(result).capitalize()} cannot separate <b>{spoken(verdict.name)}</b> from '
             f'{names}; see “Next experiment”.'
+        )
+    if verdict.close:
+        named = ' or '.join(map(spoken, (verdict.name, *verdict.inseparable)))
+        lines.append(
+            f'The probability is that of {named} alone. '
+            f'{" and ".join(map(spoken, verdict.close)).capitalize()} would make other maps, but '
+            'the errors of these maps hide the difference.'
         )
     if evidence.scant:
         lines.append(

@@ -52,7 +52,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         'schema': 1,
         'verdict': verdict.name,
         'confidence': round(verdict.confidence, 3),
-        'not_separable_from': list(verdict.inseparable),
+        'not_separable_from': list(verdict.not_separable),
         'combination': list(verdict.members) if verdict.kept else [],
         'combination_alternatives': [list(names) for names in verdict.alternatives],
         'effects': _effects(result),

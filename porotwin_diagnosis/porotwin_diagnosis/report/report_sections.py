@@ -107,7 +107,7 @@ def when_it_arises(result: Diagnosis) -> str:
 
 def laboratory_checks(result: Diagnosis) -> str:
     """Return how to check the named effects by other means than the camera."""
-    names = (*result.verdict.members, *result.verdict.inseparable)
+    names = (*result.verdict.members, *result.verdict.not_separable)
     if not names:
         return (
             '<p>There is no effect to check. Look at the map of the remainder: is it at a well, '

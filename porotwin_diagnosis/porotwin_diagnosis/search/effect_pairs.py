@@ -178,12 +178,16 @@ def _screened_pairs(
 
 
 def relocated(
-    levels: Levels, combinations: Mapping[frozenset[str], Fit], most: int = RELOCATED_PAIRS
+    levels: Levels,
+    combinations: Mapping[frozenset[str], Fit],
+    most: int = RELOCATED_PAIRS,
+    instead: Sequence[str] = (),
 ) -> Combinations:
     """Return at `most` the best pairs or triples with a leak or a zone at another place.
 
     The place is found with the other members present: the one that was found before imitates the
-    member that was missing then. A combination is kept as it is if no other place fits better.
+    member that was missing then. The effects `instead` are tried at places of their own in place of
+    the leak or the zone. A combination is kept as it is if no other place fits better.
     """
     found: Combinations = {}
     local = [fit for fit in combinations.values() if any(has_place(m.effect) for m in fit.members)]
@@ -192,10 +196,11 @@ def relocated(
             if not has_place(moved.effect):
                 continue
             levels.progress(f'another place of {moved.label}', 0.65)
-            starts = place_starts(levels, moved.effect, beside=base)
-            for start in starts[:RELOCATED_PAIRS]:
-                for key, other in combined_fits(levels, base, [start], ()).items():
-                    found[key] = min(other, found.get(key, fit), key=score)
+            for effect in dict.fromkeys((moved.effect, *instead)):
+                for start in place_starts(levels, effect, beside=base)[:RELOCATED_PAIRS]:
+                    for key, other in combined_fits(levels, base, [start], ()).items():
+                        known = found.get(key, combinations.get(key, other))
+                        found[key] = min(other, known, key=score)
     return found
 
 
@@ -216,16 +221,26 @@ def combined_fits(
 
     Combinations that are `known` already, and fits with a leak at a pumping well, are left out.
     """
-    chosen: dict[frozenset[str], Candidate] = {}
-    for partner in partners:
-        key = member_labels((*base.members, partner))
-        if key not in known:
-            chosen.setdefault(key, partner)
+    return extended_fits(levels, base, [(partner,) for partner in partners], known)
 
-    def fitted(partner: Candidate) -> Fit:
+
+def extended_fits(
+    levels: Levels,
+    base: Fit,
+    additions: Sequence[Sequence[Candidate]],
+    known: Collection[frozenset[str]],
+) -> Combinations:
+    """Return the fits of `base` with all effects of each of `additions`, like `combined_fits`."""
+    chosen: dict[frozenset[str], Sequence[Candidate]] = {}
+    for added in additions:
+        key = member_labels((*base.members, *added))
+        if key not in known:
+            chosen.setdefault(key, added)
+
+    def fitted(added: Sequence[Candidate]) -> Fit:
         return levels.screening.fit(
-            (*base.members, partner),
-            start=np.concatenate([base.scaled_parameters, partner.first]),
+            (*base.members, *added),
+            start=np.concatenate([base.scaled_parameters, *(one.first for one in added)]),
             coarse_steps=PAIR_COARSE_ITERATIONS,
             fine_steps=PAIR_FINE_ITERATIONS,
         )

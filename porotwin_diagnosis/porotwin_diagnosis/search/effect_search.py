@@ -22,6 +22,7 @@ from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.progress import Progress
+from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
     judged_exchanges,
     judged_pairs,
@@ -100,6 +101,7 @@ def search_effects(
     if normalised_misfit(singles[0]) > EXPLAINED_MISFIT:
         levels, findings = _with_combinations(levels, space, findings)
     levels, singles = fitted_again_alone(levels, findings)
+    levels, singles = compared_rivals(levels, singles, findings.null)
     findings = replace(findings, singles=singles)
     return SearchResult(_with_distances(levels, findings), levels)
 

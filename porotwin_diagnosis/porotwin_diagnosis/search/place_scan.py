@@ -47,7 +47,7 @@ neighbours of a better start lead to the same fit."""
 
 
 @dataclass(frozen=True)
-class _CoarseRecording:
+class CoarseRecording:
     """One recording on the coarse grid.
 
     Attributes:
@@ -80,7 +80,7 @@ class _CoarseRecording:
 
 
 @dataclass(frozen=True)
-class _Comparison:
+class Comparison:
     """The residual of a model with given effects, and the maps that it simulates.
 
     Attributes:
@@ -89,7 +89,7 @@ class _Comparison:
         simulated: smoothed simulated maps (nt, nz, nx) [-] with the given effects.
     """
 
-    recording: _CoarseRecording
+    recording: CoarseRecording
     residual: FloatArray
     simulated: FloatArray
 
@@ -118,9 +118,9 @@ def promising_starts(
         InputError: no pump ever runs, the rig is closed, or the model cannot run with `beside`.
     """
     given = beside.effects if beside else ()
-    comparisons = [_comparison(forward, given) for forward in forwards]
+    comparisons = [compared(forward, given) for forward in forwards]
     sample = comparisons[0].recording.sample
-    trials = _trials(sample, effect)
+    trials = trials_of(sample, effect)
     run = map if pool is None else pool.map
 
     def response(effects: Sequence[EffectDescription]) -> FloatArray:
@@ -129,7 +129,7 @@ def promising_starts(
     residual = np.concatenate([part.residual.ravel() for part in comparisons])
     adapting = np.zeros((len(residual), 0))
     if beside is not None:
-        adapting = orth(np.stack(list(run(response, _perturbed(beside))), axis=1))
+        adapting = orth(np.stack(list(run(response, perturbed(beside))), axis=1))
 
     def gain(trial: Candidate) -> tuple[float, float]:
         """Return the explained part of the residual's square, and the factor on the strength."""
@@ -141,7 +141,7 @@ def promising_starts(
     return _best_apart(trials, list(run(gain, trials)), _place_distance(sample))
 
 
-def _comparison(forward: Forward, given: tuple[EffectDescription, ...]) -> _Comparison:
+def compared(forward: Forward, given: tuple[EffectDescription, ...]) -> Comparison:
     """Return the comparison of a recording with the model with the effects `given`."""
     sample = forward.sample
     columns = min(SCAN_COLUMNS, sample.grid.nx)
@@ -151,15 +151,15 @@ def _comparison(forward: Forward, given: tuple[EffectDescription, ...]) -> _Comp
     expected = sample.noise.expected(forward.maps(given)[frames])
     residual = (sample.observed_or_zero[frames] - expected) * sample.seen_mask[frames]
     coarse = np.stack([conservative_resample(frame, grid.shape) for frame in residual])
-    recording = _CoarseRecording(sample, grid, sample.times[frames], forward.crew)
-    return _Comparison(recording, _smoothed(coarse), recording.simulated(given))
+    recording = CoarseRecording(sample, grid, sample.times[frames], forward.crew)
+    return Comparison(recording, _smoothed(coarse), recording.simulated(given))
 
 
 def _smoothed(maps: FloatArray) -> FloatArray:
     return gaussian_filter(maps, (0.0, SCAN_SMOOTHING, SCAN_SMOOTHING))
 
 
-def _perturbed(fit: Fit) -> list[tuple[EffectDescription, ...]]:
+def perturbed(fit: Fit) -> list[tuple[EffectDescription, ...]]:
     """Return, for each parameter of `fit`, the effects with that parameter moved by one step."""
     parameters = [parameter for member in fit.members for parameter in member.parameters]
     perturbed = []
@@ -184,7 +184,7 @@ def _best_apart(
         if factor <= 0.0:
             continue
         if all(_distance(trial, other) > LEAST_DISTANCE * distance for other in best):
-            best.append(_with_strength(trial, factor))
+            best.append(with_strength(trial, factor))
         if len(best) == STARTING_PLACES:
             break
     return best
@@ -206,7 +206,7 @@ def _places(sample: Sample) -> list[tuple[float, float]]:
     ]
 
 
-def _trials(sample: Sample, effect: str) -> list[Candidate]:
+def trials_of(sample: Sample, effect: str) -> list[Candidate]:
     """Return the candidates of `effect` that are tried, at all places.
 
     Raises:
@@ -231,7 +231,7 @@ def _distance(one: Candidate, other: Candidate) -> float:
     return math.hypot(x - other_x, z - other_z)
 
 
-def _with_strength(trial: Candidate, factor: float) -> Candidate:
+def with_strength(trial: Candidate, factor: float) -> Candidate:
     """Return the start at `trial` with its strength, the last parameter, multiplied by `factor`."""
     start = list(trial.first)
     limits = _place_search(trial.effect).strength_factors

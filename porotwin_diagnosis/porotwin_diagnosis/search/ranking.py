@@ -27,6 +27,7 @@ from porotwin_diagnosis.thresholds import (
     PENALTY_PER_PARAMETER,
     SUFFICIENT_MISFIT,
     SUFFICIENT_PAIR_MISFIT,
+    SYSTEMATIC_MISFIT,
     TIE,
     UNRESOLVED_SHARE,
 )
@@ -68,6 +69,15 @@ def overall_misfit(fitted: float, held_out: float) -> float:
 def larger_misfit(fit: Fit) -> float:
     """Return the larger of the misfits [-] of the fitted and the held-out part."""
     return max(fit.fitted_misfit, fit.held_out_misfit)
+
+
+def log_odds_against(misfit: float, best: float) -> float:
+    """Return the log-odds of a model with misfit `best` against a model with `misfit`.
+
+    Both misfits contain the same noise. The remainder of the true model is normal with the standard
+    deviation s = `SYSTEMATIC_MISFIT`, which gives (misfit^2 - best^2) / (2 s^2), at least 0.
+    """
+    return max(misfit**2 - best**2, 0.0) / (2.0 * SYSTEMATIC_MISFIT**2)
 
 
 def lack_of_fit(model: Fit, null: Fit) -> float:

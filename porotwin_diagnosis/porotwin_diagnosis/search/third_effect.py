@@ -1,32 +1,51 @@
-"""A third effect beside the best pair, where the pair leaves more than a true one may.
+"""Three effects, where the best pair leaves more than a true one may.
+
+A third effect is looked for beside the best pair, and two at once beside the best single effects.
+The best pair is often an imitation: without the third effect a leak lies at a wrong place, so that
+the true pair is never fitted.
 
 The partners of the pair are found like those of a single effect: by the part of its residual that
-their linear response explains, and that its own parameters cannot imitate. A pair is fitted without
-the third effect, so that its leak or zone lies at a wrong place. Places are therefore looked for
-again. Members are not exchanged: with so many parameters an exchange soon finds an imitation. Only
-a triple that earns its place is returned.
+their linear response explains, and that its own parameters cannot imitate. Couples are found by
+`joint_scan`. The leak or the zone of the best triples is then looked for again, because a linear
+response gives its place only roughly, and a zone may stand for a leak. Other members are not
+exchanged: with so many parameters an exchange soon finds an imitation. Only a triple that earns its
+place is returned.
 """
 
 from collections.abc import Sequence
 
+from porotwin_core.errors import InputError
+from porotwin_diagnosis.model.effect_traits import has_place
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.effect_pairs import (
-    Combinations,
     best_partners,
     combined_fits,
+    extended_fits,
+    may_join,
+    pair_bases,
     relocated,
 )
 from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.joint_scan import Couple, promising_couples
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
-    close_to_best,
     earns_its_place,
+    first_of_each_effect,
     lack_of_fit,
+    member_labels,
     normalised_misfit,
     score,
 )
 from porotwin_diagnosis.search.single_effects import SearchSpace
-from porotwin_diagnosis.thresholds import EXCHANGE_MISFIT, REFINED_TRIPLES, RELOCATED_TRIPLES
+from porotwin_diagnosis.thresholds import (
+    EXCHANGE_MISFIT,
+    PAIR_PENALTY_PER_PARAMETER,
+    PART_OF_A_TRIPLE,
+    REFINED_TRIPLES,
+    RELOCATED_TRIPLES,
+    TRIPLE_BASES,
+    TRIPLE_COUPLES,
+)
 
 
 def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -41,26 +60,74 @@ def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Ju
     pairs = findings.pairs
     if not pairs or lack_of_fit(pairs[0], findings.null) <= 1.0:
         return Judgement(levels, [])
-    if normalised_misfit(pairs[0]) > EXCHANGE_MISFIT:
+    of_the_gap = PART_OF_A_TRIPLE * normalised_misfit(findings.null)
+    if normalised_misfit(pairs[0]) > max(EXCHANGE_MISFIT, of_the_gap):
         return Judgement(levels, [])
-    levels.progress(f'a third effect beside {pairs[0].label}', 0.88)
-    screened = _screened_triples(levels, space, pairs[0], findings.screened)
-    best = close_to_best(sorted(screened.values(), key=score))[:REFINED_TRIPLES]
+    best = distinct(_screened_triples(levels, space, findings))[:REFINED_TRIPLES]
     judged = levels.judged(levels.refined(best, 0.88), 0.89)
     again = levels.judged_again(judged, findings.null, 0.9)
     kept = [triple for triple in again.fits if earns_its_place(triple, pairs[0])]
     return Judgement(again.levels if kept else levels, kept)
 
 
-def _screened_triples(
-    levels: Levels, space: SearchSpace, pair: Fit, screened: Sequence[Fit]
-) -> Combinations:
-    """Return fits of `pair` with a third effect on the screening cells.
+def distinct(triples: Sequence[Fit]) -> list[Fit]:
+    """Return the `triples` of which no two share two effects, the best score first.
 
-    A leak or a zone of the pair is then looked for again: its place in the pair imitates the third
-    effect.
+    A pair that imitates much would otherwise fill all places, each time with another third effect.
+    The score has a penalty per parameter, like that of pairs.
     """
+    chosen: list[Fit] = []
+    for fit in sorted(triples, key=_penalised):
+        names = member_labels(fit.members)
+        if all(len(names & member_labels(other.members)) < 2 for other in chosen):
+            chosen.append(fit)
+    return chosen
+
+
+def _penalised(fit: Fit) -> float:
+    return score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
+
+
+def _couples(
+    levels: Levels, space: SearchSpace, base: Fit, screened: Sequence[Fit]
+) -> list[Couple]:
+    """Return the most promising couples of effects beside `base`.
+
+    There are none if no simulation can tell.
+    """
+    members = [fit.members[0] for fit in first_of_each_effect(screened)]
+    candidates = [
+        member
+        for member in members
+        if may_join(member, base.members) and not has_place(member.effect)
+    ]
+    try:
+        return promising_couples(
+            levels.screening.forwards,
+            candidates,
+            space.local_effects,
+            beside=base,
+            most=TRIPLE_COUPLES,
+            pool=levels.pool,
+        )
+    except InputError:
+        return []
+
+
+def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) -> list[Fit]:
+    """Return fits of three effects on the screening cells."""
+    pair, known = findings.pairs[0], findings.screened
+    levels.progress(f'a third effect beside {pair.label}', 0.88)
     base = levels.screening.evaluate(pair.members, pair.scaled_parameters)
-    partners = best_partners(levels, space, base, screened, with_places=True)
-    triples = combined_fits(levels, base, partners, ())
-    return triples | relocated(levels, triples, RELOCATED_TRIPLES)
+    triples = combined_fits(
+        levels, base, best_partners(levels, space, base, known, with_places=True), ()
+    )
+    singles, _ = pair_bases(findings.singles[0], known)
+    for single in singles[:TRIPLE_BASES]:
+        levels.progress(f'two more effects beside {single.label}', 0.88)
+        couples = _couples(levels, space, single, known)
+        triples |= extended_fits(levels, single, couples, triples.keys())
+    local = [fit for fit in triples.values() if any(has_place(m.effect) for m in fit.members)]
+    moved = {member_labels(fit.members): fit for fit in distinct(local)[:RELOCATED_TRIPLES]}
+    triples |= relocated(levels, moved, RELOCATED_TRIPLES, space.local_effects)
+    return list(triples.values())

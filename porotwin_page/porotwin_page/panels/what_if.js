@@ -156,6 +156,7 @@ function renderWords(root, content, proposal, page) {
   setText(find('.fault', root), fault ? `No answer: ${fault}` : '');
   const token = page.token.value ? '' : 'To ask, the page needs the token of ./porotwin up. ';
   const hub = content.controlled ? 'The hub goes on choosing the rates by itself. ' : '';
-  setText(find('.promise', root), `${token}${hub}Nothing is pumped from here.`);
+  const note = answer && answer.note ? ` (${answer.note})` : '';
+  setText(find('.promise', root), `${token}${hub}Nothing is pumped from here.${note}`);
   for (const input of root.querySelectorAll('input')) input.disabled = !page.token.value;
 }

@@ -1,0 +1,57 @@
+"""Close rivals are compared on each other's corrections; groups that look the same add up."""
+
+from dataclasses import dataclass, replace
+
+import pytest
+from diagnosis_examples import fit_of, sample_of
+
+from porotwin_diagnosis.search.close_rivals import compared_rivals
+from porotwin_diagnosis.search.levels import make_levels
+
+NULL = fit_of(misfit=6.0)
+
+
+@dataclass(frozen=True)
+class CorrectedAt:
+    """Levels on which the fit that they are corrected at leaves 0.05 more than its rivals do."""
+
+    best: str = ''
+
+    @property
+    def judging(self):
+        return self
+
+    def corrected_at(self, fit):
+        return CorrectedAt(fit.label)
+
+    def evaluate(self, members, _scaled):
+        misfit = 0.45 if members[0].effect == self.best else 0.40
+        return fit_of(members[0].effect, misfit=misfit)
+
+    def distance(self, one, other):
+        alike = {'porosity', 'retardation'}
+        return 0.01 if {one.label, other.label} <= alike else 0.3
+
+
+def test_the_most_probable_group_of_close_rivals_comes_first():
+    singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
+    singles += [fit_of('retardation', misfit=0.46), fit_of('leak', misfit=3.0)]
+    levels, compared = compared_rivals(CorrectedAt(), singles, NULL)
+    assert [fit.label for fit in compared] == ['porosity', 'retardation', 'depth', 'leak']
+    assert levels.best == 'porosity'
+    assert {round(fit.fitted_misfit, 6) for fit in compared[:3]} == {round(1.25 / 3, 6)}
+
+
+@pytest.mark.parametrize('second', [fit_of('leak', misfit=1.2), fit_of('rate', misfit=5.0)])
+def test_without_a_close_rival_nothing_is_simulated(quiet, second):
+    levels = make_levels([sample_of(quiet)], progress=lambda _stage, _share: None)
+    singles = [fit_of('porosity', misfit=0.4), second]
+    assert compared_rivals(levels, singles, NULL) == (levels, singles)
+    assert levels.simulations == 0
+
+
+def test_fits_that_do_not_suffice_are_no_rivals(quiet):
+    levels = make_levels([sample_of(quiet)], progress=lambda _stage, _share: None)
+    singles = [fit_of('porosity', misfit=2.0), fit_of('rate', misfit=2.0)]
+    singles = [replace(fit, fitted_error=0.2) for fit in singles]
+    assert compared_rivals(levels, singles, NULL) == (levels, singles)
