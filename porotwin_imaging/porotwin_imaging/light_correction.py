@@ -31,9 +31,9 @@ BelowVeil = Callable[[tuple[float, float, float]], Array]
 
 _MOST_BLOCKS = 400
 """Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
-_TONE_ERRORS = {'curve': 0.02, 'haze': 0.06}
-"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Haze
-also hides how unevenly dye darkens the grains, so that stock looks 5 % too pale."""
+_TONE_ERRORS = {'curve': 0.02, 'haze': 0.03}
+"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Where
+stock leaves little light, a small error of the haze counts."""
 _LEAST_LIGHT = 1e-4
 """Linear light of the baseline is raised to this before it divides [-]."""
 _LEAST_SHARE = 0.3
