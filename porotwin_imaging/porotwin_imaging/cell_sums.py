@@ -103,7 +103,6 @@ def cell_sums(
         tile_of(samples_across),
         cells_across,
         np.asarray(veil or (0.0, 0.0, 0.0), np.float32),
-        veil is not None,
     )
     state, before, state_square, before_square, product = moments
     return CellSums(
@@ -119,12 +118,11 @@ def tile_of(samples_across: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sums(
-    pixels, baseline, usable, light, matrix, glare_level, factor, tile, cells_across, veil, veiled
-):  # type: ignore[no-untyped-def]
+def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, tile, cells_across, veil):  # type: ignore[no-untyped-def]
     nz, nx = usable.shape[0] // factor, usable.shape[1] // factor
     high, wide = -(-nz // cells_across), -(-nx // cells_across)
     log_ratio = np.empty((nz, nx, 3), np.float32)
+    veiled = veil[0] != 0.0 or veil[1] != 0.0 or veil[2] != 0.0
     share = np.empty((nz, nx), np.float32)
     moments = np.zeros((5, high, wide, 3), np.float32)
     covered = np.zeros((high, wide), np.float32)

@@ -111,8 +111,9 @@ def tone_change(
     """
     stride = max(1, round(np.sqrt(visible.size / _SEARCH_CELLS)))
     thin = (slice(stride // 2, None, stride), slice(stride // 2, None, stride))
-    planes = (plane[thin] for plane in (log_ratio, before, after, visible))
-    search = _Search(*planes, checker_gain, settings)
+    search = _Search(
+        log_ratio[thin], before[thin], after[thin], visible[thin], checker_gain, settings
+    )
     if not search.is_unusual():
         return None
     best = max((search.best('curve', _POWERS), search.best('haze', _OFFSETS)), key=search.score)
