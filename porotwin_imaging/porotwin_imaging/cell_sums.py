@@ -17,6 +17,8 @@ Array = NDArray[Any]
 
 LEAST_LIGHT = np.float32(1e-5)
 """Linear light is raised to this before it divides, and before a logarithm."""
+LEAST_BELOW_VEIL = np.float32(0.02)
+"""Light below a veil is raised to this, relative to the baseline: less is noise of the camera."""
 _TILES = (3, 2)
 """Samples across a tile in the order of preference: enough to average grains, finer than fronts."""
 
@@ -70,6 +72,7 @@ def cell_sums(
     glare_level: int,
     samples_across: int,
     cells_across: int = 1,
+    veil: tuple[float, float, float] | None = None,
 ) -> CellSums:
     """Return the sums of a sampled photograph and baseline; both have row 0 at the top.
 
@@ -86,6 +89,8 @@ def cell_sums(
         samples_across: samples of a cell in each direction.
         cells_across: cells of a block in each direction. Where the cells of the map are no multiple
             of it, the blocks differ by a cell.
+        veil: linear red-green-blue of haze over the photograph. `log_ratio` is without it: it is
+            taken from every tile, because it brightens dark grains most.
     """
     log_ratio, share, moments, covered = _sums(
         pixels,
@@ -97,6 +102,7 @@ def cell_sums(
         samples_across,
         tile_of(samples_across),
         cells_across,
+        np.asarray(veil or (0.0, 0.0, 0.0), np.float32),
     )
     state, before, state_square, before_square, product = moments
     return CellSums(
@@ -112,10 +118,11 @@ def tile_of(samples_across: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, tile, cells_across):  # type: ignore[no-untyped-def]
+def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, tile, cells_across, veil):  # type: ignore[no-untyped-def]
     nz, nx = usable.shape[0] // factor, usable.shape[1] // factor
     high, wide = -(-nz // cells_across), -(-nx // cells_across)
     log_ratio = np.empty((nz, nx, 3), np.float32)
+    veiled = veil[0] != 0.0 or veil[1] != 0.0 or veil[2] != 0.0
     share = np.empty((nz, nx), np.float32)
     moments = np.zeros((5, high, wide, 3), np.float32)
     covered = np.zeros((high, wide), np.float32)
@@ -159,6 +166,10 @@ def _sums(pixels, baseline, usable, light, matrix, glare_level, factor, tile, ce
                             now += matrix[c, e] * light_sums[0, e]
                             then += matrix[c, e] * light_sums[1, e]
                         least = LEAST_LIGHT * seen
+                        if veiled:
+                            for e in range(3):
+                                now -= matrix[c, e] * veil[e] * seen
+                            now = max(now, LEAST_BELOW_VEIL * then)
                         logs[c] += seen * np.log(max(now, least) / max(then, least))
                         own[0, c] += light_sums[0, c]
                         own[1, c] += light_sums[1, c]

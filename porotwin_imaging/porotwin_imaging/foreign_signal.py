@@ -3,6 +3,9 @@
 Tracer darkens every colour channel, in the proportions of its dye. A cell whose change has another
 sign or another colour shows something else, and a number there would be read as tracer or as clean
 sand. These cells have no value, and a photograph with many of them is refused.
+
+A dark tube has the wrong colour where it fills a cell, and looks like tracer where it crosses a
+plume or fills half a cell. The dark line through the cells of the wrong colour is left out as well.
 """
 
 from typing import Any
@@ -52,6 +55,7 @@ def without_foreign_signal(
     foreign = cv2.morphologyEx(
         foreign.astype(np.uint8), cv2.MORPH_OPEN, np.ones(_SPECK, np.uint8)
     ).astype(bool)
+    foreign |= _dark_lines(residual, visible, foreign, settings)
     count = max(1, int(visible.sum()))
     share = float(foreign.sum() / count)
     if share > settings.most_share:
@@ -66,6 +70,20 @@ def without_foreign_signal(
     lost = float((left_out & visible).sum() / count)
     remark = f'{100 * lost:.1f} % of the sand has a colour that tracer cannot make: left out'
     return visible & ~left_out, [remark] if lost > _TOLD_SHARE else []
+
+
+def _dark_lines(
+    residual: Array, visible: Mask, foreign: Mask, settings: ForeignSignalSettings
+) -> Mask:
+    """Return the cells of thin dark lines (nz, nx) that pass through `foreign` cells."""
+    if not foreign.any():
+        return foreign
+    darkening = -np.where(visible, residual.mean(axis=2), 0.0).astype(np.float32)
+    around = np.ones((settings.line_cells,) * 2, np.uint8)
+    thin = cv2.morphologyEx(darkening, cv2.MORPH_TOPHAT, around) > settings.line_depth
+    joined = ((thin & visible) | foreign).astype(np.uint8)
+    _, parts = cv2.connectedComponents(joined, connectivity=8)
+    return np.asarray(np.isin(parts, np.unique(parts[foreign])))
 
 
 def _another_colour(smooth: Array, colour: TracerColour, settings: ForeignSignalSettings) -> Mask:

@@ -5,6 +5,7 @@ then soft shadows (`local_light.py`). The rest must be tracer: cells that are br
 (`light_check.py`) or have another colour (`foreign_signal.py`) have no value.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,11 +26,14 @@ from porotwin_imaging.tracer_colour import TracerColour, colour_in
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
 
+BelowVeil = Callable[[tuple[float, float, float]], Array]
+"""Returns the log ratios (nz, nx, 3) without a veil of this linear red, green and blue."""
+
 _MOST_BLOCKS = 400
 """Blocks of cells across the rig in which light is judged: finer ones only add noise and time."""
-_TONE_ERRORS = {'curve': 0.02, 'haze': 0.06}
-"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Haze
-also hides how unevenly dye darkens the grains, so that stock looks 5 % too pale."""
+_TONE_ERRORS = {'curve': 0.02, 'haze': 0.03}
+"""Standard deviation of a log ratio after a change of tone, relative to it: measured [-]. Where
+stock leaves little light, a small error of the haze counts."""
 _LEAST_LIGHT = 1e-4
 """Linear light of the baseline is raised to this before it divides [-]."""
 _LEAST_SHARE = 0.3
@@ -65,6 +69,7 @@ def corrected_light(
     checker_gain: Array | None,
     colour: TracerColour | None,
     settings: ImagingSettings = DEFAULTS,
+    below_veil: BelowVeil | None = None,
 ) -> CorrectedLight:
     """Return log ratios without the changes of light.
 
@@ -76,16 +81,21 @@ def corrected_light(
         checker_gain: log gain at the colour chart, shape (3,), or None.
         colour: colour of the tracer from the calibration; if None, the photograph is asked.
         settings: settings of all steps.
+        below_veil: takes haze from the samples of the photograph; None: from means of cells.
 
     Raises:
         InputError: the light cannot be compared with the baseline.
     """
     variance: Array = np.zeros((1, 1), np.float32)
     blocks, seen = _blocks(log_ratio, visible)
-    tone = tone_change(blocks, _light(sums, seen.shape), seen, checker_gain, settings)
+    before, after = (_light(light, sums, seen.shape) for light in (sums.baseline, sums.state))
+    tone = tone_change(blocks, before, after, seen, checker_gain, settings)
     remarks = exposure_remarks(checker_gain, settings.light)
     if tone is not None:
-        log_ratio = tone.undone(log_ratio, _light(sums, share.shape))
+        if tone.veil is not None and below_veil is not None:
+            log_ratio = below_veil(tone.veil)
+        else:
+            log_ratio = tone.undone(log_ratio, _light(sums.baseline, sums, share.shape))
         blocks, seen = _blocks(log_ratio, visible)
         remarks.append(tone.remark)
         variance = (_TONE_ERRORS[tone.kind] * log_ratio.mean(axis=2)) ** 2
@@ -141,9 +151,9 @@ def _blocks(log_ratio: Array, visible: Mask) -> tuple[Array, Mask]:
     return sums / np.maximum(share, _LEAST_SHARE)[..., None], share > _LEAST_SHARE
 
 
-def _light(sums: BlockSums, shape: tuple[int, int]) -> Array:
-    """Return the linear light of the baseline at `shape`, with channels."""
-    light = sums.baseline / np.maximum(sums.share, _LEAST_SHARE)[..., None]
+def _light(plane: Array, sums: BlockSums, shape: tuple[int, int]) -> Array:
+    """Return the linear light of a plane of `sums` at `shape`, with channels."""
+    light = plane / np.maximum(sums.share, _LEAST_SHARE)[..., None]
     return np.maximum(_resized(light, shape), _LEAST_LIGHT)
 
 

@@ -20,6 +20,9 @@ from porotwin_imaging.stopwatch import Stopwatch
 
 Array = NDArray[Any]
 
+Veil = tuple[float, float, float]
+"""Linear red, green and blue of haze, in colours of the camera."""
+
 
 @dataclass(frozen=True)
 class PhotoCells:
@@ -64,6 +67,21 @@ def photo_cells(data: bytes, baseline: Baseline, watch: Stopwatch) -> PhotoCells
     return PhotoCells(pixels, alignment, sums, share, remarks)
 
 
+def log_ratio_below(veil: Veil, cells: PhotoCells, baseline: Baseline) -> Array:
+    """Return the log ratio (nz, nx, 3) of a photograph to the baseline without a veil of light.
+
+    The photograph is sampled once more, because only a hazy one needs it.
+
+    Args:
+        veil: linear red-green-blue of the veil, in colours of the camera.
+        cells: the photograph.
+        baseline: the baseline.
+    """
+    sampled = baseline.sampling.sample(cells.pixels, cells.alignment.homography)
+    framed = in_frame(baseline.sampling, cells.alignment.homography, cells.pixels.shape)
+    return _cell_sums(sampled, _in_view(framed, baseline)[0], baseline, veil).log_ratio
+
+
 def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Array, Array]:
     """Return the usable samples, and the share of each cell (nz, nx) that they cover.
 
@@ -75,7 +93,9 @@ def _in_view(framed: NDArray[np.bool_] | None, baseline: Baseline) -> tuple[Arra
     return usable, baseline.sampling.cell_means(usable.astype(np.float32))
 
 
-def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) -> CellSums:
+def _cell_sums(
+    sampled: NDArray[np.uint8], usable: Array, baseline: Baseline, veil: Veil | None = None
+) -> CellSums:
     """Return the sums of the sampled photograph and the baseline over each cell."""
     samples = baseline.sampling.samples_across
     return cell_sums(
@@ -87,4 +107,5 @@ def _cell_sums(sampled: NDArray[np.uint8], usable: Array, baseline: Baseline) ->
         glare_level=baseline.settings.decoding.bright_level,
         samples_across=samples,
         cells_across=cells_per_block(samples, baseline.settings.noise),
+        veil=veil,
     )

@@ -22,6 +22,7 @@ Both functions here are pure: the same photograph and baseline give the same res
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ from porotwin_imaging.light_correction import corrected_light
 from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.light_error import SeenTracer, light_error
 from porotwin_imaging.map_deviation import map_deviation
-from porotwin_imaging.photo_cells import photo_cells
+from porotwin_imaging.photo_cells import log_ratio_below, photo_cells
 from porotwin_imaging.row_bands import by_bands
 from porotwin_imaging.stopwatch import Stopwatch
 from porotwin_imaging.validity import unclipped_cells, visible_cells
@@ -182,6 +183,7 @@ def compare_with_baseline(
             gain,
             baseline.calibration.signal.tracer_colour,
             settings,
+            partial(log_ratio_below, cells=cells, baseline=baseline),
         )
     left_out = [*cells.remarks, *clipped_remarks, *hidden_remarks, *light.left_out]
     deformed = alignment.residual > settings.alignment.suspicious_residual_px

@@ -219,6 +219,10 @@ class ForeignSignalSettings:
     """Darkening from which the hue of the dye must be seen [log ratio]."""
     least_hue: float = 0.3
     """Hue relative to the hue of tracer that darkens as much [-] (0.5)."""
+    line_cells: int = 7
+    """Cells across a window that a thin line does not fill: tubes are thinner."""
+    line_depth: float = 0.08
+    """Darkening of a thin line relative to its sides [log ratio] (0.05): 5 % of stock."""
     most_share: float = 0.15
     """Share of the sand above which a photograph is refused [-]."""
     most_left_out: float = 0.25

@@ -98,3 +98,18 @@ def test_a_front_across_a_cell_counts_by_its_logarithm() -> None:
     )  # fmt: skip
     dark = np.log(LINEAR_LIGHT[80] / LINEAR_LIGHT[200])
     np.testing.assert_allclose(sums.log_ratio, 0.5 * dark, rtol=1e-5)
+
+
+def test_a_veil_of_light_is_taken_from_every_tile() -> None:
+    generator = np.random.default_rng(6)
+    pixels = generator.integers(60, 200, (12, 12, 3), dtype=np.uint8)
+    tables = {'light': LINEAR_LIGHT, 'matrix': np.eye(3), 'glare_level': 250, 'samples_across': 6}
+    usable = np.ones((12, 12), np.uint8)
+    veil = np.array([0.02, 0.01, 0.005], np.float32)
+    baseline = linear_light(pixels) - veil
+    found = cell_sums(pixels, baseline, usable, **tables, veil=(0.02, 0.01, 0.005))
+    np.testing.assert_allclose(found.log_ratio, 0.0, atol=1e-5)
+    hazy = cell_sums(pixels, baseline, usable, **tables)
+    assert hazy.log_ratio.min() > 0.01
+    deep = cell_sums(pixels, baseline, usable, **tables, veil=(1.0, 1.0, 1.0))
+    np.testing.assert_allclose(deep.log_ratio, np.log(0.02), atol=1e-5)

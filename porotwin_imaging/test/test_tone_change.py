@@ -32,9 +32,14 @@ def with_tracer() -> np.ndarray:
     return light
 
 
+def change_of(state: np.ndarray, visible: np.ndarray = ALL) -> ToneChange | None:
+    """Return the change of tone of a photograph of `sand` with the linear light `state`."""
+    return tone_change(ratio(state), sand(), state, visible, None)
+
+
 @pytest.mark.parametrize('gamma', [0.85, 0.93, 1.1])
 def test_a_gamma_is_found_and_undone(gamma: float) -> None:
-    found = tone_change(ratio(0.9 * with_tracer() ** gamma), sand(), ALL, None)
+    found = change_of(0.9 * with_tracer() ** gamma)
     assert found is not None
     assert found.kind == 'curve'
     assert 1 + found.amount == pytest.approx(gamma, abs=0.01)
@@ -45,19 +50,21 @@ def test_a_gamma_is_found_and_undone(gamma: float) -> None:
 
 
 @pytest.mark.parametrize('haze', [0.01, 0.04])
-def test_haze_is_found_and_undone(haze: float) -> None:
-    found = tone_change(ratio(0.95 * with_tracer() + haze), sand(), ALL, None)
+def test_haze_is_found_in_every_channel(haze: float) -> None:
+    colour = np.array([1.0, 0.9, 0.7])
+    found = change_of(0.95 * with_tracer() + haze * colour)
     assert found is not None
     assert found.kind == 'haze'
-    assert found.amount == pytest.approx(haze, rel=0.15)
+    assert found.amount == pytest.approx(haze * colour.mean(), rel=0.05)
+    np.testing.assert_allclose(found.veil, haze * colour, rtol=0.05)
     assert '% more light on dark sand: corrected' in found.remark
 
 
 def test_drift_and_tracer_are_no_change_of_tone() -> None:
-    assert tone_change(ratio(1.05 * with_tracer()), sand(), ALL, None) is None
-    assert tone_change(ratio(with_tracer()), sand(), np.zeros(SHAPE, bool), None) is None
+    assert change_of(1.05 * with_tracer()) is None
+    assert change_of(with_tracer(), np.zeros(SHAPE, bool)) is None
     even = np.full((*SHAPE, 3), 0.2)
-    assert tone_change(ratio(sand() ** 0.9), even, ALL, None) is None
+    assert tone_change(ratio(sand() ** 0.9), even, even**0.9, ALL, None) is None
 
 
 def test_the_curve_keeps_the_log_ratio_at_its_reference() -> None:
