@@ -79,7 +79,7 @@ def test_a_dark_line_through_cells_of_the_wrong_colour_is_left_out() -> None:
     ratio = np.random.default_rng(4).normal(0, 0.01, (*SHAPE, 3))
     ratio[10:30, 40:60] -= [1.2, 0.7, 1.45]  # a plume
     without = ratio.copy()
-    ratio[24, 5:90] -= 0.4  # a tube fills a part of its cells
+    ratio[24, 5:90] -= 0.8  # a tube fills a part of its cells
     ratio[24, 40:60] -= 0.3 * np.array([1.2, 0.7, 1.45])
     kept, remarks = without_foreign_signal(ratio, ALL, COLOUR)
     assert not kept[24, 5:90].any()
