@@ -14,6 +14,7 @@ from porotwin_cli.bench_loop_optimum import optimum_schedules, play
 from porotwin_cli.bench_loop_rig import Eyes, LoopRig, LoopSettings
 from porotwin_cli.bench_loop_scenarios import LoopScenario
 from porotwin_core.errors import InputError
+from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.rates_in_force import KnownRates, same_rates
 from porotwin_core.rig import Rig
 from porotwin_core.state_filter import StateFilter
@@ -122,6 +123,7 @@ def planning_twin(
         began=0.0,
         state_filter=StateFilter(pores, (grid.dz, grid.dx)),
         learner=RateLearner(tuple(rig.wells), grid, closed=rig.closed),
+        pauses=FixedPauses.of(rig),
     )
 
 

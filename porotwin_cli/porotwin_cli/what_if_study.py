@@ -13,13 +13,14 @@ import numpy as np
 
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
+from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rates_in_force import RatePeriod
 from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.state_filter import Seen
 from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, Schedule, WellRate
+from porotwin_core.wells import RateStep, WellRate
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.plume_measures import plume_cells
 from porotwin_recording.concentration import ConcentrationMaps
@@ -218,10 +219,7 @@ def study_what_if(
         horizon = min(max(LEAST_HORIZON_S, float(times[-1]) - start), LONGEST_HORIZON_S)
     check_proposal(steps, horizon, recording.rig)
     ahead = start + horizon - begin
-    commanded = _schedule(recording)
-    present = [
-        RateStep(low - begin, rates) for low, _, rates in commanded.intervals(begin, begin + ahead)
-    ]
+    present = _present_plan(recording, begin, ahead)
     producer = recording.rig.control.producer if recording.rig.control is not None else None
     proposed = proposed_plan(later_steps(steps, start - begin), present, producer)
     objections = _objections(recording.rig, proposed, present)
@@ -300,11 +298,18 @@ def _minutes(times: FloatArray) -> str:
     return f'{times[0] / 60.0:.4g} min'
 
 
-def _schedule(recording: Recording) -> Schedule:
-    """Return the commanded rates; those that pumps measured where nothing was commanded."""
+def _present_plan(recording: Recording, begin: float, ahead: float) -> tuple[RateStep, ...]:
+    """Return the commanded rates from `begin` [s] over `ahead` [s], with the announced pauses.
+
+    Where nothing was commanded these are the rates that pumps measured.
+    """
+    schedule, pauses = recording.delivered, NO_PAUSES
     if recording.commanded is not None and recording.commanded.rows:
-        return recording.commanded
-    return recording.delivered
+        schedule, pauses = recording.commanded, FixedPauses.of(recording.rig)
+    plan = [
+        RateStep(low - begin, rates) for low, _, rates in schedule.intervals(begin, begin + ahead)
+    ]
+    return pauses.in_plan(plan, begin, ahead)
 
 
 def _learn(

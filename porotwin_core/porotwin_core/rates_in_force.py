@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.rig import PUMP_STEP_ML_H
 from porotwin_core.units import from_ml_h, to_ml_h
 from porotwin_core.wells import WellRate, WellRates, mean_rates, net_rate
@@ -62,12 +63,14 @@ def rates_in_force(
     *,
     commanded: WellRates,
     before: WellRates,
+    pauses: FixedPauses = NO_PAUSES,
 ) -> tuple[RatePeriod, ...]:
     """Return the periods of constant rates that cover `start` to `end` [s].
 
     Of several known rates, the latest count. Where no rates are known, the `commanded` rates count
     as pumped. One exception: until the operator confirms a change, the rates at the end of the
-    last interval (`before`) count.
+    last interval (`before`) count. Where no rates are known, fixed wells rest in their announced
+    pauses.
 
     Args:
         known: measured and confirmed rates, in any order.
@@ -75,17 +78,20 @@ def rates_in_force(
         end: the end of the interval [s], after `start`.
         commanded: the rates of the setpoint in force.
         before: the rates at the end of the last interval.
+        pauses: announced pauses of the fixed wells, on the clock of `start`.
     """
 
     inside = known_within(known, start, end)
     moments = {moment for item in inside for moment in (item.start, item.end)}
+    moments |= pauses.moments(start + SHORTEST_PERIOD_S, end - SHORTEST_PERIOD_S)
     edges = [start, *sorted(moment for moment in moments if start < moment < end), end]
     periods: list[RatePeriod] = []
     for low, high in itertools.pairwise(edges):
         rates = _known_at(inside, low)
         if rates is None:
             awaited = any(item.is_open and item.start > low for item in inside)
-            rates = before if awaited else commanded
+            assumed = before if awaited else commanded
+            rates = pauses.at(low + SHORTEST_PERIOD_S, assumed)
         if periods and same_rates(periods[-1].rates, rates):
             periods[-1] = periods[-1]._replace(end=high)
         else:

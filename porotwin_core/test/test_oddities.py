@@ -110,6 +110,28 @@ def test_the_small_rig_is_not_odd() -> None:
             {'control.fixed': {'injector': {'rate_ml_h': 500.0, 'pauses_min': [[20, 10]]}}},
             'a pause from 20 to 10 min: its end must be later',
         ),
+        (
+            {
+                'control.fixed': {
+                    'injector': {'rate_ml_h': 500.0, 'pauses_min': [[30, 40], [10, 31]]}
+                }
+            },
+            'a pause from 30 to 40 min overlaps the one from 10 to 31 min',
+        ),
+        (
+            {
+                'control.end_min': 60,
+                'control.fixed': {'injector': {'rate_ml_h': 500.0, 'pauses_min': [[50, 70]]}},
+            },
+            'fixed.injector.pauses_min: a pause from 50 to 70 min ends after end_min 60',
+        ),
+        *(
+            (
+                {'control.fixed': {'injector': {'rate_ml_h': 500.0, 'pauses_min': [pause]}}},
+                'control.fixed.injector.pauses_min.0',
+            )
+            for pause in ([float('nan'), 5], [5, float('nan')], [-5, 5], [5], 5)
+        ),
         ({'control.end_min': 1e12}, 'end_min = 1000000000000.0: no experiment is longer'),
         (
             {'control.objective': {'name': 'sweep', 'zones_m': [BOW]}},

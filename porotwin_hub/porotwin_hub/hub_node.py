@@ -16,6 +16,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.correction import CorrectionFn
 from porotwin_core.errors import InputError
+from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.senders import publishers
@@ -116,6 +117,7 @@ class HubNode(Node):
             state_filter=state_filter,
             learner=self._declare_learner(rig) if state_filter is not None else None,
             began=0.0 if self._simulated else None,  # simulated time counts from the start
+            pauses=FixedPauses.of(rig),
         )
         photographs = PhotographClock(interval=interval, validity=twin.validity)
         self._inbox: Inbox[NewState] = Inbox(

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.cost_term import CostTerm
+from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_min
 from porotwin_core.wells import RateStep, WellRate, WellRates, net_rate
 from porotwin_hub.control_plan import ControlPlan, growing_blocks, same
-from porotwin_hub.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_hub.forecast import ModelUnavailable, PhysicsModel
 from porotwin_hub.objective import Objective
 from porotwin_hub.objective_registry import make_objective

@@ -9,6 +9,7 @@ the rates first.
 from collections.abc import Sequence
 
 from porotwin_core.correction import CorrectionFn
+from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.grid import FloatArray, relative_error
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS
 from porotwin_core.rates_in_force import (
@@ -54,6 +55,7 @@ class Twin:
         began: float | None = None,
         state_filter: StateFilter | None = None,
         learner: RateLearner | None = None,
+        pauses: FixedPauses = NO_PAUSES,
     ) -> None:
         """Make the loop.
 
@@ -69,8 +71,10 @@ class Twin:
             state_filter: estimates the state from photograph and prediction; None: the state is the
                 photograph, its unseen cells filled in (the paper's way).
             learner: learns the rate factors of the pumps, and needs a filter; None: they are 1.
+            pauses: announced pauses of the fixed wells, since the start of the experiment.
         """
         self._pore_volume = pore_volume
+        self._pauses = pauses
         self._estimation = StateEstimation(state_filter, learner)
         self._plain_physics = physics
         self._learner = learner
@@ -197,12 +201,17 @@ class Twin:
         self._choice.delay.learn(known, now)
         if self._state is None:
             periods: tuple[RatePeriod, ...] = ()
-            pumped = latest_known(known, now) or commanded
+            pumped = latest_known(known, now) or self._pauses_now.at(now, commanded)
         else:
             before = self._pumped if self._pumped is not None else commanded
             believed = self._choice.delay.believed(commanded, before)
             periods = rates_in_force(
-                known, self._state.time, now, commanded=believed, before=before
+                known,
+                self._state.time,
+                now,
+                commanded=believed,
+                before=before,
+                pauses=self._pauses_now,
             )
             pumped = periods[-1].rates
         cycle = Cycle(observation, observation.concentration, periods, pumped)
@@ -212,6 +221,11 @@ class Twin:
             self._forecast_elapsed(cycle, self._state)
         self._estimation.estimate_state(cycle)
         return cycle
+
+    @property
+    def _pauses_now(self) -> FixedPauses:
+        """The announced pauses on the clock of the observations."""
+        return self._pauses.since(self._began or 0.0)
 
     def _factors(self) -> dict[str, PumpFactor]:
         """Return the learnt share of its rate that each pump delivers, by well."""
@@ -264,9 +278,11 @@ class Twin:
         """Return `known` rates as the pumps were told; measured ones teach the rate factors."""
         if self._learner is None:
             return list(known)
+        pauses = self._pauses_now
         for item in known:
-            if not item.is_open:
-                self._learner.meter(item.rates, commanded)
+            # a mean over the begin or the end of a pause tells nothing about a pump
+            if not item.is_open and not pauses.moments(item.start, item.end):
+                self._learner.meter(item.rates, pauses.at(item.start, commanded))
         return [
             item if item.is_open else item._replace(rates=self._learner.told(item.rates))
             for item in known
@@ -292,8 +308,15 @@ class Twin:
     def _forecast_next(self, cycle: Cycle) -> None:
         now = cycle.observation.time
         planned = cycle.setpoint.rates if cycle.setpoint and cycle.accepted else cycle.pumped
-        period = RatePeriod(now, now + self._photo_interval, planned)
+        periods = rates_in_force(
+            (),
+            now,
+            now + self._photo_interval,
+            commanded=planned,
+            before=planned,
+            pauses=self._pauses_now,
+        )
         try:
-            cycle.forecast = self._forecaster.forecast(cycle.state, [period], cycle.durations)
+            cycle.forecast = self._forecaster.forecast(cycle.state, periods, cycle.durations)
         except ModelUnavailable as error:
             cycle.remarks.append(f'no forecast: {error}')

@@ -9,6 +9,7 @@ import pytest
 from hub_examples import TOY, ToyModel
 
 from porotwin_core.correction import Correction, CorrectionFn
+from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.learnt_physics import NO_LEARNT_PHYSICS, LearntPhysics
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.units import from_ml_h, to_ml_h
@@ -211,6 +212,27 @@ def test_without_control_the_assumed_rates_count_until_others_are_known(
     known = {'push': WellRate(from_ml_h(10.0))}
     assert twin.cycle(empty(30.0), [KnownRates(12.0, 12.0, known)]).pumped == known
     assert twin.cycle(empty(60.0)).pumped == known
+
+
+def test_an_announced_pause_holds_where_no_rates_are_known(
+    toy_model: ToyModel, toy_limits: Limits
+) -> None:
+    pauses = FixedPauses({'injector': ((45.0, 75.0),)}, toy_limits.fixed, toy_limits.producer)
+    began = 1000.0
+    twin = Twin(
+        toy_model, no_correction, photo_interval=30.0, assumed=toy_limits.safe(), pauses=pauses
+    )
+    rests = {}
+    for time in (0.0, 30.0, 60.0, 90.0):
+        cycle = twin.cycle(empty(began + time))
+        rests[time] = [period.rates['injector'].rate == 0.0 for period in cycle.periods]
+        assert cycle.forecast is not None
+        if time == 30.0:  # half of the next interval
+            half = 0.5 * toy_limits.fixed['injector'].rate
+            assert cycle.forecast.rates['injector'].rate == pytest.approx(half)
+    assert rests == {0.0: [], 30.0: [False], 60.0: [False, True], 90.0: [True, False]}
+    stopped = [KnownRates(began + 90.0, began + 120.0, {})]
+    assert twin.cycle(empty(began + 120.0), stopped).pumped == {}
 
 
 def test_a_setpoint_that_the_rig_rejects_does_not_count_as_pumped(make_twin: MakeTwin) -> None:

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 
 from porotwin_core.errors import InputError
+from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
 from porotwin_core.plausible_rates import refuse_too_great
 from porotwin_core.rates_in_force import (
     SAME_RATE,
@@ -40,6 +41,8 @@ class RateLog:
         self._commanded: deque[tuple[float, WellRates]] = deque([(float('-inf'), assumed)], KEPT)
         self._known: deque[KnownRates] = deque(maxlen=KEPT)
         self._before: WellRates = assumed
+        self.pauses: FixedPauses = NO_PAUSES
+        """Announced pauses of the fixed wells, on the clock of the photographs."""
 
     def add_commanded(self, stamp: float, rates: WellRates) -> None:
         """Add a setpoint, which holds from the `stamp` [s] of its photograph."""
@@ -64,7 +67,12 @@ class RateLog:
         periods: list[RatePeriod] = []
         for low, high in zip([start, *stamps], [*stamps, end], strict=True):
             periods += rates_in_force(
-                self._known, low, high, commanded=self.commanded_at(low), before=self._before
+                self._known,
+                low,
+                high,
+                commanded=self.commanded_at(low),
+                before=self._before,
+                pauses=self.pauses,
             )
             self._before = periods[-1].rates
         self._forget(end)
@@ -85,6 +93,10 @@ class RateLog:
         stamp = max((stamp for stamp, _ in self._commanded if stamp <= time), default=time)
         confirmed = [item for item in self._known if item.is_open and item.start > stamp]
         return latest_known(confirmed, float('inf')) or self.commanded_at(time)
+
+    def present_plan(self, time: float, horizon: float) -> tuple[RateStep, ...]:
+        """Return the `present` rates from `time` [s] over `horizon` [s], with announced pauses."""
+        return self.pauses.in_plan([RateStep(0.0, self.present(time))], time, horizon)
 
 
 def plan_periods(plan: Sequence[RateStep], start: float, horizon: float) -> tuple[RatePeriod, ...]:

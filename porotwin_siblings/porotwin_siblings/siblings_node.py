@@ -20,6 +20,7 @@ from rclpy.node import Node
 from porotwin_core import conversions, qos
 from porotwin_core.coarse_grid import COARSE_CELLS, coarse_grid
 from porotwin_core.errors import InputError
+from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.grid import Grid
 from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, run
 from porotwin_core.parallel import LastingCrew, ThreadCrew, crew
@@ -285,6 +286,8 @@ class SiblingsNode(Node):
         siblings = self.siblings
         if self._began is None or photograph.time < self._began:
             self._began = photograph.time
+        with self._changed:
+            self._rates.pauses = FixedPauses.of(self._rig).since(self._began)
         if self._follow_effects(photograph):
             return
         with self._changed:
@@ -331,8 +334,8 @@ class SiblingsNode(Node):
                 lambda: self._arrived is not None or self._rates.is_commanded(time),
                 timeout=SETPOINT_WAIT_S if self.count_publishers('wells/setpoint') else 0.0,
             )
-            present = self._rates.present(time)
-        self._forecast = self._outlook([RateStep(0.0, present)], self._ahead())
+            present = self._rates.present_plan(time, self._ahead())
+        self._forecast = self._outlook(present, self._ahead())
         self._publisher.publish(self._as_message(self._forecast))
 
     def _ahead(self) -> float:
@@ -388,12 +391,12 @@ class SiblingsNode(Node):
         check_roles(steps, self._rig)
         check_proposal(steps, horizon, self._rig)
         with self._changed:
-            rates = self._rates.present(self.siblings.time)
-        plan = proposed_plan(steps, [RateStep(0.0, rates)], self._producer)
-        note = concentration_note([[RateStep(0.0, rates)], plan], self._rig)
+            held = self._rates.present_plan(self.siblings.time, horizon)
+        plan = proposed_plan(steps, held, self._producer)
+        note = concentration_note([held, plan], self._rig)
         present = self._forecast
-        if present is None or present.horizon != horizon or present.plan[0].rates != rates:
-            present = self._outlook([RateStep(0.0, rates)], horizon, quick=True)
+        if present is None or present.horizon != horizon or present.plan != held:
+            present = self._outlook(held, horizon, quick=True)
         response.present = self._as_message(present)
         response.proposed = self._as_message(self._outlook(plan, horizon, quick=True))
         return note

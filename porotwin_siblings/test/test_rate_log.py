@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.errors import InputError
+from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import load_rig
 from porotwin_core.units import from_ml_h
@@ -54,6 +55,22 @@ def test_confirmed_rates_are_present_until_a_newer_setpoint() -> None:
     assert log.present(30.0) == FIRST
     assert log.is_commanded(30.0)
     assert not log.is_commanded(60.0)
+
+
+def test_an_announced_pause_holds_where_nothing_is_measured() -> None:
+    log = RateLog(FIRST)
+    log.pauses = FixedPauses({'a': ((60.0, 120.0),)}, {'a': FIRST['a']}, 'out')
+    assert log.present_plan(30.0, 300.0) == (
+        RateStep(0.0, FIRST),
+        RateStep(30.0, REST),
+        RateStep(90.0, FIRST),
+    )
+    log.add_known(KnownRates(90.0, 150.0, SECOND))
+    assert log.take(0.0, 150.0) == (
+        RatePeriod(0.0, 60.0, FIRST),
+        RatePeriod(60.0, 90.0, REST),
+        RatePeriod(90.0, 150.0, SECOND),
+    )
 
 
 def test_a_plan_ends_at_its_horizon() -> None:

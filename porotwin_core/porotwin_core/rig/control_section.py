@@ -43,9 +43,18 @@ class FixedWell(Section):
     def _pauses_end_later(
         cls, pauses: tuple[tuple[float, float], ...]
     ) -> tuple[tuple[float, float], ...]:
-        for start, end in pauses:
+        before: tuple[float, float] | None = None
+        for start, end in sorted(pauses):
+            told = f'a pause from {start:g} to {end:g} min'
             if end <= start:
-                raise ValueError(f'a pause from {start:g} to {end:g} min: its end must be later')
+                raise ValueError(f'{told}: its end must be later')
+            if end > LONGEST_EXPERIMENT_MIN:
+                raise ValueError(f'{told}: no experiment is longer than a year; correct it')
+            if before is not None and start < before[1]:
+                raise ValueError(
+                    f'{told} overlaps the one from {before[0]:g} to {before[1]:g} min; join them'
+                )
+            before = start, end
         return pauses
 
 
@@ -166,6 +175,17 @@ class Control(Section):
                 f'max_change_ml_h {self.max_change_ml_h:g} is below {least:g} ml/h, the smallest '
                 'rate that the pumps can be set to: no well could ever start; raise it'
             )
+        return self
+
+    @pydantic.model_validator(mode='after')
+    def _pauses_end_in_time(self) -> Self:
+        for name, well in self.fixed.items():
+            for start, end in well.pauses_min:
+                if self.end_min is not None and end > self.end_min:
+                    raise ValueError(
+                        f'fixed.{name}.pauses_min: a pause from {start:g} to {end:g} min ends '
+                        f'after end_min {self.end_min:g}; correct one of them'
+                    )
         return self
 
     @pydantic.model_validator(mode='after')

@@ -1,0 +1,64 @@
+"""Tests of the announced pauses of fixed wells."""
+
+from pathlib import Path
+
+import pytest
+
+from porotwin_core.fixed_pauses import NO_PAUSES, FixedPauses
+from porotwin_core.rates_in_force import same_rates
+from porotwin_core.rig import load_rig
+from porotwin_core.safe_rates import safe_rates
+from porotwin_core.wells import RateStep, WellRate, net_rate
+
+RIG = load_rig(Path(__file__).resolve().parents[2] / 'rigs' / 'small' / 'rig.yaml')
+
+
+def test_a_well_rests_from_the_start_of_a_pause_to_its_end() -> None:
+    pauses = FixedPauses({'injector': ((900.0, 1200.0), (2100.0, 2400.0))})
+    assert [pauses.resting(time) == {'injector'} for time in (0.0, 900.0, 1199.0, 1200.0)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+    assert pauses.moments(900.0, 2400.0) == {1200.0, 2100.0}
+
+
+def test_pauses_are_in_minutes_in_rig_yaml() -> None:
+    assert RIG.control is not None
+    assert FixedPauses.of(RIG) == NO_PAUSES
+    injector = RIG.control.fixed['injector'].model_copy(update={'pauses_min': ((15.0, 20.0),)})
+    control = RIG.control.model_copy(update={'fixed': {'injector': injector}})
+    told = RIG.model_copy(update={'control': control})
+    assert FixedPauses.of(told).of_wells == {'injector': ((900.0, 1200.0),)}
+
+
+def paused(start_min: float, end_min: float) -> FixedPauses:
+    """Return the pauses of the small rig with one of the injector."""
+    assert RIG.control is not None
+    pauses = ((start_min, end_min),)
+    injector = RIG.control.fixed['injector'].model_copy(update={'pauses_min': pauses})
+    control = RIG.control.model_copy(update={'fixed': {'injector': injector}})
+    return FixedPauses.of(RIG.model_copy(update={'control': control}))
+
+
+def test_rates_that_nobody_measured_follow_the_pauses() -> None:
+    safe = safe_rates(RIG)
+    pauses = paused(1.0, 2.0).since(1000.0)
+    assert pauses.at(1059.0, safe) is safe
+    resting = pauses.at(1060.0, safe)
+    assert resting['injector'].rate == 0.0
+    assert net_rate(resting) == pytest.approx(0.0, abs=1e-20)
+    again = pauses.at(1120.0, resting)
+    assert same_rates(again, safe)
+    assert NO_PAUSES.at(1060.0, safe) is safe
+
+
+def test_a_plan_is_divided_by_the_pauses() -> None:
+    safe = safe_rates(RIG)
+    other = {**safe, 'control1': WellRate(1e-8)}
+    plan = paused(1.0, 2.0).in_plan([RateStep(0.0, safe), RateStep(90.0, other)], 30.0, 300.0)
+    assert [step.start for step in plan] == [0.0, 30.0, 90.0]
+    assert [step.rates['injector'].rate == 0.0 for step in plan] == [False, True, False]
+    early = paused(1.0, 2.0).in_plan([RateStep(0.0, safe)], 30.0, 20.0)
+    assert early == (RateStep(0.0, safe),)
