@@ -4,7 +4,7 @@ import io
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Literal
@@ -12,11 +12,12 @@ from typing import Literal
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig, read_rig
-from porotwin_core.rig.grid_oddities import remarks_about_grid
+from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
 from porotwin_core.units import to_ml_h
 from porotwin_hub.objective_registry import make_objective
@@ -108,7 +109,7 @@ def check(
     cells = Grid.parse(grid, rig.width_m, rig.height_m) if grid else rig.default_grid()
     photograph = None
     if not any(remark.refused for remark in remarks):
-        remarks += remarks_about_grid(cells, rig)
+        remarks += [*remarks_about_grid(cells, rig), *_plans(rig, cells)]
     if not any(remark.refused for remark in remarks):
         remarks += _uses(rig, cells)
         remarks += [] if data is None else [*_pumped(data), *_off_steps(data)]
@@ -140,6 +141,15 @@ def _as_remark(key: str, error: InputError) -> Remark:
     """Return the message of a refusal as a remark."""
     why, _, remedy = str(error).rpartition('; ')
     return Remark(key, '', why or remedy, remedy if why else 'correct it', refused=True)
+
+
+def _plans(rig: Rig, grid: Grid) -> Iterator[Remark]:
+    """Yield the remarks about the grid of plans and siblings, which is coarser than `grid`."""
+    coarse = coarse_grid(rig, grid)
+    if rig.control is not None and coarse != grid:
+        for remark in remarks_about_barriers(coarse, rig):
+            remedy = 'trust no forecast across it; a barrier as wide as two cells is closed'
+            yield replace(remark, key='grid of plans and siblings', remedy=remedy)
 
 
 def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:

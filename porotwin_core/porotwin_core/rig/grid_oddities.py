@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import ndimage
 
 from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError
-from porotwin_core.grid import Grid
+from porotwin_core.grid import Grid, conservative_resample
 from porotwin_core.plausibility import Remark
 from porotwin_core.rig.description import Rig
 
@@ -31,6 +32,15 @@ SMALLEST_CELL_M = 2e-4
 LEAST_CELLS_BETWEEN = 3
 """Fewest cells between two wells, and across a zone, that resolve the plume there."""
 
+SEALING = 0.01
+"""Permeability over the median of the rig below which a sand is a barrier: clay or a seal."""
+
+CLOSED = 0.99
+"""Share of a cell that a barrier fills for water not to pass: the mean falls to a hundredth."""
+
+LEAKY_SHARE = 0.1
+"""Share of the area of barriers beside which no cell is closed, above which a grid is odd."""
+
 
 def chosen_grid(text: str, rig: Rig, most_cells: int = MOST_CELLS) -> Grid:
     """Return the grid called `text`, such as 187x112, over `rig`.
@@ -51,8 +61,41 @@ def chosen_grid(text: str, rig: Rig, most_cells: int = MOST_CELLS) -> Grid:
 
 def remarks_about_grid(grid: Grid, rig: Rig, most_cells: int = MOST_CELLS) -> tuple[Remark, ...]:
     """Return the remarks about a grid over `rig`, impossible ones first."""
-    found = [*_cells(grid, rig, most_cells), *_resolution(grid, rig)]
+    found = [
+        *_cells(grid, rig, most_cells),
+        *_resolution(grid, rig),
+        *remarks_about_barriers(grid, rig),
+    ]
     return tuple(sorted(found, key=lambda remark: not remark.refused))
+
+
+def remarks_about_barriers(grid: Grid, rig: Rig) -> Iterator[Remark]:
+    """Yield a remark if water flows on `grid` through barriers of `rig` that are too thin for it.
+
+    A cell holds the mean permeability of its sands, so that only a cell full of clay is closed.
+    """
+    permeability = rig.nominal_map('permeability_m2')
+    if isinstance(permeability, float):
+        return
+    barrier = permeability < SEALING * np.median(permeability)
+    if not barrier.any():
+        return
+    shares = conservative_resample(barrier.astype(float), grid.shape)
+    beside_closed = ndimage.binary_dilation(shares > CLOSED, structure=np.ones((3, 3)))
+    rows, columns = (
+        np.arange(count) * cells // count
+        for count, cells in zip(barrier.shape, grid.shape, strict=True)
+    )
+    leaky = barrier & ~beside_closed[np.ix_(rows, columns)]
+    if leaky.sum() > LEAKY_SHARE * barrier.sum():
+        square = rig.width_m / barrier.shape[1]
+        depth = ndimage.distance_transform_edt(np.pad(barrier, 1))[1:-1, 1:-1][leaky].max()
+        width = (2.0 * depth - 1.0) * square
+        why = (
+            f'water flows through a barrier of {permeability[leaky].min():.2g} m2, which is '
+            f'{1e3 * width:.2g} mm wide where cells measure {1e3 * max(grid.dx, grid.dz):.2g} mm'
+        )
+        yield Remark('grid', str(grid), why, f'take cells of at most {5e2 * width:.2g} mm')
 
 
 def _cells(grid: Grid, rig: Rig, most_cells: int) -> Iterator[Remark]:
