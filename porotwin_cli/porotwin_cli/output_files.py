@@ -1,17 +1,43 @@
 """Output files: checked before the work begins, and tables as CSV."""
 
 import csv
-from collections.abc import Mapping, Sequence
+import functools
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError, check_writable, writing
+
+_Arguments = ParamSpec('_Arguments')
+_Result = TypeVar('_Result')
 
 
 def maker(command: str) -> str:
     """Return the words by which a file names the command that made it."""
     return f'{PROGRAM}, {command}'
+
+
+def one_call_for_each_output(
+    command: Callable[_Arguments, _Result],
+) -> Callable[_Arguments, _Result]:
+    """Refuse a call of `command` while another call writes the file that its `output` names.
+
+    Without this, two calls would mix their maps, tables and pictures.
+    """
+
+    @functools.wraps(command)
+    def guarded(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
+        from porotwin_recording.one_writer import only_writer
+
+        output = inspect.signature(command).bind(*args, **kwargs).arguments['output']
+        if not output.parent.is_dir():  # the command says so
+            return command(*args, **kwargs)
+        with only_writer(output):
+            return command(*args, **kwargs)
+
+    return guarded
 
 
 def check_output(output: Path, *inputs: Path | None, command: str = '') -> None:

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from porotwin_cli.output_files import check_output, maker
+from porotwin_cli.output_files import check_output, maker, one_call_for_each_output
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
@@ -75,3 +75,18 @@ def test_a_missing_folder_and_a_folder_are_named(tmp_path: Path) -> None:
         check_output(tmp_path / 'absent' / 'maps.nc')
     with pytest.raises(InputError, match='is a folder'):
         check_output(tmp_path)
+
+
+def test_a_second_call_for_an_output_is_refused(tmp_path: Path) -> None:
+    output = tmp_path / 'maps.nc'
+
+    @one_call_for_each_output
+    def command(experiment: Path, output: Path, inner: bool = True) -> None:
+        if inner:
+            command(experiment, output=output, inner=False)
+
+    with pytest.raises(InputError, match=r'maps\.nc: is being written by another call; wait'):
+        command(tmp_path, output)
+    command(tmp_path, output, inner=False)
+    command(tmp_path, tmp_path / 'absent' / 'maps.nc', inner=False)
+    assert not list(tmp_path.iterdir())

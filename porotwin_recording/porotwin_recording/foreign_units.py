@@ -25,6 +25,7 @@ MASSES = {'kg': 1.0, 'g': 1e-3, 'mg': 1e-6}
 """Masses [kg] by name."""
 
 TIMES = {
+    'ms': 1e-3,
     's': 1.0,
     'sec': 1.0,
     'second': 1.0,

@@ -8,7 +8,7 @@
 import contextlib
 import re
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,6 +45,11 @@ REAL_KINDS = 'biuf'
 """Kinds of arrays that hold real numbers: truth values, integers and floats."""
 
 PERCENT = 100.0
+
+YEAR_S = 365.25 * 86400.0
+
+LONGEST_S = YEAR_S
+"""Longest time of an experiment [s]; stamps since 1970 and times in a wrong unit are larger."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,8 @@ def import_maps(path: Path, target: Path, rig: Rig, answers: MapAnswers) -> list
             f'{len(arrays.times)} times; write maps as (time, row, column)'
         )
     times = _seconds(path, arrays, answers, told)
-    values = _upward(path, arrays, answers, told)
+    _check_coordinates(path, arrays)
+    values = _upward(path, _rightward(path, arrays, told), answers, told)
     values = _shares(path, values, answers, told)
     _check_extent(path, arrays, rig)
     grid = rig.grid(values.shape[2], values.shape[1])
@@ -121,24 +127,101 @@ def _seconds(
             f'{path}: time zero is {np.datetime_as_string(times[0], unit="s")}, its first map'
         )
         return (times - times[0]) / np.timedelta64(1, 's')
-    unit = (answers.time_unit or arrays.units.get('time', '')).split(' since ')[0]
+    unit, _, epoch = (answers.time_unit or arrays.units.get('time', '')).partition(' since ')
     factor = time_factor(unit, f'{path}: time')
     told.append(f'{path}: times in {unit}')
     seconds: NDArray[np.float64] = np.asarray(times, dtype=float) * factor
     if not np.isfinite(seconds).all() or np.any(np.diff(seconds) <= 0):
         raise InputError(f'{path}: its times do not increase; sort the maps by time')
+    if epoch and seconds[0] > LONGEST_S:
+        told.append(f'{path}: time zero is the first map, {times[0]:.10g} {unit} since {epoch}')
+        seconds = seconds - seconds[0]
+    _check_duration(path, seconds)
     return seconds
+
+
+def _check_duration(path: Path, seconds: NDArray[np.float64]) -> None:
+    """Compare the times [s] with those that an experiment can have.
+
+    Raises:
+        InputError: they count from another moment, or are in another unit.
+    """
+    if seconds[0] > LONGEST_S:
+        raise InputError(
+            f'{path}: its times begin at {seconds[0]:.4g} s, {seconds[0] / YEAR_S:.3g} years after '
+            'zero; stamps since 1970? subtract the time at which the experiment began'
+        )
+    if seconds[-1] - seconds[0] > LONGEST_S:
+        raise InputError(
+            f'{path}: its times span {seconds[-1] - seconds[0]:.4g} s, '
+            f'{(seconds[-1] - seconds[0]) / YEAR_S:.3g} years; correct them, or give their unit '
+            'with --time-unit, such as ms'
+        )
+
+
+def _check_coordinates(path: Path, arrays: _Arrays) -> None:
+    """Compare the coordinates with the shape of the maps.
+
+    Raises:
+        InputError: their numbers differ, or they are missing, or do not rise or fall evenly.
+    """
+    _, rows, columns = arrays.values.shape
+    found = {'x': arrays.x, 'z': arrays.z}
+    lengths = {name: values.size for name, values in found.items() if values is not None}
+    needed = {'x': columns, 'z': rows}
+    if any(length != needed[name] for name, length in lengths.items()):
+        crossed = {'x': rows, 'z': columns}
+        fits = all(length == crossed[name] for name, length in lengths.items())
+        remedy = (
+            'the maps look transposed: write them as (time, row, column)'
+            if fits
+            else 'give a coordinate for every row and column'
+        )
+        words = ' and '.join(f'{length} values of {name}' for name, length in lengths.items())
+        raise InputError(
+            f'{path}: has {words}, but maps of {rows} rows and {columns} columns; {remedy}'
+        )
+    for name, values in found.items():
+        if values is None:
+            continue
+        if values.ndim != 1 or values.dtype.kind not in REAL_KINDS or not np.isfinite(values).all():
+            raise InputError(
+                f'{path}: {name} is no row of finite numbers; correct it, or leave it out'
+            )
+        steps = np.diff(values)
+        if not ((steps > 0).all() or (steps < 0).all()):
+            raise InputError(
+                f'{path}: {name} neither rises nor falls from cell to cell; sort {name} and the '
+                'maps alike'
+            )
+
+
+def _falls(values: NDArray[Any] | None) -> bool:
+    return values is not None and len(values) > 1 and bool(values[1] < values[0])
+
+
+def _rightward(path: Path, arrays: _Arrays, told: list[str]) -> _Arrays:
+    """Return the arrays with the leftmost column first."""
+    if not _falls(arrays.x):
+        return arrays
+    told.append(f'{path}: x falls: the maps are turned from left to right')
+    return replace(arrays, values=arrays.values[:, :, ::-1])
 
 
 def _upward(path: Path, arrays: _Arrays, answers: MapAnswers, told: list[str]) -> NDArray[Any]:
     """Return the maps with the lowest row first.
 
     Raises:
-        InputError: nothing says which row is at the top.
+        InputError: nothing says which row is at the top, or z and --first-row differ.
     """
-    if arrays.z is not None and len(arrays.z) > 1 and answers.first_row is None:
-        upward = bool(arrays.z[1] > arrays.z[0])
-        return arrays.values if upward else arrays.values[:, ::-1]
+    if arrays.z is not None and len(arrays.z) > 1:
+        shown: FirstRow = 'top' if _falls(arrays.z) else 'bottom'
+        if answers.first_row not in (None, shown):
+            raise InputError(
+                f'{path}: z {"falls" if shown == "top" else "rises"}, so that the first row is at '
+                f'the {shown}, but --first-row says {answers.first_row}; leave it out, or correct z'
+            )
+        return arrays.values if shown == 'bottom' else arrays.values[:, ::-1]
     if answers.first_row is None:
         raise InputError(
             f'{path}: nothing says whether the first row of a map is at the top, as in a picture; '

@@ -1,11 +1,53 @@
 """An output that takes long has one writer: a second call for it is refused."""
 
 import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
-from porotwin_core.errors import InputError, write_error
+from porotwin_core.errors import InputError, writing
+
+
+@contextmanager
+def only_writer(target: Path) -> Iterator[None]:
+    """Keep others from writing the file or folder `target`, which may exist; make its folder.
+
+    The system releases the lock with the process, so that a kill leaves none.
+
+    Raises:
+        InputError: `target` may not be written, or is being written by another call.
+        OSError: the disk is full or fails.
+    """
+    place = target.resolve()
+    lock = place.with_name(f'.{place.name}.writer')
+    with writing(target):
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        file = _locked(lock)
+    if file is None:
+        raise InputError(
+            f'{target}: is being written by another call; wait for its end, or name another'
+        )
+    with file:
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
+
+
+def _locked(lock: Path) -> TextIO | None:
+    """Return the open file `lock` with its lock; None if another call holds it."""
+    while True:
+        file = lock.open('w')
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.close()
+            return None
+        if lock.exists() and os.path.samestat(lock.stat(), os.fstat(file.fileno())):
+            return file
+        file.close()  # the other call has just ended, and has removed the file
 
 
 @contextmanager
@@ -17,24 +59,9 @@ def one_writer(target: Path) -> Iterator[None]:
         OSError: the disk is full or fails.
     """
     _check_absent(target)
-    lock = target.with_name(f'.{target.name}.writer')
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        file = lock.open('w')
-    except OSError as error:
-        raise write_error(target, error) from None
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                f'{target}: is being written by another call; wait for its end, or name another'
-            ) from None
-        try:
-            _check_absent(target)  # the other call may have ended just now
-            yield
-        finally:
-            lock.unlink(missing_ok=True)
+    with only_writer(target):
+        _check_absent(target)  # the other call may have ended just now
+        yield
 
 
 def _check_absent(target: Path) -> None:

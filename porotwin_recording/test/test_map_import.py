@@ -138,6 +138,78 @@ def test_values_that_are_no_concentrations_are_refused(
     assert not (tmp_path / 'made_of_npz').exists()
 
 
+@pytest.mark.parametrize('turned', ['x', 'z'])
+def test_maps_whose_coordinates_fall_are_turned(
+    tmp_path: Path, recording: Recording, turned: str
+) -> None:
+    columns, rows = (slice(None, None, -1 if turned == name else 1) for name in 'xz')
+    np.savez(
+        tmp_path / 'maps.npz',
+        maps=recording.concentration[:, rows, columns],
+        time_s=recording.times,
+        x=recording.grid.x[columns],
+        z=recording.grid.z[rows],
+    )
+    found, told = imported(tmp_path / 'maps.npz')
+    np.testing.assert_array_equal(found.concentration, recording.concentration)
+    assert any('x falls' in line for line in told) == (turned == 'x')
+
+
+def test_netcdf_with_falling_x_and_times_since_1970(tmp_path: Path, recording: Recording) -> None:
+    grid = recording.grid
+    with netCDF4.Dataset(tmp_path / 'maps.nc', 'w') as dataset:
+        axes = {
+            'time': (recording.times + 1.7e9, 's since 1970-01-01'),
+            'z': (grid.z, 'm'),
+            'x': (grid.x[::-1], 'm'),
+        }
+        for name, (values, unit) in axes.items():
+            dataset.createDimension(name, len(values))
+            dataset.createVariable(name, 'f8', (name,))[:] = values
+            dataset[name].units = unit
+        maps = dataset.createVariable('c', 'f4', ('time', 'z', 'x'), fill_value=np.nan)
+        maps[:] = recording.concentration[:, :, ::-1]
+    found, told = imported(tmp_path / 'maps.nc')
+    np.testing.assert_array_equal(found.concentration, recording.concentration)
+    np.testing.assert_allclose(found.times, recording.times - recording.times[0], atol=1e-6)
+    assert any('time zero is the first map, 1700000000 s since 1970-01-01' in t for t in told)
+
+
+def shuffled(values: np.ndarray) -> np.ndarray:
+    """Return `values` with the first two exchanged."""
+    return values[[1, 0, *range(2, len(values))]]
+
+
+@pytest.mark.parametrize(
+    ('change', 'fault'),
+    [
+        ({'x': shuffled}, 'x neither rises nor falls'),
+        ({'z': shuffled}, 'z neither rises nor falls'),
+        ({'x': lambda x: x[::2]}, r'but maps of .*; give a coordinate for every'),
+        ({'maps': lambda maps: np.swapaxes(maps, 1, 2)}, 'the maps look transposed'),
+        ({'x': lambda x: x * np.nan}, 'x is no row of finite numbers'),
+        ({'z': lambda z: z.astype(str)}, 'z is no row of finite numbers'),
+        ({'z': lambda z: z[::-1]}, 'z falls, .* at the top, but --first-row says bottom'),
+        ({'time_s': lambda t: t + 1.7e9}, r'begin at 1\.7e\+09 s, 53\.9 years .*since 1970'),
+        ({'time_s': lambda t: t * 1e9}, r'span .* years; .* --time-unit'),
+    ],
+)
+def test_impossible_coordinates_and_times_are_refused(
+    tmp_path: Path, recording: Recording, change, fault: str
+) -> None:
+    arrays = {
+        'maps': recording.concentration,
+        'time_s': recording.times,
+        'x': recording.grid.x,
+        'z': recording.grid.z,
+    }
+    arrays |= {name: turn(arrays[name]) for name, turn in change.items()}
+    np.savez(tmp_path / 'maps.npz', **arrays)
+    with pytest.raises(InputError, match=fault):
+        imported(tmp_path / 'maps.npz', MapAnswers(first_row='bottom'))
+    assert not (tmp_path / 'made_of_npz').exists()
+
+
 def test_values_far_below_zero_are_told(tmp_path: Path, recording: Recording) -> None:
     maps = np.nan_to_num(recording.concentration)
     maps[0, 0, 0] = -0.8

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from porotwin_core.errors import InputError
-from porotwin_recording.one_writer import one_writer
+from porotwin_recording.one_writer import one_writer, only_writer
 
 
 def test_a_second_writer_of_an_output_is_refused(tmp_path: Path) -> None:
@@ -23,3 +23,18 @@ def test_a_second_writer_of_an_output_is_refused(tmp_path: Path) -> None:
     assert list(target.parent.iterdir()) == [target]
     with pytest.raises(InputError, match='exists already'), one_writer(target):
         pass
+
+
+def test_a_file_that_exists_has_one_writer_too(tmp_path: Path) -> None:
+    target = tmp_path / 'maps.nc'
+    target.touch()
+    (tmp_path / '.maps.nc.writer').touch()  # a killed call left it
+    link = tmp_path / 'link.nc'
+    link.symlink_to(target)
+    with (
+        only_writer(target),
+        pytest.raises(InputError, match='is being written by another call'),
+        only_writer(link),
+    ):
+        pass
+    assert sorted(tmp_path.iterdir()) == [link, target]

@@ -72,6 +72,7 @@ def command(
     from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
     from porotwin_diagnosis.rig_history import read_history
+    from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
 
@@ -99,7 +100,7 @@ def command(
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
-    with pool, progress() as bar:
+    with only_writer(folder), pool, progress() as bar:
         task = bar.add_task('diagnosis', total=100)
 
         def show(stage: str, fraction: float) -> None:
@@ -154,6 +155,7 @@ def _each(
     """Diagnose every recording alone and print a table."""
     from porotwin_core.parallel import crew
     from porotwin_diagnosis.archive import RECORDING_BYTES, archive_tasks, diagnose_archive
+    from porotwin_recording.one_writer import only_writer
 
     tasks = archive_tasks(recordings, output, rig=rig, preset=preset)
     left = sum(not task.is_done for task in tasks)
@@ -164,7 +166,7 @@ def _each(
         task_bytes=RECORDING_BYTES,
         tell=say,
     )
-    with pool, progress() as bar:
+    with only_writer(output), pool, progress() as bar:
         shown = bar.add_task('recordings', total=len(tasks), completed=len(tasks) - left)
         table = diagnose_archive(tasks, output, pool, lambda _: bar.advance(shown))
     if as_json:

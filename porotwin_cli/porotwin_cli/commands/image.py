@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
+from porotwin_cli.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, WorkFailed, print_json, progress, refuse_existing, say
 from porotwin_core.errors import InputError
 
@@ -26,6 +27,7 @@ LONG_S = 5.0
 """Processor time for one photograph above which the command tells the cost before it begins [s]."""
 
 
+@one_call_for_each_output
 def command(
     experiment: Annotated[Path, typer.Argument(help='Experiment folder or bag with photographs.')],
     output: Annotated[Path, typer.Option(help='NetCDF file to write.')],

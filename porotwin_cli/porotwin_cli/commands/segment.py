@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from porotwin_cli.crew_options import Scheduler, Workers
-from porotwin_cli.output_files import write_rows
+from porotwin_cli.output_files import one_call_for_each_output, write_rows
 from porotwin_cli.terminal import Json, WorkFailed, print_json, print_table, progress, say
 from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
@@ -38,6 +38,7 @@ TRACER = (
 _BOX_HELP = 'Box that shows {}: left,bottom,right,top [m], and @time [s] of a photograph.'
 
 
+@one_call_for_each_output
 def command(
     experiment: Annotated[Path, typer.Argument(help='Experiment folder or bag with photographs.')],
     output: Annotated[Path, typer.Option(help='NetCDF file to write.')],

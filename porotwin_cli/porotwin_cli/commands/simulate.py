@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porotwin_cli.output_files import one_call_for_each_output
 from porotwin_cli.terminal import Json, print_json, progress
 from porotwin_core.discovery import module_names
 from porotwin_core.errors import InputError
@@ -33,6 +34,7 @@ LARGEST_BLUR = 20.0
 """Largest blur [cells]; no camera blurs so much."""
 
 
+@one_call_for_each_output
 def command(
     experiment: Annotated[Path, typer.Argument(help='Experiment folder or MCAP bag.')],
     output: Annotated[Path, typer.Option(help='NetCDF file to write.')],
