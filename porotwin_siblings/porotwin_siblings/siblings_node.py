@@ -39,6 +39,7 @@ from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
     RateLog,
+    check_balance,
     check_proposal,
     check_roles,
     check_steps,
@@ -390,6 +391,7 @@ class SiblingsNode(Node):
         with self._changed:
             rates = self._rates.present(self.siblings.time)
         plan = proposed_plan(steps, [RateStep(0.0, rates)], self._producer)
+        check_balance(plan, [RateStep(0.0, rates)], self._rig)
         note = concentration_note([[RateStep(0.0, rates)], plan], self._rig)
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan[0].rates != rates:
