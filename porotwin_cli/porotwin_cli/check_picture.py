@@ -34,7 +34,7 @@ WIDTH_IN = 10.0
 SAND = plt.get_cmap('YlOrBr')
 """Colours of the sands: light is fine, dark is coarse, as in most rigs."""
 
-SHADES = (0.03, 0.72)
+SHADES = (0.03, 0.6)
 """Part of the colours that is used: names and zones are still seen on the darkest."""
 
 MOST_SANDS = 12
