@@ -1,7 +1,9 @@
 """One picture of a rig: sands, wells, zones, and the photograph with the corners drawn over it."""
 
 import textwrap
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -19,6 +21,7 @@ from porotwin_cli.rig_check import CheckedRig
 from porotwin_cli.rig_drawing import ZONE_STYLES, draw_zones
 from porotwin_core.control_zones import control_zones
 from porotwin_core.errors import InputError, writing
+from porotwin_core.grid import FloatArray
 from porotwin_core.rig import Rig
 from porotwin_imaging.geometry import Geometry
 
@@ -31,8 +34,17 @@ WIDTH_IN = 10.0
 SAND = plt.get_cmap('YlOrBr')
 """Colours of the sands: light is fine, dark is coarse, as in most rigs."""
 
-SHADES = (0.10, 0.65)
-"""Part of the colours that is used."""
+SHADES = (0.03, 0.6)
+"""Part of the colours that is used: names and zones are still seen on the darkest."""
+
+MOST_SANDS = 12
+"""Most permeabilities with a shade of their own; more are the values of a map."""
+
+SHADED_PERCENTILES = (2.0, 98.0)
+"""Percentiles of a map of permeabilities between which the shades are spread."""
+
+Shading = Callable[[Any], FloatArray]
+"""Returns the shade [-] of permeabilities [m^2]."""
 
 ZONE, OPEN, CHART = '#b03a2e', '#2471a3', '#1e8449'
 ROLES = {'control': '#2471a3', 'fixed': '#1e8449', 'producer': '#7d3c98', 'other': '#555555'}
@@ -48,9 +60,9 @@ LINE_IN = 0.19
 """Height of such a line [inches]."""
 
 
-def check_picture(path: Path, checked: CheckedRig) -> None:
-    """Draw `checked` into the PNG file `path`."""
-    lines = _lines(checked)
+def check_picture(path: Path, checked: CheckedRig, words: Sequence[str] = ()) -> None:
+    """Draw `checked` into the PNG file `path`, with its remarks and further `words` below it."""
+    lines = _lines(checked, words)
     heights = [WIDTH_IN * 0.86 * _flat(checked.rig.height_m / checked.rig.width_m)]
     if checked.photograph is not None:
         rows, columns = checked.photograph.shape[:2]
@@ -73,26 +85,19 @@ def _flat(ratio: float) -> float:
     return min(max(ratio, 0.2), 1.5)
 
 
-def _lines(checked: CheckedRig) -> list[str]:
+def _lines(checked: CheckedRig, words: Sequence[str]) -> list[str]:
     rows = [str(remark) for remark in checked.remarks] or ['nothing odd']
     more = len(rows) - LINES_SHOWN
     rows = rows[:LINES_SHOWN] + ([f'and {more} more'] if more > 0 else [])
-    if checked.cost is not None:
-        rows.append(f'one prediction on {checked.grid}: {checked.cost}')
-    return [line for row in rows for line in textwrap.wrap(row, LINE_CHARACTERS)]
+    return [line for row in (*rows, *words) for line in textwrap.wrap(row, LINE_CHARACTERS)]
 
 
 def _draw_rig(axis: Axes, rig: Rig) -> None:
     permeability = np.atleast_2d(np.asarray(rig.nominal_map('permeability_m2'), dtype=float))
-    logarithm = np.log10(permeability)
-    low, high = float(logarithm.min()), float(logarithm.max())
-    span = max(high - low, 1e-9)
-    shade = SHADES[0] + (SHADES[1] - SHADES[0]) * (logarithm - low) / span
-    if high - low < 1e-9:
-        shade = np.full_like(shade, np.mean(SHADES))
+    shade = shading(permeability)
     extent = (0.0, rig.width_m, 0.0, rig.height_m)
-    axis.imshow(SAND(shade), origin='lower', extent=extent, interpolation='nearest')
-    handles = _sand_handles(rig, low, span)
+    axis.imshow(SAND(shade(permeability)), origin='lower', extent=extent, interpolation='nearest')
+    handles = _sand_handles(rig, shade)
     _draw_depth(axis, rig)
     _draw_sides(axis, rig)
     draw_zones(axis, rig)
@@ -112,11 +117,25 @@ def _draw_rig(axis: Axes, rig: Rig) -> None:
     )  # fmt: skip
 
 
-def _sand_handles(rig: Rig, low: float, span: float) -> list[Patch]:
+def shading(permeability: FloatArray) -> Shading:
+    """Return the shading of a map of permeabilities [m^2].
+
+    Sands have evenly spread shades in the order of their permeabilities, so that one extreme sand
+    does not make the others alike. Between two sands, and in a map of many values, the shade
+    follows the logarithm.
+    """
+    logarithm = np.log10(permeability)
+    levels = np.unique(logarithm.round(2))
+    if len(levels) > MOST_SANDS:
+        levels = np.percentile(logarithm, SHADED_PERCENTILES)
+    shades = np.linspace(*SHADES, len(levels)) if len(levels) > 1 else np.array([np.mean(SHADES)])
+    return lambda values: np.asarray(np.interp(np.log10(values), levels, shades))
+
+
+def _sand_handles(rig: Rig, shade: Shading) -> list[Patch]:
     def patch(permeability: float, label: str) -> Patch:
-        part = (np.log10(permeability) - low) / span if span > 1e-9 else 0.5
-        shade = SHADES[0] + (SHADES[1] - SHADES[0]) * float(part)
-        return Patch(facecolor=SAND(shade), edgecolor='grey', label=label)
+        colour = SAND(float(shade(permeability)))
+        return Patch(facecolor=colour, edgecolor='grey', label=label)
 
     if rig.sands:
         return [

@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from porotwin_cli.control_words import control_words
 from porotwin_core.coarse_grid import coarse_grid
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
@@ -19,7 +20,8 @@ from porotwin_core.plausibility import Remark
 from porotwin_core.rig import Rig, read_rig
 from porotwin_core.rig.grid_oddities import remarks_about_barriers, remarks_about_grid
 from porotwin_core.rig.oddities import remarks_about
-from porotwin_core.units import to_ml_h
+from porotwin_core.units import ML, to_ml_h
+from porotwin_core.wells import Schedule
 from porotwin_hub.objective_registry import make_objective
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.geometry import Geometry
@@ -170,16 +172,52 @@ def _uses(rig: Rig, grid: Grid) -> Iterator[Remark]:
             yield _as_remark(key, error)
 
 
-def pumped_in(data: RecordedData) -> tuple[float, float]:
-    """Return the volume that all wells inject [m^3] and the last time of the recording [s]."""
+class Pumped(NamedTuple):
+    """What all wells inject [m^3], how much tracer stock is in it [m^3], until when [s]."""
+
+    volume: float
+    stock: float
+    end: float
+
+
+def pumped_in(data: RecordedData) -> Pumped:
+    """Return what all wells inject until the last time of the recording."""
     rows = () if data.commanded is None else data.commanded.rows
     times = [row.time for row in rows] + [photo.time for photo in data.photos]
     end = max([*times, 0.0 if data.maps is None else float(data.maps.times[-1])])
-    volume, last, running = 0.0, 0.0, dict.fromkeys(data.rig.wells, 0.0)
-    for row in rows:
-        volume += (row.time - last) * math.fsum(running.values())
-        last, running[row.well] = row.time, max(row.rate.rate, 0.0)
-    return volume + (end - last) * math.fsum(running.values()), end
+    schedule = Schedule(tuple(rows))
+    injected = [
+        (high - low, well)
+        for low, high, rates in schedule.intervals(0.0, end)
+        for well in rates.values()
+        if well.rate > 0.0
+    ]
+    volume = math.fsum(seconds * well.rate for seconds, well in injected)
+    stock = math.fsum(seconds * well.rate * well.concentration for seconds, well in injected)
+    return Pumped(volume, stock, end)
+
+
+def in_words(checked: CheckedRig, interval: float) -> list[str]:
+    """Return what a check tells beside its remarks, one line each.
+
+    Args:
+        checked: the result of the check.
+        interval: the time that its cost is for [s].
+    """
+    lines = []
+    if checked.cost is not None:
+        lines.append(f'one prediction over {interval:g} s on {checked.grid}: {checked.cost}')
+    if checked.data is not None and checked.data.commanded is not None:
+        pumped = pumped_in(checked.data)
+        share = pumped.volume / checked.rig.pore_volume
+        lines.append(
+            f'injected: {pumped.volume * ML:.4g} ml of fluid, {pumped.stock * ML:.4g} ml of stock, '
+            f'until {pumped.end:g} s; the fluid is {share:.2g} pore volumes'
+        )
+    lines += control_words(checked.rig)
+    if checked.rig.camera is None:
+        lines.append('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
+    return lines
 
 
 def _pumped(data: RecordedData) -> Iterator[Remark]:
@@ -194,7 +232,7 @@ def _pumped(data: RecordedData) -> Iterator[Remark]:
             remedy = 'balance injection and production, or open a side in rig.yaml'
             yield Remark(f'rates.csv at {time:g} s', '', why, remedy, refused=True)
             break
-    volume, pores = pumped_in(data)[0], data.rig.pore_volume
+    volume, pores = pumped_in(data).volume, data.rig.pore_volume
     if 0.0 < volume < LITTLE_INJECTED * pores:
         why = f'all wells inject {volume * 1e6:.3g} ml, {volume / pores:.2%} of the pore volume'
         yield Remark('rates.csv', '', why, 'were the rates in ml/min? write ml/h, 60 times as much')

@@ -29,6 +29,7 @@ from porotwin_siblings.outlook import TIMES, Outlook
 from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
+    check_balance,
     check_proposal,
     concentration_note,
     proposed_plan,
@@ -72,7 +73,7 @@ class WhatIfStudy:
         seen_deviation: standard deviation of `seen_tracer` [m^3]: the systematic part of the maps,
             if known, and the noise of clean sand, see `zone_noise`.
         deviations_known: whether the maps tell deviations.
-        objections: limits that the proposal breaks, one line each.
+        objections: limits that the proposal breaks, and from when on; one line each.
         note: on concentrations other than those of rig.yaml, in one line; '' without any.
         rate_factors: share that each pump delivers, and its standard deviation [-].
         seconds: wall-clock time of both forecasts [s].
@@ -195,7 +196,8 @@ def study_what_if(
 
     Raises:
         InputError: the recording holds no maps or rates before `start`, or the proposal has
-            implausible rates, a change beyond the horizon, or a horizon that is too long.
+            implausible rates, a change beyond the horizon, a horizon that is too long, or rates
+            that do not balance in a closed rig.
     """
     times = recording.times
     if not len(times):
@@ -222,7 +224,8 @@ def study_what_if(
     present = _present_plan(recording, begin, ahead)
     producer = recording.rig.control.producer if recording.rig.control is not None else None
     proposed = proposed_plan(later_steps(steps, start - begin), present, producer)
-    objections = _objections(recording.rig, proposed, present)
+    check_balance(proposed, present, recording.rig)
+    objections = objections_to(recording.rig, proposed, present, begin)
     for line in objections:
         objected(line)
     maps = recording.grid
@@ -346,15 +349,33 @@ def _photograph(maps: ConcentrationMaps, number: int) -> Photograph:
     return found._replace(random=seen.random, systematic=seen.systematic)
 
 
-def _objections(rig: Rig, plan: Sequence[RateStep], present: Sequence[RateStep]) -> tuple[str, ...]:
-    """Return the limits of `rig` that a plan breaks and the `present` one does not.
+def objections_to(
+    rig: Rig, plan: Sequence[RateStep], present: Sequence[RateStep], begin: float
+) -> tuple[str, ...]:
+    """Return the limits of `rig` that a plan breaks, and from when on, one line each.
 
-    There are none without a control section. Somebody may stop a fixed well by hand, which no
-    setpoint may do.
+    There are none without a control section. A line that the `present` plan breaks at the same time
+    is left out: somebody may stop a fixed well by hand, which no setpoint may do.
+
+    Args:
+        rig: the rig.
+        plan: the proposed plan.
+        present: the plan of the recording.
+        begin: when both plans begin, on the clock of the recording [s].
     """
     if rig.control is None:
         return ()
     limits = Limits.of(rig)
-    broken = {line for step in present for line in limits.violations(step.rates)}
-    lines = [line for step in plan for line in limits.violations(step.rates)]
-    return tuple(line for line in dict.fromkeys(lines) if line not in broken)
+    since: dict[str, float] = {}
+    before = held_before = present[0].rates
+    for start in sorted({step.start for step in (*plan, *present)}):
+        rates, held = (
+            next(step.rates for step in reversed(steps) if step.start <= start)
+            for steps in (plan, present)
+        )
+        broken = limits.violations(held, held_before)
+        for line in limits.violations(rates, before):
+            if line not in broken:
+                since.setdefault(line, (begin + start) / 60.0)
+        before, held_before = rates, held
+    return tuple(f'from {minute:.4g} min: {line}' for line, minute in since.items())

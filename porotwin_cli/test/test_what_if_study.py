@@ -11,6 +11,7 @@ from porotwin_cli.what_if_picture import what_if_picture
 from porotwin_cli.what_if_study import (
     WhatIfStudy,
     later_steps,
+    objections_to,
     rate_step,
     rate_steps,
     seconds_of,
@@ -24,6 +25,7 @@ from porotwin_hub.setpoint_limits import Limits
 from porotwin_recording.recording import Recording, open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_siblings.rate_log import proposed_plan
 from porotwin_siblings.zone_measure import ZoneMeasure
 
 
@@ -110,6 +112,41 @@ def test_a_broken_limit_is_an_objection(recording: Recording) -> None:
             siblings=24,
         )
     assert any('control1' in line for line in found.objections)
+
+
+PAUSED = (
+    RateStep(0.0, Limits.of(demo_scenario().rig).safe()),
+    RateStep(600.0, dict.fromkeys(demo_scenario().rig.wells, WellRate())),
+    RateStep(1200.0, Limits.of(demo_scenario().rig).safe()),
+)
+"""A plan with a pause of the injection, which no setpoint may make."""
+
+
+@pytest.mark.parametrize(
+    ('rates', 'lines'),
+    [
+        ('control1=300', []),
+        ('injector=600', ["from 40 min: well 'injector': 600.0 ml/h, but it must stay at 500.0"]),
+        ('55min:injector=0', ["from 60 min: well 'injector': 0.0 ml/h, but it must stay"]),
+        ('producer=-100', ['from 40 min: 400 ml/h more is injected than produced', '100 ml/h']),
+        (
+            '50min:control1=-50',
+            [
+                "from 50 min: well 'control1': -50.0 ml/h lies outside",
+                "from 50 min: well 'producer': 50.0 ml/h, but the producer never injects",
+            ],
+        ),
+    ],
+)
+def test_an_objection_tells_when_although_the_recording_has_pauses(
+    rates: str, lines: list[str]
+) -> None:
+    rig = demo_scenario().rig
+    plan = proposed_plan([rate_step(rates, rig, 2400.0)], PAUSED, 'producer')
+    found = objections_to(rig, plan, PAUSED, 2400.0)
+    assert len(found) == len(lines), found
+    for objection, line in zip(found, lines, strict=True):
+        assert line in objection
 
 
 def test_a_moment_beyond_the_recording_is_refused(recording: Recording) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from porotwin_core.errors import InputError
+from porotwin_core.units import to_ml_h
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,12 @@ WellRates = Mapping[str, WellRate]
 def net_rate(rates: WellRates) -> float:
     """Return the sum of all rates [m^3/s]: injection minus production."""
     return math.fsum(well.rate for well in rates.values())
+
+
+def net_rate_words(net: float) -> str:
+    """Return a net rate [m^3/s] in words: which of injection and production is the larger."""
+    more = 'injected than produced' if net > 0.0 else 'produced than injected'
+    return f'{abs(to_ml_h(net)):.6g} ml/h more is {more}'
 
 
 class RateStep(NamedTuple):

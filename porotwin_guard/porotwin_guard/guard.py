@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates
+from porotwin_core.wells import WellRates, net_rate_words
 from porotwin_guard.camera_lag import CameraLag
 
 VALIDITY_INTERVALS = 3
@@ -98,9 +98,9 @@ class Guard:
             raise InputError(
                 f'control wells inject {total:g} ml/h; rig.yaml allows {self._total_ml_h:g} ml/h'
             )
-        net = math.fsum(to_ml_h(well.rate) for well in rates.values())
-        if self._balanced and not abs(net) <= ROUND_OFF_ML_H:
-            raise InputError(f'{net:g} ml/h more is injected than produced; the sum must be zero')
+        net = math.fsum(well.rate for well in rates.values())
+        if self._balanced and not abs(to_ml_h(net)) <= ROUND_OFF_ML_H:
+            raise InputError(f'{net_rate_words(net)}; with a producer the sum must be zero')
 
     def _check_settings(self, rates: WellRates, now: float) -> None:
         """Check that the pumps can change to `rates` from the rates in force at `now` [s].

@@ -91,7 +91,7 @@ def test_wells_may_be_switched_off_at_once() -> None:
         (rates(control1=100.05), "'control1': 100.05 ml/h; rig.yaml allows multiples of 0.1 ml/h"),
         (rates(injector=499.0), "'injector': 499 ml/h; rig.yaml allows 500 to 500"),
         (rates(producer=600.0), "'producer': 600 ml/h; rig.yaml allows -1000 to 0"),
-        (rates(producer=-1000.0), '-400 ml/h more is injected than produced'),
+        (rates(producer=-1000.0), '400 ml/h more is produced than injected'),
         (rates(control1=300.0, control2=300.0, producer=-1000.0), 'control wells inject 600'),
         ({**rates(), 'injector': WellRate(from_ml_h(500.0), 0.5)}, 'injects concentration 0.5'),
         ({**rates(), 'control1': WellRate(from_ml_h(100.0), 1.0)}, 'injects concentration 1'),

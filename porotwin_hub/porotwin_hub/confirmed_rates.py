@@ -6,7 +6,7 @@ from porotwin_core.errors import InputError
 from porotwin_core.plausible_rates import refuse_too_great
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRates, net_rate
+from porotwin_core.wells import WellRates, net_rate, net_rate_words
 
 NET_SHARE = 0.05
 """Share of the injected water that may be missing at the producer without a question; the pumps of
@@ -75,8 +75,7 @@ def question_about(rates: WellRates, rig: Rig) -> str | None:
     if abs(net_ml_h) <= NET_SHARE * injected:
         return None
     rest = net_ml_h - to_ml_h(rates[producer].rate) if producer in rates else net_ml_h
-    more = 'injected than produced' if net_ml_h > 0.0 else 'produced than injected'
     return (
-        f'{abs(net_ml_h):.1f} ml/h more is {more}; is {producer} at {-rest:.1f} ml/h? '
+        f'{net_rate_words(net_rate(rates))}; is {producer} at {-rest:.1f} ml/h? '
         'correct it, or confirm the same once more'
     )

@@ -14,7 +14,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.rates_in_force import CONCENTRATION_TOLERANCE
 from porotwin_core.rig import PUMP_STEP_ML_H, Rig
 from porotwin_core.units import from_ml_h, to_ml_h
-from porotwin_core.wells import WellRate, WellRates, net_rate
+from porotwin_core.wells import WellRate, WellRates, net_rate, net_rate_words
 
 STEP_ROUND_OFF = 1e-6
 """Part of a pump step that round-off may take from a rate without costing a whole step."""
@@ -188,7 +188,7 @@ class Limits:
         return lines
 
     def _wrong_roles(self, rates: WellRates) -> list[str]:
-        """Return a line for every idle well that pumps, and for every well with a wrong fluid.
+        """Return a line for every well that pumps against its role or injects a wrong fluid.
 
         Only fixed wells inject tracer; control wells inject water.
         """
@@ -200,6 +200,10 @@ class Limits:
                 lines.append(
                     f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but control gives it no role"
                 )
+            if name == self.producer and well.rate > 0.0:
+                lines.append(
+                    f"well '{name}': {to_ml_h(well.rate):.1f} ml/h, but the producer never injects"
+                )
             fluid = self.fixed.get(name, WellRate()).concentration
             if well.rate > 0.0 and abs(well.concentration - fluid) > CONCENTRATION_TOLERANCE:
                 lines.append(
@@ -209,15 +213,16 @@ class Limits:
 
     def _changed_fixed_wells(self, rates: WellRates) -> list[str]:
         return [
-            f"well '{name}' must stay at {to_ml_h(well.rate):.1f} ml/h"
+            f"well '{name}': {to_ml_h(given):.1f} ml/h, but it must stay at "
+            f'{to_ml_h(well.rate):.1f} ml/h'
             for name, well in self.fixed.items()
-            if abs(rates.get(name, WellRate()).rate - well.rate) > RATE_TOLERANCE
+            if abs((given := rates.get(name, WellRate()).rate) - well.rate) > RATE_TOLERANCE
         ]
 
     def _imbalance(self, rates: WellRates) -> list[str]:
         if self.producer is None or abs(net_rate(rates)) <= RATE_TOLERANCE:
             return []
         return [
-            f'{to_ml_h(net_rate(rates)):.1f} ml/h more is injected than produced; '
-            'the net rate must be zero'
+            f"{net_rate_words(net_rate(rates))}; with a producer, here '{self.producer}', "
+            'the net rate of a setpoint must be zero'
         ]

@@ -70,10 +70,10 @@ def test_a_net_rate_is_asked_about_with_the_rate_that_would_balance(small_rig: R
     assert question_about({**safe, 'producer': rate(-495.0)}, small_rig) is None
     question = question_about({**safe, 'control1': rate(350.0)}, small_rig)
     assert question is not None
-    assert question.startswith('350.0 ml/h more is injected than produced; is producer at -850.0')
+    assert question.startswith('350 ml/h more is injected than produced; is producer at -850.0')
     question = question_about({**safe, 'producer': rate(-1000.0)}, small_rig)
     assert question is not None
-    assert '500.0 ml/h more is produced than injected; is producer at -500.0' in question
+    assert '500 ml/h more is produced than injected; is producer at -500.0' in question
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(['injector', 'control1']))

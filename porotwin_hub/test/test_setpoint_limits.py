@@ -84,8 +84,13 @@ def test_safe_rates_keep_the_injector_on_and_balance_it() -> None:
         ({'control2': WellRate(from_ml_h(-1.0))}, "'control2': -1.0"),
         ({'control2': WellRate(from_ml_h(7.05))}, "'control2': 7.05 ml/h is no multiple of 0.1"),
         ({'control1': WellRate(from_ml_h(300)), 'control2': WellRate(from_ml_h(300))}, '600.0'),
-        ({'injector': WellRate(from_ml_h(400.0), 1.0)}, "'injector' must stay"),
-        ({'producer': WellRate(from_ml_h(-499.0))}, 'net rate must be zero'),
+        (
+            {'injector': WellRate(from_ml_h(400.0), 1.0)},
+            "'injector': 400.0 ml/h, but it must stay at 500.0",
+        ),
+        ({'producer': WellRate(from_ml_h(-499.0))}, '1 ml/h more is injected than produced'),
+        ({'producer': WellRate(from_ml_h(-501.0))}, '1 ml/h more is produced than injected'),
+        ({'producer': WellRate(from_ml_h(50.0))}, "'producer': 50.0 ml/h, but the producer never"),
         ({'ghost': WellRate(1e-9)}, "'ghost' is not in the rig"),
         (
             {'idle': WellRate(from_ml_h(1e6))},

@@ -8,7 +8,7 @@ import math
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Control, Rig
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import WellRate, WellRates, net_rate
+from porotwin_core.wells import WellRate, WellRates, net_rate, net_rate_words
 
 _ROUND_OFF_ML_H = 1e-3
 """Rates that differ by less are equal [ml/h]: messages are rounded, and no pump is that exact."""
@@ -49,9 +49,9 @@ def refuse_broken_limits(rig: Rig, rates: WellRates) -> None:
                 f'{fixed.rate_ml_h:.1f} ml/h'
             )
     _refuse_wrong_roles(control, rates)
-    net = to_ml_h(net_rate(rates))
-    if control.producer is not None and abs(net) > _ROUND_OFF_ML_H:
-        raise InputError(f'{net:.1f} ml/h more is injected than produced; it must balance')
+    net = net_rate(rates)
+    if control.producer is not None and abs(to_ml_h(net)) > _ROUND_OFF_ML_H:
+        raise InputError(f'{net_rate_words(net)}; with a producer they must balance')
 
 
 def _refuse_wrong_roles(control: Control, rates: WellRates) -> None:

@@ -18,7 +18,7 @@ from porotwin_core.rates_in_force import (
 )
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates, check_plan, net_rate
+from porotwin_core.wells import RateStep, WellRate, WellRates, check_plan, net_rate, net_rate_words
 
 KEPT = 4096
 """Rates that are kept: a flow meter at 10 Hz, photographs every 100 s, some of them late."""
@@ -28,6 +28,10 @@ SAME_STAMP_S = 1e-6
 
 LONGEST_HORIZON_S = 86400.0
 """Longest horizon of a forecast [s]: experiments last hours."""
+
+UNBALANCED_SHARE = 0.01
+"""Share of the injected water that may be missing at the producer of a proposal for a closed rig:
+measured rates never add up to zero exactly, and pumps differ by 1 %."""
 
 MOST_STEPS = 100
 """Most changes of a question: each costs every sibling a flow field or more."""
@@ -148,6 +152,29 @@ def check_roles(steps: Sequence[RateStep], rig: Rig) -> None:
             raise InputError(f'{told}: a control well only injects; give 0 or more')
         if name == rig.control.producer and rate.rate > SAME_RATE:
             raise InputError(f'{told}: the producer never injects; give 0 or less, or leave it out')
+
+
+def check_balance(plan: Sequence[RateStep], present: Sequence[RateStep], rig: Rig) -> None:
+    """Return if the proposed `plan` can be in a closed rig: as much is injected as produced.
+
+    Rates of the `present` plan are as they are.
+
+    Raises:
+        InputError: a step of the plan does not balance, and all sides of the rig are closed.
+    """
+    if not rig.closed:
+        return
+    held = [step.rates for step in present]
+    for step in plan:
+        net = net_rate(step.rates)
+        pumped = math.fsum(abs(well.rate) for well in step.rates.values()) / 2.0
+        if abs(net) > UNBALANCED_SHARE * pumped and step.rates not in held:
+            producer = rig.control.producer if rig.control is not None else None
+            remedy = f'leave out {producer}, which then balances' if producer else 'balance them'
+            raise InputError(
+                f'proposal: {net_rate_words(net)} from {step.start / 60.0:.4g} min after the state '
+                f'on, but all sides of the rig are closed; {remedy}, or open a side in rig.yaml'
+            )
 
 
 def concentration_note(plans: Iterable[Sequence[RateStep]], rig: Rig) -> str:

@@ -40,6 +40,7 @@ from porotwin_siblings.photograph import Photograph
 from porotwin_siblings.rate_log import (
     LONGEST_HORIZON_S,
     RateLog,
+    check_balance,
     check_proposal,
     check_roles,
     check_steps,
@@ -393,6 +394,7 @@ class SiblingsNode(Node):
         with self._changed:
             held = self._rates.present_plan(self.siblings.time, horizon)
         plan = proposed_plan(steps, held, self._producer)
+        check_balance(plan, held, self._rig)
         note = concentration_note([held, plan], self._rig)
         present = self._forecast
         if present is None or present.horizon != horizon or present.plan != held:

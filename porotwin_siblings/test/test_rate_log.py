@@ -8,11 +8,13 @@ from porotwin_core.errors import InputError
 from porotwin_core.fixed_pauses import FixedPauses
 from porotwin_core.rates_in_force import KnownRates, RatePeriod
 from porotwin_core.rig import load_rig
+from porotwin_core.safe_rates import safe_rates
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import RateStep, WellRate
 from porotwin_siblings.rate_log import (
     MOST_STEPS,
     RateLog,
+    check_balance,
     check_proposal,
     check_roles,
     check_steps,
@@ -142,6 +144,22 @@ def test_no_pump_runs_backwards(well: str, rate_ml_h: float, complaint: str) -> 
     check_roles([RateStep(0.0, {well: WellRate(from_ml_h(-rate_ml_h))})], RIG)
     with pytest.raises(InputError, match=complaint):
         check_roles([RateStep(0.0, {well: WellRate(from_ml_h(rate_ml_h))})], RIG)
+
+
+def test_a_closed_rig_refuses_rates_that_do_not_balance() -> None:
+    sides = dict.fromkeys(('top', 'bottom', 'left', 'right'), 'closed')
+    closed = RIG.model_copy(update={'boundaries': RIG.boundaries.model_copy(update=sides)})
+    present = [RateStep(0.0, safe_rates(RIG))]
+    plans = [
+        proposed_plan([RateStep(60.0, {well: WellRate(from_ml_h(rate))})], present, 'producer')
+        for well, rate in (('control1', 200.0), ('producer', -497.0), ('producer', -300.0))
+    ]
+    for plan in plans[:2]:
+        check_balance(plan, present, closed)
+    check_balance(plans[2], present, RIG)
+    check_balance(plans[2], plans[2], closed)
+    with pytest.raises(InputError, match=r'200 ml/h more is injected than produced from 1 min'):
+        check_balance(plans[2], present, closed)
 
 
 def test_another_concentration_than_that_of_rig_yaml_is_noted() -> None:

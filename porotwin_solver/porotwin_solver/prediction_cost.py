@@ -67,9 +67,11 @@ class PredictionCost:
 
     def __str__(self) -> str:
         """Return the cost in words."""
+        each = self.substeps / (self.steps * self.cells)
         return (
-            f'{self.cells:,} cells, time steps: {self.steps:,}, about {in_words(self.seconds)} '
-            f'each, after {in_words(self.preparation_seconds)} of preparation at the start'
+            f'{self.cells:,} cells, time steps: {self.steps:,}, which each cell divides into '
+            f'substeps of its own, {each:.2g} on average; about {in_words(self.seconds)} for a '
+            f'prediction, after {in_words(self.preparation_seconds)} of preparation at the start'
         )
 
 

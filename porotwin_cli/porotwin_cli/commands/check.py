@@ -34,15 +34,15 @@ def command(
     Example: ./porotwin check rig.yaml --output check.png
     """
     from porotwin_cli.check_picture import check_picture
-    from porotwin_cli.control_words import control_words
-    from porotwin_cli.rig_check import check, pumped_in
+    from porotwin_cli.rig_check import check, in_words
 
     if output.is_dir():
         output = output / PICTURE
     if output.name != PICTURE:  # the picture of an earlier check may be replaced
         check_output(output, path, command='check')
     checked = check(path, grid=grid, preset=preset, interval=photo_interval_s)
-    check_picture(output, checked)
+    words = in_words(checked, photo_interval_s)
+    check_picture(output, checked, words)
     if as_json:
         print_json(
             {
@@ -60,16 +60,8 @@ def command(
     else:
         for remark in checked.remarks:
             print(f'{"impossible" if remark.refused else "odd"}: {remark}')
-        if checked.cost is not None:
-            print(f'one prediction over {photo_interval_s:g} s on {checked.grid}: {checked.cost}')
-        if checked.data is not None and checked.data.commanded is not None:
-            volume, end = pumped_in(checked.data)
-            share = volume / checked.rig.pore_volume
-            print(f'injected: {1e6 * volume:.4g} ml until {end:g} s, {share:.2g} pore volumes')
-        for line in control_words(checked.rig):
+        for line in words:
             print(line)
-        if checked.rig.camera is None:
-            print('no camera section: up, image and calibrate need one (docs/rig.md, camera)')
         print(f'{_verdict(checked.runs, len(checked.remarks))}; picture: {output}')
     if not checked.runs:
         say(f'porotwin: {path}: cannot be run; correct the impossible values')

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 TABLE_ROWS = 6
 """Times in the table."""
 
+REFUSED = 'the guard would refuse this proposal, {}'
+"""Told before the work, and again below the table, with when and why."""
+
 SIBLING_BYTES = 1e8
 """Memory of one sibling while it runs [B]."""
 
@@ -29,8 +32,8 @@ def command(
         list[str],
         typer.Option(
             help='[TIME:]WELL=ML_H,WELL=ML_H: proposed rates from TIME on, or from --at on. May be '
-            'given several times. Other wells follow the present schedule, and the producer '
-            'balances.'
+            'given several times. Other wells follow the present schedule. The producer balances '
+            'them, unless it is named itself.'
         ),
     ],
     horizon: Annotated[
@@ -94,7 +97,7 @@ def command(
             horizon=ahead,
             siblings=siblings,
             learnt=lambda done, all_: bar.update(task, completed=done, total=all_),
-            objected=lambda line: say(f'the guard would refuse this proposal: {line}'),
+            objected=lambda line: say(REFUSED.format(line)),
         )
     what_if_picture(picture, found)
     if found.note:
@@ -104,6 +107,8 @@ def command(
         return
     _show(found)
     print(f'picture: {picture}; nothing was pumped')
+    for line in found.objections:
+        print(REFUSED.format(line))
 
 
 def _show(found: 'WhatIfStudy') -> None:

@@ -4,13 +4,15 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from cli_examples import porotwin
 from typer.testing import CliRunner
 
 from porotwin_cli.app import app
-from porotwin_cli.rig_check import CheckedRig, check
+from porotwin_cli.check_picture import shading
+from porotwin_cli.rig_check import CheckedRig, check, in_words, pumped_in
 from porotwin_cli.workspace import ROOT, small_rig
 
 
@@ -129,6 +131,26 @@ def test_rates_that_a_closed_rig_cannot_have_are_impossible(tmp_path: Path) -> N
     assert not checked.runs
     assert 'the rates add up to 300 ml/h, but all sides are closed' in str(checked.remarks[0])
     assert pumped(tmp_path, '800 500').runs
+
+
+def test_one_extreme_sand_does_not_make_the_others_alike() -> None:
+    sands = np.array([1e-14, 1e-10, 8e-10, 2e-9, 4e-9])
+    shades = shading(sands)(sands)
+    np.testing.assert_allclose(np.diff(shades), np.ptp(shades) / 4, rtol=0.02)
+    many = np.append(np.geomspace(1e-10, 4e-9, 99), 1e-14)
+    assert np.diff(shading(many)(np.array([1e-10, 4e-9]))) > 0.9 * np.ptp(shades)
+
+
+def test_fluid_and_stock_are_told_apart(tmp_path: Path) -> None:
+    data = pumped(tmp_path, '500 500').data
+    assert data is not None
+    found = pumped_in(data)
+    assert (found.volume, found.stock, found.end) == pytest.approx((250e-6, 250e-6, 1800.0))
+    rates = (tmp_path / 'rates.csv').read_text()
+    (tmp_path / 'rates.csv').write_text(rates.replace('500,1', '500,0.4'))
+    words = '\n'.join(in_words(check(tmp_path), 30.0))
+    assert 'injected: 250 ml of fluid, 100 ml of stock, until 1800 s' in words
+    assert 'time steps: 1, which each cell divides into substeps of its own' in words
 
 
 def test_rates_in_ml_per_minute_are_odd(tmp_path: Path) -> None:

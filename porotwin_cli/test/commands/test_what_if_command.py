@@ -25,6 +25,7 @@ def test_a_proposal_is_shown_beside_the_present_schedule(experiment: Path, tmp_p
     assert 'refuse' in found.stderr
     shown = porotwin(*asked, '--output', tmp_path)
     assert 'nothing was pumped' in shown.stdout
+    assert shown.stdout.splitlines()[-1].startswith('the guard would refuse this proposal, from 2')
 
 
 def test_a_wrong_time_is_one_line(experiment: Path) -> None:
