@@ -25,4 +25,9 @@ def tell_cost(cost: PredictionCost, work: str, times: int = 1) -> None:
     """Say how long `work`, `times` predictions of a `cost`, will take, if it takes long."""
     seconds = cost.preparation_seconds + times * cost.seconds
     if seconds > LONG_S:
-        say(f'{work}: {cost.cells:,} cells, about {in_words(seconds)}; a coarser --grid is faster')
+        parts = cost.refinement
+        fine = f', after the preset divides each in {parts}x{parts}' if parts > 1 else ''
+        say(
+            f'{work}: {cost.cells:,} cells{fine}, about {in_words(seconds)}; a coarser '
+            '--grid is faster'
+        )

@@ -3,7 +3,8 @@
 import csv
 import functools
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -38,6 +39,19 @@ def one_call_for_each_output(
             return command(*args, **kwargs)
 
     return guarded
+
+
+@contextmanager
+def maps_are_kept(output: Path) -> Iterator[None]:
+    """Let a fault of the block, which writes a picture, tell that the maps are in `output`.
+
+    Raises:
+        OSError: the disk is full or fails.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise OSError(f'{error.strerror or error}; the maps are complete in {output}') from None
 
 
 def check_output(output: Path, *inputs: Path | None, command: str = '') -> None:

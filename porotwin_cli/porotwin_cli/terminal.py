@@ -4,8 +4,8 @@ import json
 import logging
 import math
 import sys
-from collections.abc import Iterable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -72,6 +72,16 @@ def show_warnings() -> None:
     logger = logging.getLogger('porotwin')
     logger.addHandler(_NewWarnings())
     logger.propagate = False
+
+
+@contextmanager
+def without_warnings() -> Iterator[None]:
+    """Leave out the warnings of the block."""
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)
 
 
 def progress() -> AbstractContextManager[Progress]:

@@ -30,10 +30,10 @@ EXPLANATION = (
 
 
 SEEN = {
-    True: 'photographs, bars: their deviation and the noise of clean sand',
-    False: 'photographs, no deviations known; bars: the noise of clean sand',
+    True: 'maps, bars: their deviation and the noise of clean sand',
+    False: 'maps, no deviations known; bars: the noise of clean sand',
 }
-"""Label of the photographs; by whether their maps tell deviations."""
+"""Label of the recorded maps, of photographs or simulated; by whether they tell deviations."""
 
 
 def what_if_picture(path: Path, study: WhatIfStudy) -> None:

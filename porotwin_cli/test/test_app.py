@@ -135,3 +135,11 @@ def test_a_full_disk_ends_with_one_line(
         porotwin_cli.app.main()
     assert end.value.code == 1
     assert capsys.readouterr().err.strip() == f'porotwin: {DISK_FULL}'
+
+
+def test_an_experiment_folder_is_not_exported_again(tmp_path: Path) -> None:
+    (tmp_path / 'rig.yaml').touch()
+    result = porotwin('export', tmp_path, tmp_path / 'out')
+    assert result.returncode == 2
+    assert 'is an experiment folder already' in result.stderr
+    assert not (tmp_path / 'out').exists()

@@ -27,3 +27,9 @@ def test_long_work_is_told_before_it_begins(
     cost = prediction_cost(RIG, RIG.default_grid(), duration=30.0)
     tell_cost(cost, 'training pairs', times)
     assert ('training pairs: 20,944 cells, about' in capsys.readouterr().err) is told
+
+
+def test_cells_of_a_finer_preset_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    cost = prediction_cost(RIG, RIG.grid(20, 12), preset='accurate', duration=30.0)
+    tell_cost(cost, 'simulation', 1_000_000)
+    assert f'after the preset divides each in {cost.refinement}x' in capsys.readouterr().err

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from porotwin_cli.output_files import check_output, maker, one_call_for_each_output
+from porotwin_cli.output_files import check_output, maker, maps_are_kept, one_call_for_each_output
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
@@ -90,3 +90,9 @@ def test_a_second_call_for_an_output_is_refused(tmp_path: Path) -> None:
     command(tmp_path, output, inner=False)
     command(tmp_path, tmp_path / 'absent' / 'maps.nc', inner=False)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_picture_that_fails_tells_of_the_maps() -> None:
+    told = pytest.raises(OSError, match=r'disk; the maps are complete in s\.nc')
+    with told, maps_are_kept(Path('s.nc')):
+        raise OSError('no space left on its disk')

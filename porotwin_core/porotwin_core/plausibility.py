@@ -12,6 +12,9 @@ from porotwin_core.units import DARCY, GRAVITY, ML_H
 MOST_GUESSES = 3
 """Most other units that a remark asks for."""
 
+CORRECT = 'correct the number'
+"""Remedy for a value that no other unit explains."""
+
 Interval = tuple[float, float]
 """The lowest and the highest value of a range."""
 
@@ -44,6 +47,7 @@ class PlausibleRange:
     known: the usual things in words, such as "sand lies".
     other_units: factors from other units that people use, by name.
     source: where the numbers come from.
+    below: remedy for a value below the usual ones that no other unit explains.
     """
 
     unit: str
@@ -52,6 +56,7 @@ class PlausibleRange:
     known: str
     other_units: tuple[tuple[str, float], ...]
     source: str
+    below: str = CORRECT
 
     def remark(self, key: str, value: float) -> Remark | None:
         """Return the remark about `value` under `key`, or None for a usual value."""
@@ -76,7 +81,7 @@ class PlausibleRange:
             if low <= value * factor <= high
         ][:MOST_GUESSES]
         if not fitting:
-            return 'correct the number'
+            return self.below if value < low else CORRECT
         names, equations = zip(*fitting, strict=True)
         return f'was this in {" or ".join(names)}? {", ".join(equations)}'
 
@@ -125,6 +130,7 @@ PERMEABILITY = PlausibleRange(
         ('mm2', 1e-6),
         ('um2', 1e-12),
     ),
+    below='correct the number, unless it is clay',
     source='Freeze and Cherry, Groundwater (1979), table 2.2: silty sand from 1e-14 m2, gravel to '
     '1e-7 m2; the sands of the FluidFlower benchmark 4e-11 m2 to 1e-8 m2',
 )

@@ -71,3 +71,9 @@ def test_an_unusual_rate_is_explained(rate: float, words: str, refused: bool) ->
 def test_a_usual_rate_needs_no_remark(rate: float) -> None:
     assert rate_remark('rate_ml_h', rate, SMALL_RIG_PORES) is None
     assert plausible_rate_ml_h(SMALL_RIG_PORES)[1] == pytest.approx(197_000)
+
+
+def test_a_small_permeability_may_be_clay() -> None:
+    low = plausibility.PERMEABILITY.remark('sands.clay.permeability_m2', 1e-14)
+    assert low is not None
+    assert str(low).endswith('correct the number, unless it is clay')

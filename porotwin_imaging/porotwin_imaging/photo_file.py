@@ -306,8 +306,8 @@ def _refuse_without_picture(
     brightest = float(np.percentile(green, 99.5))
     if brightest < settings.dark_level:
         raise InputError(
-            f'photograph is black: 99.5 % of it below grey level {brightest:.0f} of 255; '
-            'check lamp, lens cap and exposure'
+            f'photograph is black: 99.5 % of it at grey level {brightest:.0f} of 255 or '
+            'below; check lamp, lens cap and exposure'
             + (', and that the levels of the file use all of its 16 bits' if deep else '')
         )
     bright = float(np.mean(green >= settings.bright_level))

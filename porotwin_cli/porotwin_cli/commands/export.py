@@ -37,6 +37,7 @@ def command(
     Example: ./porotwin export bags/sample sample.zarr --format zarr
     """
     from porotwin_recording.bag_conversion import export_bag, topics_left_out
+    from porotwin_recording.experiment_folder import RIG_FILE
 
     if bag.suffix == '.nc':
         raise InputError(
@@ -46,6 +47,10 @@ def command(
     if kind != 'folder':
         _export_dataset(bag, folder, kind, segment, as_json=as_json)
         return
+    if (bag / RIG_FILE).is_file():
+        raise InputError(
+            f'{bag}: is an experiment folder already; copy it, or give --format zarr or netcdf'
+        )
     convert(partial(export_bag, segment=segment), bag, folder, as_json=as_json)
     left_out = topics_left_out(bag)
     if left_out:

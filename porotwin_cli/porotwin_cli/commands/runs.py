@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porotwin_cli.terminal import Json, print_json, print_table, progress, say
+from porotwin_cli.terminal import Json, print_json, print_table, progress, say, without_warnings
 
 if TYPE_CHECKING:
     from porotwin_recording.catalogue import CatalogueEntry
@@ -41,7 +41,7 @@ def command(
         is_experiment,
     )
 
-    with progress() as bar:
+    with without_warnings(), progress() as bar:  # ./porotwin check tells what is odd
         begun = folder != RUNS or folder.exists()
         paths = list(find_recordings(folder)) if begun else []
         task = bar.add_task('recordings', total=len(paths))

@@ -87,11 +87,11 @@ def command(
     from scipy.ndimage import gaussian_filter
 
     from porotwin_cli.grids import grid_of, tell_cost
-    from porotwin_cli.output_files import check_output, maker
+    from porotwin_cli.output_files import check_output, maker, maps_are_kept
     from porotwin_cli.rig_drawing import chosen_maps, picture_beside, sheet_of_maps
     from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
-    from porotwin_solver.effects import parse_effect
+    from porotwin_solver.effects import parse_effects
     from porotwin_solver.prediction_cost import prediction_cost
     from porotwin_solver.simulation import simulated_maps
 
@@ -100,15 +100,16 @@ def command(
         check_output(path, experiment, command='simulate')
     recording = open_recording(experiment)
     rig = recording.rig
+    schedule = recording.schedule
     moments = _parse_times(times) if times else _recorded_times(recording)
     recorded = recording.grid if recording.maps is not None else rig.default_grid()
     cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
-    effects = [parse_effect(text) for text in effect or []]
+    effects = parse_effects(effect or [])
     last = max(moments, default=0.0)
     tell_cost(prediction_cost(rig, cells, preset=preset, duration=last), 'simulation')
     maps = simulated_maps(
         rig,
-        recording.schedule,
+        schedule,
         moments,
         grid=cells,
         preset=preset,
@@ -129,9 +130,10 @@ def command(
                 compared.see(index, values)
             bar.advance(task)
     title = f'{recording.source.name}: model, preset {preset}'
-    sheet_of_maps(
-        picture, rig, [moments[index] for index in shown], pictured, title, command='simulate'
-    )
+    with maps_are_kept(output):
+        sheet_of_maps(
+            picture, rig, [moments[index] for index in shown], pictured, title, command='simulate'
+        )
     errors = compared.errors() if compared is not None else None
     if as_json:
         print_json(

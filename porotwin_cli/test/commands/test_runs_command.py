@@ -1,6 +1,7 @@
 """Tests of ./porotwin runs."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -39,3 +40,12 @@ def test_a_folder_that_is_not_there_is_refused() -> None:
     result = porotwin('runs', '/nowhere')
     assert result.returncode == 2
     assert '/nowhere: no such folder' in result.stderr
+
+
+def test_what_is_odd_is_left_to_check(tmp_path: Path) -> None:
+    shutil.copytree(SAMPLE.parents[1] / 'rigs' / 'small', tmp_path / 'run')
+    file = tmp_path / 'run' / 'rig.yaml'
+    file.write_text(re.sub(r'porosity: .*', 'porosity: 0.15', file.read_text()))
+    told = porotwin('runs', tmp_path)
+    assert '1 recording' in told.stdout
+    assert 'odd' not in told.stderr

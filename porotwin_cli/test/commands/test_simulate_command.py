@@ -10,6 +10,8 @@ from cli_examples import porotwin
 
 from porotwin_cli.commands import simulate
 from porotwin_core.errors import InputError
+from porotwin_core.grid import Grid
+from porotwin_recording.concentration import ConcentrationWriter
 from porotwin_recording.recording import open_recording
 
 
@@ -102,3 +104,21 @@ def test_an_unknown_effect_or_grid_is_refused(experiment: Path, tmp_path: Path) 
         assert result.returncode == 2, result.stderr
         assert named in result.stderr
     assert not (tmp_path / 'x.nc').exists()
+
+
+def test_missing_rates_and_an_effect_given_twice_are_refused_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'rig.yaml').write_text(RIG)
+    output, times = tmp_path / 'model.nc', '0:1000000:1000'
+    with ConcentrationWriter(tmp_path / 'concentration.nc', Grid(6, 4, 0.3, 0.2)) as writer:
+        writer.append(0.0, np.zeros((4, 6)))
+    with pytest.raises(InputError, match=r'add rates\.csv'):
+        simulate.command(tmp_path, output, grid='60x40', times=times)
+    rates = 'time_s,well,rate_ml_h,concentration\n0,injector,100,1\n'
+    (tmp_path / 'rates.csv').write_text(rates)
+    twice = ['decay:rate=1e-4', 'decay:rate=1e-3']
+    with pytest.raises(InputError, match='decay is given twice'):
+        simulate.command(tmp_path, output, grid='60x40', times=times, effect=twice)
+    assert 'cells' not in capsys.readouterr().err
+    assert not output.exists()

@@ -9,6 +9,7 @@ from porotwin_solver.effects.definition.registry import (
     effect,
     effects_of,
     parse_effect,
+    parse_effects,
 )
 
-__all__ = ['EFFECTS', 'apply_effects', 'effect', 'effects_of', 'parse_effect']
+__all__ = ['EFFECTS', 'apply_effects', 'effect', 'effects_of', 'parse_effect', 'parse_effects']

@@ -83,5 +83,24 @@ def parse_effect(text: str) -> EffectDescription:
     return EffectDescription(name=found.name, parameters=found.checked(given))
 
 
+def parse_effects(texts: Iterable[str]) -> list[EffectDescription]:
+    """Return the effects written as in `parse_effect`; only effects at a place may come twice.
+
+    Raises:
+        InputError: as there, or an effect of the rig, camera or one well is given twice.
+    """
+    found: dict[tuple[object, ...], EffectDescription] = {}
+    for number, text in enumerate(texts):
+        new = parse_effect(text)
+        several = effect(new.name).scope is Scope.PLACE
+        key = (new.name, number if several else new.parameters.get('well'))
+        if key in found:
+            raise InputError(
+                f"effect '{text}': {new.name} is given twice, and both would act; keep one"
+            )
+        found[key] = new
+    return list(found.values())
+
+
 EFFECTS: dict[str, Effect] = _found()
 """All effects by name, in their order."""
