@@ -86,3 +86,11 @@ def test_a_dark_line_through_cells_of_the_wrong_colour_is_left_out() -> None:
     assert kept.mean() > 0.85
     assert len(remarks) == 1
     assert without_foreign_signal(without, ALL, COLOUR)[0].all()
+
+
+def test_grain_of_fine_cells_is_no_dark_line() -> None:
+    grain = 0.1 * np.random.default_rng(1).standard_normal((60, 100, 1))
+    ratio = np.repeat(grain, 3, axis=2)
+    ratio[20:26, 30:36] -= 0.3 * np.array([1.2, 0.7, 1.45])
+    kept, _ = without_foreign_signal(ratio, np.ones((60, 100), bool), COLOUR)
+    assert kept.mean() > 0.9
