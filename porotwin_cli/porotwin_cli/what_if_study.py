@@ -20,7 +20,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.safe_rates import safe_rates
 from porotwin_core.state_filter import Seen
 from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRate
+from porotwin_core.wells import RateStep, WellRate, planned_rates
 from porotwin_hub.setpoint_limits import Limits
 from porotwin_imaging.plume_measures import plume_cells
 from porotwin_recording.concentration import ConcentrationMaps
@@ -369,10 +369,7 @@ def objections_to(
     since: dict[str, float] = {}
     before = held_before = present[0].rates
     for start in sorted({step.start for step in (*plan, *present)}):
-        rates, held = (
-            next(step.rates for step in reversed(steps) if step.start <= start)
-            for steps in (plan, present)
-        )
+        rates, held = planned_rates(plan, start), planned_rates(present, start)
         broken = limits.violations(held, held_before)
         for line in limits.violations(rates, before):
             if line not in broken:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from porotwin_core.rig import Rig
 from porotwin_core.units import MINUTE_S, from_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates
+from porotwin_core.wells import RateStep, WellRate, WellRates, planned_rates
 
 Pause = tuple[float, float]
 """Start and end of a pause [s]."""
@@ -96,11 +96,10 @@ class FixedPauses:
     ) -> tuple[RateStep, ...]:
         """Return a `plan` of the rates from `begin` [s] over `horizon` [s], with the pauses."""
         edges = {moment - begin for moment in self.moments(begin, begin + horizon)}
-        steps: list[RateStep] = []
-        for start in sorted({*edges, *(step.start for step in plan)}):
-            held = next(step.rates for step in reversed(plan) if step.start <= start)
-            steps.append(RateStep(start, self.at(begin + start, held)))
-        return tuple(steps)
+        starts = sorted({*edges, *(step.start for step in plan)})
+        return tuple(
+            RateStep(start, self.at(begin + start, planned_rates(plan, start))) for start in starts
+        )
 
 
 NO_PAUSES = FixedPauses()

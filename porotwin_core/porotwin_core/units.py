@@ -10,7 +10,11 @@ HOUR_S = 3600.0
 """Seconds in an hour."""
 
 DAY_S = 86400.0
-"""Seconds in a day: no experiment of a laboratory rig is longer."""
+"""Seconds in a day."""
+
+LONGEST_EXPERIMENT_S = 365.0 * DAY_S
+"""Longest time of an experiment [s]: a year. A longer time is a slip, a stamp since 1970 or a time
+in another unit."""
 
 ML_H = 1e-6 / 3600.0
 """One millilitre per hour in m^3/s."""

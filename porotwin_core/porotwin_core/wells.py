@@ -59,6 +59,11 @@ class RateStep(NamedTuple):
     rates: WellRates
 
 
+def planned_rates(plan: Sequence[RateStep], time: float) -> WellRates:
+    """Return the rates [m^3/s] of a checked `plan` at `time` [s], which is not before its start."""
+    return next(step.rates for step in reversed(plan) if step.start <= time)
+
+
 def check_plan(plan: Sequence[RateStep]) -> None:
     """Check that the steps of a plan begin at 0 and that their times increase.
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from porotwin_core.errors import InputError
+from porotwin_core.units import DAY_S
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number, reading
@@ -27,8 +28,6 @@ INTERVAL_DEVIATIONS = 3.29
 DRIFT_DEVIATIONS = 2.6
 """Difference of two findings, in standard deviations of it, from which on it is a drift: chance
 makes one in a hundred as large."""
-
-DAY_S = 86400.0
 
 
 @dataclass(frozen=True)

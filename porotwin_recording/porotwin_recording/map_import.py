@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.rig import Rig
+from porotwin_core.units import LONGEST_EXPERIMENT_S
 from porotwin_recording.concentration import ConcentrationMaps
 from porotwin_recording.experiment_folder import write_folder
 from porotwin_recording.foreign_table import Decimal, read_foreign_table
@@ -45,11 +46,6 @@ REAL_KINDS = 'biuf'
 """Kinds of arrays that hold real numbers: truth values, integers and floats."""
 
 PERCENT = 100.0
-
-YEAR_S = 365.25 * 86400.0
-
-LONGEST_S = YEAR_S
-"""Longest time of an experiment [s]; stamps since 1970 and times in a wrong unit are larger."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +129,7 @@ def _seconds(
     seconds: NDArray[np.float64] = np.asarray(times, dtype=float) * factor
     if not np.isfinite(seconds).all() or np.any(np.diff(seconds) <= 0):
         raise InputError(f'{path}: its times do not increase; sort the maps by time')
-    if epoch and seconds[0] > LONGEST_S:
+    if epoch and seconds[0] > LONGEST_EXPERIMENT_S:
         told.append(f'{path}: time zero is the first map, {times[0]:.10g} {unit} since {epoch}')
         seconds = seconds - seconds[0]
     _check_duration(path, seconds)
@@ -146,16 +142,17 @@ def _check_duration(path: Path, seconds: NDArray[np.float64]) -> None:
     Raises:
         InputError: they count from another moment, or are in another unit.
     """
-    if seconds[0] > LONGEST_S:
+    if seconds[0] > LONGEST_EXPERIMENT_S:
+        years = seconds[0] / LONGEST_EXPERIMENT_S
         raise InputError(
-            f'{path}: its times begin at {seconds[0]:.4g} s, {seconds[0] / YEAR_S:.3g} years after '
+            f'{path}: its times begin at {seconds[0]:.4g} s, {years:.3g} years after '
             'zero; stamps since 1970? subtract the time at which the experiment began'
         )
-    if seconds[-1] - seconds[0] > LONGEST_S:
+    span = seconds[-1] - seconds[0]
+    if span > LONGEST_EXPERIMENT_S:
         raise InputError(
-            f'{path}: its times span {seconds[-1] - seconds[0]:.4g} s, '
-            f'{(seconds[-1] - seconds[0]) / YEAR_S:.3g} years; correct them, or give their unit '
-            'with --time-unit, such as ms'
+            f'{path}: its times span {span:.4g} s, {span / LONGEST_EXPERIMENT_S:.3g} years; '
+            'correct them, or give their unit with --time-unit, such as ms'
         )
 
 

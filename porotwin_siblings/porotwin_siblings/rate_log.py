@@ -18,7 +18,15 @@ from porotwin_core.rates_in_force import (
 )
 from porotwin_core.rig import Rig
 from porotwin_core.units import to_ml_h
-from porotwin_core.wells import RateStep, WellRate, WellRates, check_plan, net_rate, net_rate_words
+from porotwin_core.wells import (
+    RateStep,
+    WellRate,
+    WellRates,
+    check_plan,
+    net_rate,
+    net_rate_words,
+    planned_rates,
+)
 
 KEPT = 4096
 """Rates that are kept: a flow meter at 10 Hz, photographs every 100 s, some of them late."""
@@ -241,7 +249,7 @@ def proposed_plan(
     named = {name for step in steps for name in step.rates}
     plan: list[RateStep] = []
     for start in sorted({step.start for step in (*present, *steps)}):
-        before = next(step.rates for step in reversed(present) if step.start <= start)
+        before = planned_rates(present, start)
         rates: dict[str, WellRate] = dict(before)
         for step in steps:
             if step.start <= start:

@@ -9,6 +9,7 @@ from pydantic.json_schema import JsonSchemaValue
 
 from porotwin_core.rig.numbers import NotNegative, Number, Positive, Share
 from porotwin_core.rig.sections import Point, Section, ZoneFile, check_corners, refuse_files
+from porotwin_core.units import LONGEST_EXPERIMENT_S, MINUTE_S
 
 DEFAULT_OBJECTIVE = 'keep_out'
 """The objective of a rig that names none: keep the tracer out of a zone (paper, section 4)."""
@@ -23,8 +24,8 @@ must not be, for a minute. On the small rig a wrong setting costs more within a 
 STEP_ROUND_OFF = 1e-6
 """Part of a pump step that is round-off."""
 
-LONGEST_EXPERIMENT_MIN = 365 * 24 * 60.0
-"""Longest experiment [min]: a year; a greater number is a slip or another unit."""
+LONGEST_EXPERIMENT_MIN = LONGEST_EXPERIMENT_S / MINUTE_S
+"""Longest experiment [min]."""
 
 
 class FixedWell(Section):
