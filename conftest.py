@@ -4,7 +4,7 @@ import fcntl
 import itertools
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -24,14 +24,25 @@ DOMAINS = range(1, 102)
 WHOLE_PROJECT = Path(__file__).parent / 'tests'
 """Folder of the tests that run documents, examples and whole graphs."""
 
+
+def _own_domains() -> Sequence[int]:
+    """Return the domains of this worker of xdist, or all of them without xdist.
+
+    Nodes of a test that has ended live until Python collects their context. A test of another
+    worker that took their domain at once would meet them.
+    """
+    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+    return DOMAINS[worker :: int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))]
+
+
 _claims: dict[int, TextIO] = {}
-_next = itertools.cycle(DOMAINS)
+_next = itertools.cycle(_own_domains())
 """Goes on behind the last domain, so that a domain rests after a test."""
 
 
 def _claimed_domain() -> int:
     """Return a DDS domain and keep it from other tests on this machine until `_release`."""
-    for number in itertools.islice(_next, len(DOMAINS)):
+    for number in itertools.islice(_next, len(_own_domains())):
         claim = (Path(tempfile.gettempdir()) / f'porotwin_test_domain_{number}').open('w')
         try:
             fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -40,7 +51,7 @@ def _claimed_domain() -> int:
             continue
         _claims[number] = claim
         return number
-    raise RuntimeError(f'all DDS domains up to {DOMAINS[-1]} are in use by other tests')
+    raise RuntimeError(f'other tests use all DDS domains of this worker, {list(_own_domains())}')
 
 
 def _release(number: int) -> None:

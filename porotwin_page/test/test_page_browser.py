@@ -67,8 +67,9 @@ class Tab:
             self.faults.append(str(parameters))
         if answer.get('method') == 'Log.entryAdded':
             entry = parameters['entry']
-            # a lost stream, and a question of the server, which is status 409
-            expected = entry.get('url', '').endswith(('/events', '/confirm'))
+            # a lost stream, a question of the server, which is status 409, and a closed server
+            lost = 'ERR_CONNECTION_REFUSED' in entry.get('text', '')
+            expected = lost or entry.get('url', '').endswith(('/events', '/confirm'))
             if entry['level'] == 'error' and not expected:
                 self.faults.append(str(entry))
 
@@ -292,5 +293,7 @@ def test_a_lost_connection_is_reported_and_made_again(tmp_path) -> None:
         scene.serve()
         await tab.until("document.querySelector('#live').textContent.startsWith('Stale')")
         await tab.until("document.querySelector('.panel-chart svg').dataset.points === '2'")
+        # pictures that the closed server could not send as well
+        await tab.until("[...document.querySelectorAll('.map img')].every((i) => i.naturalWidth)")
 
     in_browser(tmp_path, work)
