@@ -21,6 +21,10 @@ FloatArray = NDArray[np.floating]
 FLUSHED = 30.0
 """Exchanges of the water of a disc after which only injected water is in it (exp(-30) = 1e-13)."""
 
+NEAR_WELL = 0.25
+"""Longest step of a path toward the middle of a well, in distances from it: a longer one would
+jump over a well that is narrower than an element."""
+
 
 @dataclass(frozen=True)
 class Carrier:
@@ -158,6 +162,16 @@ def _read(
 
 
 @numba.njit(cache=True, nogil=True)
+def _longest_path(x: float, z: float, reach: float, wells: FloatArray) -> float:
+    """Return the longest path [m] of one step at a point: `reach`, or less near running wells."""
+    for w in range(wells.shape[0]):
+        if wells[w, 3] != 0.0:
+            distance = math.hypot(x - wells[w, 0], z - wells[w, 1])
+            reach = min(reach, max(NEAR_WELL * distance, wells[w, 2]))
+    return reach
+
+
+@numba.njit(cache=True, nogil=True)
 def _trace(
     xs: FloatArray,
     zs: FloatArray,
@@ -195,8 +209,8 @@ def _trace(
             if speed * remaining < 1e-12 and rate == 0.0:
                 break
             step = remaining
-            if speed * step > reach:
-                step = reach / speed
+            if speed * step > NEAR_WELL * reach:
+                step = min(step, _longest_path(x, z, reach, wells) / speed)
             if rate * step > 0.5:
                 step = 0.5 / rate
             half = 0.5 * step

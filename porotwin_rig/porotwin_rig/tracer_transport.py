@@ -169,7 +169,10 @@ class TracerTransport:
         due = self.mobile_mass(tracer) + gained - lost
         highest = max(float(field.max()), *(rate.concentration for rate in rates.values()), 0.0)
         volume = self._storage * self._area
-        corrected = with_mass(carried, low, high, volume, due=due, highest=highest)
+        corrected = with_mass(
+            carried, low, high, volume,
+            due=due, highest=highest, injected=self._unseen_injection(carrier),
+        )  # fmt: skip
         return tracer._replace(mobile=corrected), replace(
             balance,
             injected=balance.injected + gained,
@@ -177,6 +180,24 @@ class TracerTransport:
             corrected=balance.corrected
             + abs(float(np.sum((corrected - carried) * self._storage * self._area))),
         )
+
+    def _unseen_injection(self, carrier: Carrier) -> FloatArray:
+        """Return the injected concentration [-] at the vertices around wells, (nz + 1, nx + 1).
+
+        Only wells count whose disc holds no vertex: as long as their plume is smaller than an
+        element, no characteristic ends in it.
+        """
+        found = np.zeros(self._mesh.shape)
+        for x, z, radius, rate, concentration in carrier.wells:
+            i = min(int(x / self._mesh.hx), self._mesh.nx - 1)
+            j = min(int(z / self._mesh.hz), self._mesh.nz - 1)
+            corners = np.s_[j : j + 2, i : i + 2]
+            distance = np.hypot(
+                self._mesh.x[None, i : i + 2] - x, self._mesh.z[j : j + 2, None] - z
+            )
+            if rate > 0.0 and distance.min() > radius:
+                found[corners] = np.maximum(found[corners], concentration)
+        return found
 
     def _lost_in_wells(
         self,
@@ -242,11 +263,13 @@ def with_mass(
     *,
     due: float,
     highest: float,
+    injected: FloatArray,
 ) -> FloatArray:
     """Return `field` changed so that sum(field * volume) = `due`, within 0 and `highest`.
 
-    Values change within [low, high], in proportion to their room. The bounds differ at fronts
-    only, so only fronts change. A remainder goes to the vertices beside tracer, then anywhere.
+    Missing tracer fills the vertices of `injected` first. Then values change within [low, high],
+    in proportion to their room. The bounds differ at fronts only, so only fronts change. A
+    remainder goes to the vertices beside tracer, then anywhere.
 
     Args:
         field: carried concentration, (nz + 1, nx + 1).
@@ -255,10 +278,13 @@ def with_mass(
         volume: storage volume of the boxes [m^3], same shape.
         due: wanted volume of stock [m^3].
         highest: highest concentration in the rig and in the wells.
+        injected: concentration around wells whose plume may be smaller than an element, 0
+            elsewhere, same shape.
     """
     near_tracer = (high > BESIDE_TRACER * highest).astype(np.uint8)
     beside = np.asarray(cv2.dilate(near_tracer, np.ones((3, 3))), bool)
     for lowest_now, highest_now in (
+        (field, injected),
         (low, high),
         (low, high),
         (np.where(beside, 0.0, field), np.where(beside, highest, field)),

@@ -134,6 +134,34 @@ def test_correction_of_the_mass_is_small_beside_what_was_injected() -> None:
     assert asset.balance.corrected < 3e-3 * asset.balance.injected
 
 
+def coarse_rig(rate_ml_h: float) -> VirtualRig:
+    """Return a rig on elements of 12.5 mm with a well of 2 mm in the middle of an element."""
+    wells = {
+        'injector': {'x_m': 0.25625, 'z_m': 0.25625, 'radius_m': 0.002},
+        'producer': {'x_m': 0.7, 'z_m': 0.25, 'radius_m': 0.002},
+    }
+    rig = make_rig(control=None, wells=wells, boundaries={'top': 'closed'})
+    asset = VirtualRig(rig, cell=0.0125)
+    asset.set_rates(rates(injector=(rate_ml_h, 1.0), producer=-rate_ml_h))
+    return asset
+
+
+def test_plume_smaller_than_an_element_stays_at_its_well() -> None:
+    asset = coarse_rig(5.0)
+    run(asset, 180.0, 15.0)
+    seen = asset.visible()
+    assert (seen > 0.5 * seen.max()).sum() == 4
+    assert np.sort(seen.ravel())[-5] < 0.1 * seen.max()
+    assert asset.total_mass() == pytest.approx(from_ml_h(5.0) * 180.0)
+
+
+def test_paths_do_not_jump_over_a_well_narrower_than_an_element() -> None:
+    asset = coarse_rig(600.0)
+    run(asset, 300.0)
+    assert asset.balance.corrected < 0.05 * asset.balance.injected
+    assert asset.visible().max() == pytest.approx(1.0, abs=1e-3)
+
+
 def test_reporting_grid_keeps_the_mass() -> None:
     asset = VirtualRig(make_rig(), cell=0.006)
     asset.set_rates(rates(injector=(500.0, 1.0), producer=-500.0))
