@@ -7,6 +7,7 @@ from diagnosis_examples import fit_of, sample_of
 
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.levels import make_levels
+from porotwin_diagnosis.search.prior import Prior
 
 NULL = fit_of(misfit=6.0)
 
@@ -40,6 +41,15 @@ def test_the_most_probable_group_of_close_rivals_comes_first():
     assert [fit.label for fit in compared] == ['porosity', 'retardation', 'depth', 'leak']
     assert levels.best == 'porosity'
     assert {round(fit.fitted_misfit, 6) for fit in compared[:3]} == {round(1.25 / 3, 6)}
+
+
+def test_an_earlier_finding_decides_between_close_rivals():
+    singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
+    singles += [fit_of('retardation', misfit=0.46), fit_of('leak', misfit=3.0)]
+    believed = Prior({'retardation': 0.9, 'leak': 0.1})
+    levels, compared = compared_rivals(CorrectedAt(), singles, NULL, believed)
+    assert [fit.label for fit in compared] == ['retardation', 'porosity', 'depth', 'leak']
+    assert levels.best == 'retardation'
 
 
 @pytest.mark.parametrize('second', [fit_of('leak', misfit=1.2), fit_of('rate', misfit=5.0)])

@@ -30,6 +30,7 @@ from porotwin_diagnosis.search.effect_pairs import (
 )
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
+from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
     first_of_each_effect,
@@ -70,6 +71,7 @@ def search_effects(
     samples: Sequence[Sample],
     *,
     excluded: Collection[str] = (),
+    prior: Prior = NO_PRIOR,
     progress: Progress = lambda _stage, _share: None,
     crew: Crew | None = None,
 ) -> SearchResult:
@@ -78,6 +80,7 @@ def search_effects(
     Args:
         samples: the recordings; an effect has the same parameters in all of them.
         excluded: names of effects to leave out.
+        prior: the belief before these recordings; it decides between close rivals.
         progress: called with the stage and the fraction done, up to about 0.9.
         crew: runs the simulations; None: one at a time.
 
@@ -101,8 +104,8 @@ def search_effects(
     if normalised_misfit(singles[0]) > EXPLAINED_MISFIT:
         levels, findings = _with_combinations(levels, space, findings)
     levels, singles = fitted_again_alone(levels, findings)
-    levels, singles = compared_rivals(levels, singles, findings.null)
-    findings = replace(findings, singles=singles)
+    levels, singles = compared_rivals(levels, singles, findings.null, prior)
+    findings = replace(findings, singles=singles, prior=prior)
     return SearchResult(_with_distances(levels, findings), levels)
 
 
