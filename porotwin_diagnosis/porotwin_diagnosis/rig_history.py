@@ -200,7 +200,9 @@ def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     last = earlier[-1]
     if new.verdict == NONE and last.verdict not in (NONE, UNEXPLAINED):
         lines.append(f'{_spoken(last.verdict)}, found on {last.date[:10]}, is not there any more')
-    fresh = sorted(named - {value.effect for found in earlier for value in found.values})
+    known = {found.verdict for found in earlier}
+    known |= {value.effect for found in earlier for value in found.values}
+    fresh = sorted(named - known)
     lines += [f'{_spoken(name)}: new; no earlier recording showed it' for name in fresh]
     return lines
 

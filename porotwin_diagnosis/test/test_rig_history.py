@@ -62,6 +62,8 @@ def test_causes_that_come_and_go_are_told():
     assert 'the first belief' in compared([], found(0.7))[0]
     gone = PastFinding(TUESDAY, 'run', 'none', 0.9)
     assert compared([found(0.7)], gone) == ['rate, found on 2026-11-23, is not there any more']
+    named = PastFinding(MONDAY, 'run', 'rate', 0.9)
+    assert compared([named], found(0.7, TUESDAY)) == []
     leak = replace(gone, verdict='leak', values=(Value('leak', '', 'rate', 9.0, 8.0, 10.0),))
     assert compared([found(0.7)], leak) == ['leak: new; no earlier recording showed it']
 

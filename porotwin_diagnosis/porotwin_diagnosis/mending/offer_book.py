@@ -9,6 +9,10 @@ from porotwin_diagnosis.mending.finding import Cause, Finding
 NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
 
+REPEATED_CONFIDENCE = 0.8
+"""Least confidence of a cause that two diagnoses in a row have named: the second one has seen more
+photographs than the first one."""
+
 
 class OfferState(Enum):
     """The state of an offer; `MendOffer` has the same values."""
@@ -53,8 +57,9 @@ class OfferBook:
     """The newest offer, and the causes that were declined before."""
 
     def __init__(self, least_confidence: float) -> None:
-        """Offer findings of at least this confidence [-]."""
+        """Offer findings of at least this confidence [-], or less surely named twice in a row."""
         self._least_confidence = least_confidence
+        self._last: Finding | None = None
         self._declined: dict[Cause, float] = {}
         self.newest: Offer | None = None
 
@@ -73,7 +78,8 @@ class OfferBook:
         if self.open is not None and self.open.finding.cause == finding.cause:
             return [], f'offer {self.open.sequence} already says so and waits for an answer'
         changed = self._expired(finding)
-        doubt = finding.doubt(self._least_confidence) or self._old_news(finding)
+        doubt = finding.doubt(self._needed(finding)) or self._old_news(finding)
+        self._last = finding
         if doubt:
             return changed, doubt
         number = self.newest.sequence + 1 if self.newest is not None else 1
@@ -81,6 +87,16 @@ class OfferBook:
         if self.newest.is_notice:
             self._decline(finding)
         return [*changed, self.newest], ''
+
+    def _needed(self, finding: Finding) -> float:
+        """Return the least confidence [-] of an offer of this finding."""
+        last = self._last
+        twice = (
+            last is not None
+            and last.cause == finding.cause
+            and last.confidence >= REPEATED_CONFIDENCE
+        )
+        return min(self._least_confidence, REPEATED_CONFIDENCE) if twice else self._least_confidence
 
     def _expired(self, finding: Finding) -> list[Offer]:
         waiting = self.open
