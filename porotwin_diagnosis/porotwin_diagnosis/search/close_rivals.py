@@ -12,17 +12,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import lack_of_fit, larger_misfit, log_odds_against
-from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS
+from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS, WORSENED
 
 
 def compared_rivals(levels: Levels, singles: Sequence[Fit], null: Fit) -> Judgement:
     """Return judged `singles`, with the close rivals of the first one compared on equal terms.
 
     Rivals that look the same form a group, whose probabilities add up. The most probable group
-    comes first. The levels are corrected at the first fit.
+    comes first. A group whose first fit the held-out maps contradict comes behind the others. The
+    levels are corrected at the first fit.
 
     Args:
         levels: the levels of the recordings.
@@ -39,7 +41,8 @@ def compared_rivals(levels: Levels, singles: Sequence[Fit], null: Fit) -> Judgem
     others = [fit for fit in singles if fit.label not in labels]
     groups = _groups(levels, _on_equal_terms(levels, rivals))
     best = min(larger_misfit(fit) for group in groups for fit in group)
-    groups.sort(key=lambda group: -_probability(group, best))
+    contradicted = contradicted_fits(levels, [group[0] for group in groups], null)
+    groups.sort(key=lambda group: (group[0].label in contradicted, -_probability(group, best)))
     ordered = [*(fit for group in groups for fit in group), *others]
     return Judgement(levels.corrected_at(ordered[0]), ordered)
 
@@ -68,6 +71,27 @@ def _on_equal_terms(levels: Levels, rivals: Sequence[Fit]) -> list[Fit]:
         )
 
     return sorted((mean(fit) for fit in rivals), key=larger_misfit)
+
+
+def contradicted_fits(levels: Levels, fits: Sequence[Fit], null: Fit) -> set[str]:
+    """Return the labels of the `fits` that predict the held-out maps worse than the `null` model.
+
+    The predictions are blurred as the camera blurs them. An effect may fit the fronts, where the
+    misfit counts, and be wrong in the whole plume.
+    """
+    limit = WORSENED * _blurred_error(levels, null)
+    return {fit.label for fit in fits if _blurred_error(levels, fit) > limit}
+
+
+def _blurred_error(levels: Levels, fit: Fit) -> float:
+    judging = levels.judging
+    errors = [
+        forward.sample.relative_error(
+            blurred(forward.maps(fit.effects), judging.point_spread_width)
+        )
+        for forward in judging.forwards
+    ]
+    return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def _groups(levels: Levels, rivals: Sequence[Fit]) -> list[list[Fit]]:
