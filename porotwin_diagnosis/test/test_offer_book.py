@@ -37,6 +37,25 @@ def test_a_newer_diagnosis_ends_an_offer(book):
     assert book.open is None
 
 
+def test_a_cause_that_two_verdicts_in_a_row_name_is_offered_at_less_confidence(book):
+    assert 'below 0.9' in book.consider(finding(confidence=0.84), 600.0)[1]
+    (offer,) = offered(book, finding(weak_pump(0.72), confidence=0.82), 900.0)
+    assert offer.state is OfferState.OFFERED
+
+
+@pytest.mark.parametrize(
+    ('first', 'second'),
+    [
+        (finding(confidence=0.78), finding(confidence=0.85)),
+        (finding(confidence=0.85), finding(confidence=0.78)),
+        (finding(weak_pump(well='producer'), confidence=0.85), finding(confidence=0.85)),
+    ],
+)
+def test_two_verdicts_that_are_unsure_or_differ_are_not_offered(book, first, second):
+    assert book.consider(first, 600.0)[1]
+    assert book.consider(second, 900.0)[1]
+
+
 @pytest.mark.parametrize('end', ['refuse', 'take_back'])
 def test_a_declined_cause_is_offered_again_only_with_a_larger_gap(book, end):
     offered(book, finding(before=0.2))

@@ -10,6 +10,11 @@ NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
 
 
+REPEATED_CONFIDENCE = 0.8
+"""Least confidence of each of two verdicts in a row that name the same cause, for an offer. The
+second one has seen more photographs, and still says the same."""
+
+
 class OfferState(Enum):
     """The state of an offer; `MendOffer` has the same values."""
 
@@ -56,6 +61,7 @@ class OfferBook:
         """Offer findings of at least this confidence [-]."""
         self._least_confidence = least_confidence
         self._declined: dict[Cause, float] = {}
+        self._last: Finding | None = None
         self.newest: Offer | None = None
 
     @property
@@ -70,10 +76,11 @@ class OfferBook:
             finding: the newest verdict.
             stamp: time of the last photograph in the diagnosis [s].
         """
+        least, self._last = self._least_confidence_of(finding), finding
         if self.open is not None and self.open.finding.cause == finding.cause:
             return [], f'offer {self.open.sequence} already says so and waits for an answer'
         changed = self._expired(finding)
-        doubt = finding.doubt(self._least_confidence) or self._old_news(finding)
+        doubt = finding.doubt(least) or self._old_news(finding)
         if doubt:
             return changed, doubt
         number = self.newest.sequence + 1 if self.newest is not None else 1
@@ -81,6 +88,13 @@ class OfferBook:
         if self.newest.is_notice:
             self._decline(finding)
         return [*changed, self.newest], ''
+
+    def _least_confidence_of(self, finding: Finding) -> float:
+        """Return the least confidence [-] of an offer; a cause named twice in a row needs less."""
+        last = self._last
+        if last is None or last.cause != finding.cause or last.confidence < REPEATED_CONFIDENCE:
+            return self._least_confidence
+        return min(self._least_confidence, REPEATED_CONFIDENCE)
 
     def _expired(self, finding: Finding) -> list[Offer]:
         waiting = self.open

@@ -16,6 +16,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import misfit, noise_misfit
+from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
@@ -188,6 +189,17 @@ class Fitter:
             unshared_misfit=misfit(self.samples, unshared),
         )
         return with_noise_share(fit, self.noise_share)
+
+    def blurred_error(self, fit: Fit) -> float:
+        """Return the relative L2 error [-] of the held-out maps, with the blur of the camera.
+
+        Raises:
+            InputError: the model cannot run with the fit.
+        """
+        maps = [
+            blurred(forward.maps(fit.effects), self.point_spread_width) for forward in self.forwards
+        ]
+        return self._relative_error(maps, held_out=True)
 
     def distance(self, one: Fit, other: Fit) -> float:
         """Return the whitened root mean square difference [-] of two predictions.

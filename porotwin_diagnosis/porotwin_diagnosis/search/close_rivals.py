@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import lack_of_fit, larger_misfit, log_odds_against
@@ -79,19 +78,9 @@ def contradicted_fits(levels: Levels, fits: Sequence[Fit], null: Fit) -> set[str
     The predictions are blurred as the camera blurs them. An effect may fit the fronts, where the
     misfit counts, and be wrong in the whole plume.
     """
-    limit = WORSENED * _blurred_error(levels, null)
-    return {fit.label for fit in fits if _blurred_error(levels, fit) > limit}
-
-
-def _blurred_error(levels: Levels, fit: Fit) -> float:
-    judging = levels.judging
-    errors = [
-        forward.sample.relative_error(
-            blurred(forward.maps(fit.effects), judging.point_spread_width)
-        )
-        for forward in judging.forwards
-    ]
-    return float(np.sqrt(np.mean(np.square(errors))))
+    blurred_error = levels.judging.blurred_error
+    limit = WORSENED * blurred_error(null)
+    return {fit.label for fit in fits if blurred_error(fit) > limit}
 
 
 def _groups(levels: Levels, rivals: Sequence[Fit]) -> list[list[Fit]]:
