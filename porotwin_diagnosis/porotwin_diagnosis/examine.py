@@ -28,6 +28,7 @@ from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
 from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD, Levels
+from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import preset_named
 
@@ -40,6 +41,7 @@ def examine(
     *,
     preset: str = ACCURATE,
     excluded: Sequence[str] = (),
+    prior: Prior = NO_PRIOR,
     crew: Crew | None = None,
     progress: Progress = no_progress,
 ) -> Diagnosis:
@@ -49,6 +51,7 @@ def examine(
         recordings: at least one recording; an effect has the same size in all of them.
         preset: preset of the solver whose gap is diagnosed.
         excluded: names of effects to leave out.
+        prior: the belief that earlier recordings of this rig have left.
         crew: runs the simulations; None: one at a time.
         progress: called with the stage and the fraction done, below 0.98.
 
@@ -63,7 +66,9 @@ def examine(
     progress('reading the recording', 0.0)
     samples = tuple(read_sample(recording) for recording in recordings)
     gap = map_gap(*recordings, preset='fast' if preset == ACCURATE else preset)
-    findings, levels = search_effects(samples, excluded=excluded, crew=crew, progress=progress)
+    findings, levels = search_effects(
+        samples, excluded=excluded, prior=prior, crew=crew, progress=progress
+    )
     progress('measuring intervals', 0.92)
     findings, explanation = with_intervals(levels.refining, findings, explain(findings))
     numerics = measure_numerics(samples, findings.null, explanation.model, preset=preset)

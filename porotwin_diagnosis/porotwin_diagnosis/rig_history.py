@@ -16,6 +16,7 @@ from typing import Any
 from porotwin_core.errors import InputError
 from porotwin_core.units import DAY_S
 from porotwin_diagnosis.decision.verdict import NONE, UNEXPLAINED
+from porotwin_diagnosis.search.prior import Prior
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number, reading
 
@@ -54,13 +55,17 @@ class Value:
 
 @dataclass(frozen=True)
 class PastFinding:
-    """The finding of one diagnosis, with the date of its recording."""
+    """The finding of one diagnosis, with the date of its recording.
+
+    `probabilities` are those of every effect by name, as `diagnosis.json` states them.
+    """
 
     date: str
     recording: str
     verdict: str
     confidence: float
     values: tuple[Value, ...] = field(default=())
+    probabilities: dict[str, float] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -92,6 +97,7 @@ def finding_from(summary: dict[str, Any], recording: Path) -> PastFinding:
         str(summary['verdict']),
         float(summary['confidence']),
         tuple(values),
+        {row['name']: float(row['probability']) for row in summary['effects']},
     )
 
 
@@ -153,6 +159,22 @@ def belief(findings: Sequence[PastFinding]) -> dict[tuple[str, str, str], Value]
     return {key: _weighted(values) for key, values in found.items()}
 
 
+def prior_from(findings: Sequence[PastFinding]) -> Prior:
+    """Return the belief before the next recording, from all `findings` so far.
+
+    The newest finding tells the probabilities: it was itself made with the belief of the earlier
+    ones. After an unexplained gap nothing is believed.
+    """
+    if not findings or findings[-1].verdict == UNEXPLAINED:
+        return Prior()
+    last = findings[-1]
+    probabilities = last.probabilities or {last.verdict: last.confidence}
+    if last.verdict == NONE:
+        probabilities = {**probabilities, NONE: last.confidence}
+    values = {key: (value.value, value.deviation) for key, value in belief(findings).items()}
+    return Prior(probabilities, values)
+
+
 def _weighted(values: Sequence[Value]) -> Value:
     least = min((one.deviation for one in values if one.deviation > 0.0), default=1.0)
     weights = [1.0 / max(one.deviation, 1e-3 * least) ** 2 for one in values]
@@ -165,11 +187,11 @@ def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     """Return lines that compare a `new` finding with the `earlier` ones."""
     if not earlier:
         return ['no earlier finding: this one is the first belief']
-    expected = belief(earlier)
+    expected, together = belief(earlier), belief([*earlier, new])
     lines = [
-        f'{_of(value)}: {_number(value, value.value)} now; believed before: '
-        f'{_number(value, expected[value.key].value)} '
-        f'({_number(value, expected[value.key].low)} to {_number(value, expected[value.key].high)})'
+        f'{_of(value)}: {_number(value, value.value)} now; '
+        f'believed before: {_with_interval(expected[value.key])}; '
+        f'together: {_with_interval(together[value.key])}'
         for value in new.values
         if value.key in expected
     ]
@@ -178,7 +200,9 @@ def compared(earlier: Sequence[PastFinding], new: PastFinding) -> list[str]:
     last = earlier[-1]
     if new.verdict == NONE and last.verdict not in (NONE, UNEXPLAINED):
         lines.append(f'{_spoken(last.verdict)}, found on {last.date[:10]}, is not there any more')
-    fresh = sorted(named - {value.effect for found in earlier for value in found.values})
+    known = {found.verdict for found in earlier}
+    known |= {value.effect for found in earlier for value in found.values}
+    fresh = sorted(named - known)
     lines += [f'{_spoken(name)}: new; no earlier recording showed it' for name in fresh]
     return lines
 
@@ -206,6 +230,11 @@ def _of(value: Value) -> str:
 
 def _spoken(name: str) -> str:
     return name.replace('_', ' ')
+
+
+def _with_interval(value: Value) -> str:
+    middle, low, high = (_number(value, one) for one in (value.value, value.low, value.high))
+    return f'{middle} ({low} to {high})'
 
 
 def _number(value: Value, amount: float) -> str:

@@ -7,6 +7,7 @@ from diagnosis_examples import fit_of, sample_of
 
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.levels import make_levels
+from porotwin_diagnosis.search.prior import Prior
 
 NULL = fit_of(misfit=6.0)
 
@@ -49,6 +50,15 @@ def test_a_rival_that_the_held_out_maps_contradict_comes_behind_the_others():
     singles = [fit_of('clock', misfit=0.41, error=0.12), fit_of('leak', misfit=0.44, error=0.04)]
     _, compared = compared_rivals(CorrectedAt(), singles, NULL)
     assert [fit.label for fit in compared] == ['leak', 'clock']
+
+
+def test_an_earlier_finding_decides_between_close_rivals():
+    singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
+    singles += [fit_of('retardation', misfit=0.46), fit_of('leak', misfit=3.0)]
+    believed = Prior({'retardation': 0.9, 'leak': 0.1})
+    levels, compared = compared_rivals(CorrectedAt(), singles, NULL, believed)
+    assert [fit.label for fit in compared] == ['retardation', 'porosity', 'depth', 'leak']
+    assert levels.best == 'retardation'
 
 
 @pytest.mark.parametrize('second', [fit_of('leak', misfit=1.2), fit_of('rate', misfit=5.0)])

@@ -48,6 +48,7 @@ def test_the_sentence_names_the_cause_and_the_size_of_the_improvement():
     ('changed', 'words'),
     [
         ({'confidence': 0.89}, 'rate with confidence 0.89, below 0.9'),
+        ({'confidence': 0.8999}, 'rate with confidence 0.89, below 0.9'),
         ({'before': 0.1, 'after': 0.08}, 'closes too little of the gap'),
         ({'before': 0.031, 'after': 0.03}, 'closes too little of the gap'),
     ],

@@ -1,11 +1,16 @@
 """The stated probabilities of effects agree with the confidence of the verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from diagnosis_examples import fit_of
 
-from porotwin_diagnosis.decision.probabilities import stated_probabilities
+from porotwin_diagnosis.decision.probabilities import effect_probabilities, stated_probabilities
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.prior import Prior
 
 MODEL = Fit((), np.zeros(0), 1.0, 1.0, 0.1, 0.1, np.zeros((0, 0)))
 RAW = {'porosity': 0.45, 'rate': 0.45, 'depth': 0.08, 'leak': 0.02, 'none': 0.0}
@@ -41,3 +46,14 @@ def test_the_second_member_has_the_confidence_of_the_pair():
     found = shares('porosity', 0.8, members=('porosity', 'clock'))
     assert found['clock'] == pytest.approx(0.8)
     assert found['rate'] < 0.2
+
+
+def test_an_earlier_finding_changes_the_odds_of_effects_that_look_alike():
+    singles = [fit_of('porosity', misfit=0.4), fit_of('retardation', misfit=0.4)]
+    findings = Findings(fit_of(misfit=6.0), fit_of(misfit=6.0), [], singles, distances=[0.0, 0.01])
+    equal = effect_probabilities(findings)
+    assert equal['porosity'] == pytest.approx(equal['retardation'])
+    told = effect_probabilities(replace(findings, prior=Prior({'retardation': 0.9})))
+    assert next(iter(told)) == 'retardation'
+    assert told['retardation'] / told['porosity'] > 50
+    assert sum(told.values()) == pytest.approx(1.0)

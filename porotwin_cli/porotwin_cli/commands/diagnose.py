@@ -37,7 +37,9 @@ def command(
     ] = False,
     history: Annotated[
         Path | None,
-        typer.Option(help='Folder with earlier findings on this rig; the new finding is added.'),
+        typer.Option(
+            help='Folder of earlier findings on this rig, the starting belief; adds the new one.'
+        ),
     ] = None,
     namespace: Namespace = NAMESPACE,
     domain: Domain = None,
@@ -71,7 +73,7 @@ def command(
     from porotwin_diagnosis.examine import SIMULATION_BYTES, examine
     from porotwin_diagnosis.kept_simulations import KeptSimulations
     from porotwin_diagnosis.report.report_folder import checked_folder, write_diagnosis
-    from porotwin_diagnosis.rig_history import read_history
+    from porotwin_diagnosis.rig_history import prior_from, read_history
     from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import EFFECTS
@@ -97,6 +99,7 @@ def command(
         return
     opened = [open_recording(recording, rig=own) for recording in recordings]
     folder = checked_folder(output, recordings)
+    names = {str(recording) for recording in recordings}
     pool = crew(
         workers=workers, scheduler=scheduler, threads=True, task_bytes=SIMULATION_BYTES, tell=say
     )
@@ -109,7 +112,13 @@ def command(
         simulations = KeptSimulations(pool, folder)
         if simulations.found:
             say(f'going on with {simulations.found} simulations of an interrupted call')
-        result = examine(opened, preset=preset, crew=simulations, progress=show)
+        result = examine(
+            opened,
+            preset=preset,
+            prior=prior_from([found for found in earlier if found.recording not in names]),
+            crew=simulations,
+            progress=show,
+        )
         summary = write_diagnosis(result, folder, apply=apply, progress=show)
         simulations.remove()
     told = _remember(history, earlier, summary, recordings[0]) if history is not None else []

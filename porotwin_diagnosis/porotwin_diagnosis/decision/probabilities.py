@@ -17,21 +17,31 @@ def effect_probabilities(findings: Findings) -> dict[str, float]:
     - For a judged effect they follow from its misfit. They are 0 if it looks the same as the best.
     - For an effect that was only screened they follow from its misfit on coarse cells. They are at
       least `SCREENED_LOG_ODDS`.
+
+    The belief before the recording multiplies each exp(-l_i).
     """
     log_odds: dict[str, float] = {}
+    believed: dict[str, float] = {}
+    prior = findings.prior
     best = larger_misfit(findings.singles[0])
     for fit, distance in zip(findings.singles, findings.distances, strict=True):
         against = (
             0.0 if distance < INDISTINGUISHABLE else log_odds_against(larger_misfit(fit), best)
         )
         log_odds.setdefault(fit.members[0].effect, -against)
+        believed.setdefault(fit.members[0].effect, prior.weight(fit.effects))
     screened = {fit.label: larger_misfit(fit) for fit in reversed(findings.screened)}
     best_screened = screened.get(findings.singles[0].label, 0.0)
     for fit in findings.screened:
         against = max(log_odds_against(larger_misfit(fit), best_screened), SCREENED_LOG_ODDS)
         log_odds.setdefault(fit.members[0].effect, -against)
+        believed.setdefault(fit.members[0].effect, prior.weight(fit.effects))
+    believed[NONE] = prior.weight(())
     log_odds[NONE] = -log_odds_against(larger_misfit(findings.null), best)
-    weights = {name: math.exp(max(value, LEAST_LOG_ODDS)) for name, value in log_odds.items()}
+    weights = {
+        name: believed[name] * math.exp(max(value, LEAST_LOG_ODDS))
+        for name, value in log_odds.items()
+    }
     total = sum(weights.values())
     probabilities = {name: weight / total for name, weight in weights.items()}
     return dict(sorted(probabilities.items(), key=lambda item: -item[1]))

@@ -1,6 +1,7 @@
 """The verdict of a diagnosis for the running twin: reads diagnosis.json and checks the verdict."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,9 +72,8 @@ class Finding:
         if not self.names_a_cause:
             return f'a gap of {_percent(self.error_before)} that no known effect explains'
         if self.confidence < least_confidence:
-            return (
-                f'{self.verdict} with confidence {self.confidence:.2f}, below {least_confidence:g}'
-            )
+            rounded_down = math.floor(100.0 * self.confidence + 1e-9) / 100.0
+            return f'{self.verdict} with confidence {rounded_down:.2f}, below {least_confidence:g}'
         gained = self.error_after <= (1.0 - LEAST_GAIN) * self.error_before
         if self.closed < LEAST_CLOSED or not gained:
             return (

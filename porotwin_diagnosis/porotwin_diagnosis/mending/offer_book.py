@@ -9,10 +9,9 @@ from porotwin_diagnosis.mending.finding import Cause, Finding
 NEW_EVIDENCE = 1.25
 """Factor by which the error of the model has grown when a declined cause is offered again."""
 
-
 REPEATED_CONFIDENCE = 0.8
-"""Least confidence of each of two verdicts in a row that name the same cause, for an offer. The
-second one has seen more photographs, and still says the same."""
+"""Least confidence of a cause that two diagnoses in a row have named: the second one has seen more
+photographs than the first one."""
 
 
 class OfferState(Enum):
@@ -58,10 +57,10 @@ class OfferBook:
     """The newest offer, and the causes that were declined before."""
 
     def __init__(self, least_confidence: float) -> None:
-        """Offer findings of at least this confidence [-]."""
+        """Offer findings of at least this confidence [-], or less surely named twice in a row."""
         self._least_confidence = least_confidence
-        self._declined: dict[Cause, float] = {}
         self._last: Finding | None = None
+        self._declined: dict[Cause, float] = {}
         self.newest: Offer | None = None
 
     @property
@@ -76,11 +75,11 @@ class OfferBook:
             finding: the newest verdict.
             stamp: time of the last photograph in the diagnosis [s].
         """
-        least, self._last = self._least_confidence_of(finding), finding
         if self.open is not None and self.open.finding.cause == finding.cause:
             return [], f'offer {self.open.sequence} already says so and waits for an answer'
         changed = self._expired(finding)
-        doubt = finding.doubt(least) or self._old_news(finding)
+        doubt = finding.doubt(self._needed(finding)) or self._old_news(finding)
+        self._last = finding
         if doubt:
             return changed, doubt
         number = self.newest.sequence + 1 if self.newest is not None else 1
@@ -89,12 +88,15 @@ class OfferBook:
             self._decline(finding)
         return [*changed, self.newest], ''
 
-    def _least_confidence_of(self, finding: Finding) -> float:
-        """Return the least confidence [-] of an offer; a cause named twice in a row needs less."""
+    def _needed(self, finding: Finding) -> float:
+        """Return the least confidence [-] of an offer of this finding."""
         last = self._last
-        if last is None or last.cause != finding.cause or last.confidence < REPEATED_CONFIDENCE:
-            return self._least_confidence
-        return min(self._least_confidence, REPEATED_CONFIDENCE)
+        twice = (
+            last is not None
+            and last.cause == finding.cause
+            and last.confidence >= REPEATED_CONFIDENCE
+        )
+        return min(self._least_confidence, REPEATED_CONFIDENCE) if twice else self._least_confidence
 
     def _expired(self, finding: Finding) -> list[Offer]:
         waiting = self.open

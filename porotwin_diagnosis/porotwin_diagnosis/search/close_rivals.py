@@ -14,26 +14,30 @@ import numpy as np
 
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.search.levels import Judgement, Levels
+from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import lack_of_fit, larger_misfit, log_odds_against
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, RIVAL_LOG_ODDS, WORSENED
 
 
-def compared_rivals(levels: Levels, singles: Sequence[Fit], null: Fit) -> Judgement:
+def compared_rivals(
+    levels: Levels, singles: Sequence[Fit], null: Fit, prior: Prior = NO_PRIOR
+) -> Judgement:
     """Return judged `singles`, with the close rivals of the first one compared on equal terms.
 
     Rivals that look the same form a group, whose probabilities add up. The most probable group
-    comes first. A group whose first fit the held-out maps contradict comes behind the others. The
-    levels are corrected at the first fit.
+    comes first, and its most probable fit. A group whose first fit the held-out maps contradict
+    comes behind the others. The levels are corrected at the first fit.
 
     Args:
         levels: the levels of the recordings.
         singles: judged fits of single effects, the most plausible first.
         null: the judged model without effects.
+        prior: the belief before this recording.
 
     Raises:
         InputError: the model cannot run with one of the fits.
     """
-    rivals = _rivals(singles, null)
+    rivals = _rivals(singles, null, prior)
     if len(rivals) < 2:
         return Judgement(levels, list(singles))
     labels = {fit.label for fit in rivals}
@@ -41,19 +45,26 @@ def compared_rivals(levels: Levels, singles: Sequence[Fit], null: Fit) -> Judgem
     groups = _groups(levels, _on_equal_terms(levels, rivals))
     best = min(larger_misfit(fit) for group in groups for fit in group)
     contradicted = contradicted_fits(levels, [group[0] for group in groups], null)
-    groups.sort(key=lambda group: (group[0].label in contradicted, -_probability(group, best)))
-    ordered = [*(fit for group in groups for fit in group), *others]
+    groups.sort(
+        key=lambda group: (group[0].label in contradicted, -_probability(group, best, prior))
+    )
+    ordered = [
+        *(fit for g in groups for fit in sorted(g, key=lambda f: -_probability([f], best, prior))),
+        *others,
+    ]
     return Judgement(levels.corrected_at(ordered[0]), ordered)
 
 
-def _rivals(singles: Sequence[Fit], null: Fit) -> list[Fit]:
+def _rivals(singles: Sequence[Fit], null: Fit, prior: Prior) -> list[Fit]:
     """Return the first of `singles` and its close rivals, if all of them explain the recording."""
-    best = larger_misfit(singles[0])
+    best, believed = larger_misfit(singles[0]), prior.weight(singles[0].effects)
     return [
         fit
         for fit in singles
         if lack_of_fit(fit, null) <= 1.0
-        and log_odds_against(larger_misfit(fit), best) < RIVAL_LOG_ODDS
+        and log_odds_against(larger_misfit(fit), best)
+        + min(math.log(believed / prior.weight(fit.effects)), 0.0)
+        < RIVAL_LOG_ODDS
     ]
 
 
@@ -96,7 +107,10 @@ def _groups(levels: Levels, rivals: Sequence[Fit]) -> list[list[Fit]]:
     return groups
 
 
-def _probability(group: Sequence[Fit], best: float) -> float:
+def _probability(group: Sequence[Fit], best: float, prior: Prior) -> float:
     """Return the probability of a `group`, not normalised; `best` is the least misfit of all."""
     effects = {fit.members[0].effect: fit for fit in reversed(group)}
-    return sum(math.exp(-log_odds_against(larger_misfit(f), best)) for f in effects.values())
+    return sum(
+        prior.weight(fit.effects) * math.exp(-log_odds_against(larger_misfit(fit), best))
+        for fit in effects.values()
+    )

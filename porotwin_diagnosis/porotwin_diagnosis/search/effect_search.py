@@ -35,6 +35,7 @@ from porotwin_diagnosis.search.noise_bound import (
     with_bounded_levels,
     with_measured_noise,
 )
+from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
     first_of_each_effect,
@@ -75,6 +76,7 @@ def search_effects(
     samples: Sequence[Sample],
     *,
     excluded: Collection[str] = (),
+    prior: Prior = NO_PRIOR,
     progress: Progress = lambda _stage, _share: None,
     crew: Crew | None = None,
 ) -> SearchResult:
@@ -83,6 +85,7 @@ def search_effects(
     Args:
         samples: the recordings; an effect has the same parameters in all of them.
         excluded: names of effects to leave out.
+        prior: the belief before these recordings; it decides between close rivals.
         progress: called with the stage and the fraction done, up to about 0.9.
         crew: runs the simulations; None: one at a time.
 
@@ -110,8 +113,8 @@ def search_effects(
         levels, findings = _with_combinations(levels, space, findings)
         levels, findings = _with_bounded_noise(levels, findings)
     levels, singles = fitted_again_alone(levels, findings)
-    levels, singles = compared_rivals(levels, singles, findings.null)
-    findings = replace(findings, singles=singles)
+    levels, singles = compared_rivals(levels, singles, findings.null, prior)
+    findings = replace(findings, singles=singles, prior=prior)
     return SearchResult(_with_distances(levels, findings), levels)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Findings:
             maps.
         runs: number of simulations that were made.
         triples: judged fits of three effects that explain clearly more than the best pair.
+        prior: the belief before this recording.
     """
 
     null: Fit
@@ -36,3 +38,4 @@ class Findings:
     part_changes: Sequence[float] = ()
     runs: int = 0
     triples: Sequence[Fit] = ()
+    prior: Prior = NO_PRIOR
