@@ -33,6 +33,9 @@ class CorrectedAt:
         alike = {'porosity', 'retardation'}
         return 0.01 if {one.label, other.label} <= alike else 0.3
 
+    def blurred_error(self, fit):
+        return fit.held_out_error
+
 
 def test_the_most_probable_group_of_close_rivals_comes_first():
     singles = [fit_of('depth', misfit=0.41), fit_of('porosity', misfit=0.45)]
@@ -41,6 +44,12 @@ def test_the_most_probable_group_of_close_rivals_comes_first():
     assert [fit.label for fit in compared] == ['porosity', 'retardation', 'depth', 'leak']
     assert levels.best == 'porosity'
     assert {round(fit.fitted_misfit, 6) for fit in compared[:3]} == {round(1.25 / 3, 6)}
+
+
+def test_a_rival_that_the_held_out_maps_contradict_comes_behind_the_others():
+    singles = [fit_of('clock', misfit=0.41, error=0.12), fit_of('leak', misfit=0.44, error=0.04)]
+    _, compared = compared_rivals(CorrectedAt(), singles, NULL)
+    assert [fit.label for fit in compared] == ['leak', 'clock']
 
 
 def test_an_earlier_finding_decides_between_close_rivals():

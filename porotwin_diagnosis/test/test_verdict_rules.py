@@ -54,6 +54,30 @@ def test_a_recording_that_the_model_explains_has_no_gap():
     assert verdict.members == ()
 
 
+def test_a_gap_that_only_the_errors_of_all_maps_close_makes_none_unsure():
+    found = findings(0.4, ('saturation', 0.38))
+    swallowed = replace(found.null, unshared_misfit=(0.9, 1.1))
+    assert verdict_on(found).confidence > 0.9
+    verdict = verdict_on(replace(found, null=swallowed))
+    assert (verdict.name, verdict.confidence) == ('none', 0.5)
+
+
+def test_errors_of_all_maps_that_are_small_beside_the_effect_do_not_lower_its_confidence():
+    found = findings(3.0, ('clock', 0.42), ('rate', 2.0))
+    clock, rate = found.singles
+    small, large = (replace(clock, unshared_misfit=(u, u)) for u in (0.7, 4.0))
+    assert verdict_on(replace(found, singles=[small, rate])).confidence > 0.9
+    assert verdict_on(replace(found, singles=[large, rate])).confidence == 0.5
+
+
+def test_a_verdict_that_rests_on_noise_which_the_maps_do_not_show_is_unsure():
+    found = findings(0.65, ('clock', 0.62), ('rate', 0.64))
+    noisy = replace(found.null, noise_misfit=(0.6, 0.6), measured_noise=(0.2, 0.2))
+    verdict = verdict_on(replace(found, null=noisy))
+    assert verdict.name == 'none'
+    assert verdict.confidence < 0.5
+
+
 def test_an_effect_that_closes_the_gap_alone_is_named():
     verdict = verdict_on(findings(5.0, ('decay', 0.45), ('illumination', 2.4)))
     assert (verdict.name, verdict.members) == ('decay', ('decay',))

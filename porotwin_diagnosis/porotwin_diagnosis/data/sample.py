@@ -175,6 +175,12 @@ class Sample:
         return (deviation * self.weight(SMOOTHING_WIDTH)) ** 2
 
     @cached_property
+    def measured_noise_squares(self) -> FloatArray:
+        """The part of `expected_noise_squares` that the maps themselves show, (nt, nz', nx')."""
+        deviation = self._measured_deviation(SMOOTHING_WIDTH)[:, ::STRIDE, ::STRIDE]
+        return (deviation * self.weight(SMOOTHING_WIDTH)) ** 2
+
+    @cached_property
     def expected_shared_square(self) -> float:
         """Expected squared misfit [-] from errors that all maps share; 0 without any."""
         shared = self._shared(SMOOTHING_WIDTH, len(self.times))
@@ -207,15 +213,18 @@ class Sample:
 
     def _noise_deviation(self, width: float) -> FloatArray:
         """Return the standard deviation of noise smoothed over `width` [cells], (nt, nz, nx)."""
-        grain = self.noise.correlation
-        damping = grain / np.hypot(grain, width)
-        smoothed = self._smoothed(width)
-        measured = self.noise.clipped_deviation(smoothed) * damping
+        measured = self._measured_deviation(width)
         if self.own_deviation is None:
-            return self.noise.with_delivered(measured, smoothed)
+            return self.noise.with_delivered(measured, self._smoothed(width))
         # the error that denoising left is smooth already, and more smoothing does not damp it
         own = gaussian_filter(self.own_deviation**2, (0.0, width, width))
         return np.maximum(measured, np.sqrt(own))
+
+    def _measured_deviation(self, width: float) -> FloatArray:
+        """Return that standard deviation without what imaging states, (nt, nz, nx)."""
+        grain = self.noise.correlation
+        damping = grain / np.hypot(grain, width)
+        return self.noise.clipped_deviation(self._smoothed(width)) * damping
 
     def whitened(
         self,
@@ -231,11 +240,27 @@ class Sample:
             width: width [cells] of the smoothing S.
             point_spread_width: width [cells] of the point spread that `predicted` lacks.
         """
+        return self.decorrelated(
+            self.unshared_residual(predicted, width=width, point_spread_width=point_spread_width),
+            width,
+        )
+
+    def unshared_residual(
+        self,
+        predicted: FloatArray,
+        *,
+        width: float = SMOOTHING_WIDTH,
+        point_spread_width: float = 0.0,
+    ) -> FloatArray:
+        """Return the whitened residual [-] if the errors that all maps share were zero.
+
+        The arguments are those of `whitened`.
+        """
         expected = self.noise.expected(blurred(np.clip(predicted, 0.0, 1.0), point_spread_width))
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
         smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
-        return self.weighted(smooth, width)
+        return np.asarray(smooth * self.weight(width)[:count])
 
     def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
         """Return a `smooth` change [-] at the compared cells as a whitened residual.
@@ -243,10 +268,12 @@ class Sample:
         Both are (nt, nz', nx'), for all frames or for the first ones. `width` [cells] is that of
         the smoothing.
         """
-        count = len(smooth)
-        white = smooth * self.weight(width)[:count]
-        shared = self._shared(width, count)
-        return white if shared is None else shared.decorrelated(white)
+        return self.decorrelated(smooth * self.weight(width)[: len(smooth)], width)
+
+    def decorrelated(self, residual: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
+        """Return a whitened `residual` without the errors that all maps share, C^(-1/2) r."""
+        shared = self._shared(width, len(residual))
+        return residual if shared is None else shared.decorrelated(residual)
 
     def _shared(self, width: float, count: int) -> SharedErrors | None:
         """Return the shared errors of the first `count` frames, for residuals of `width`."""

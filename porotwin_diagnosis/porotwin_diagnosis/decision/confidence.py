@@ -27,6 +27,9 @@ from porotwin_diagnosis.thresholds import (
     SURELY_SUFFICIENT,
 )
 
+LEAST_GAIN = 1e-9
+"""Least misfit that effects take away [-], so that logarithms stay finite."""
+
 StrengthMeasures = tuple[float, float]
 """Two measures of how strong a member of a combination is: 1 / (held-out error that it leaves
 alone), and the relative L2 norm of the change that it makes alone in the held-out maps."""
@@ -41,16 +44,35 @@ def confidence(log_odds: float) -> float:
 def no_gap_log_odds(misfit: float) -> float:
     """Return the log-odds that there is no gap.
 
-    `misfit` is the normalised misfit of the model without effects, below `NO_GAP_MISFIT`.
+    `misfit` is the normalised misfit of the model without effects.
     """
     return NO_GAP_SLOPE * (1.0 - misfit / NO_GAP_MISFIT) + NO_GAP_LOG_ODDS
 
 
-def sufficient_log_odds(lack_of_fit: float) -> float:
-    """Return the log-odds that a model with this `lack_of_fit`, at most 1, misses nothing.
+def calibration_log_odds(swallowed: float, gained: float) -> float:
+    """Return the log-odds that the verdict explains what the calibration could explain.
 
-    An effect outside the library can be imitated, but seldom as well as a true effect fits.
+    Errors that all maps share take the misfit `swallowed` [-] away from the model; its effects take
+    away `gained` [-]. The largest of three values counts:
+
+    - The swallowed misfit is no gap by itself.
+    - The effects explain clearly more than the calibration.
+    - Even odds: nothing in the recording tells whether the calibration or another effect makes it.
     """
+    if swallowed <= 0.0:
+        return math.inf
+    stronger = ORDER_LOG_ODDS + ORDER_SLOPE * math.log(max(gained, LEAST_GAIN) / swallowed)
+    return max(no_gap_log_odds(swallowed), stronger, 0.0)
+
+
+def sufficient_log_odds(lack_of_fit: float) -> float:
+    """Return the log-odds that a model with this `lack_of_fit` misses nothing.
+
+    An effect outside the library can be imitated, but seldom as well as a true effect fits. Above 1
+    the model suffices only because imaging states more noise than the maps show.
+    """
+    if lack_of_fit > 1.0:
+        return SUFFICIENT_LOG_ODDS - missing_log_odds(lack_of_fit)
     return SUFFICIENT_LOG_ODDS + SUFFICIENT_SLOPE * max(0.0, SURELY_SUFFICIENT - lack_of_fit)
 
 

@@ -1,6 +1,7 @@
 """The verdict, made in one place: rules on the evidence, in their order."""
 
 from porotwin_diagnosis.decision.confidence import (
+    calibration_log_odds,
     confidence,
     missing_log_odds,
     no_gap_log_odds,
@@ -12,7 +13,13 @@ from porotwin_diagnosis.decision.confidence import (
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.probabilities import effect_probabilities
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
-from porotwin_diagnosis.search.ranking import lack_of_fit, normalised_misfit
+from porotwin_diagnosis.search.noise_bound import with_measured_noise
+from porotwin_diagnosis.search.ranking import (
+    gained_misfit,
+    lack_of_fit,
+    normalised_misfit,
+    swallowed_misfit,
+)
 from porotwin_diagnosis.thresholds import CONTRADICTED_CONFIDENCE, SCANT_CONFIDENCE
 
 Names = tuple[str, ...]
@@ -72,6 +79,7 @@ def _named(evidence: Evidence) -> tuple[Names, Names, tuple[Names, ...]]:
 def _log_odds(evidence: Evidence) -> float:
     """Return the log-odds of an explanation that suffices: the smallest of its statements.
 
+    - Any: that it explains more than the errors that all maps share, or that these are no gap.
     - No effect: that there is no gap.
     - One effect: that it is the right one, and that it is enough.
     - A pair or a triple: that it is the right one, that fewer effects are not enough (a further one
@@ -79,10 +87,15 @@ def _log_odds(evidence: Evidence) -> float:
       enough.
     """
     findings, kept = evidence.findings, evidence.explanation
+    null = with_measured_noise(findings.null)
+    calibrated = calibration_log_odds(
+        swallowed_misfit(kept.model), gained_misfit(kept.model, findings.null)
+    )
     if not kept.members:
-        return no_gap_log_odds(normalised_misfit(findings.null))
+        return min(no_gap_log_odds(normalised_misfit(null)), calibrated)
     same = (kept.members[0], *kept.inseparable)
-    enough = sufficient_log_odds(kept.lack_of_fit)
+    lack = lack_of_fit(with_measured_noise(kept.model), null)
+    enough = min(sufficient_log_odds(lack), calibrated)
     if len(kept.members) == 1:
         return min(single_log_odds(same, effect_probabilities(findings)), enough)
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]

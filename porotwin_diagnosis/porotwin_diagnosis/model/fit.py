@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,10 @@ class Fit:
         held_out_error: relative L2 error [-] of the held-out maps.
         covariance: covariance of the scaled parameters, (p, p); zero until it is computed.
         noise_misfit: misfit [-] that the noise alone would cause, fitted and held out.
+        stated_noise: the same with all noise that imaging states (see `search.noise_bound`).
+        measured_noise: the same with the noise that the maps themselves show.
+        unshared_misfit: misfit [-] if the errors that all maps share were zero, fitted and held
+            out; zero if the recording states no such errors.
         fingering_amplification: ratio [-] of the responses to rough sand with and without the
             effects, fitted and held out.
     """
@@ -45,6 +49,9 @@ class Fit:
     held_out_error: float
     covariance: FloatArray
     noise_misfit: tuple[float, float] = (0.0, 0.0)
+    stated_noise: tuple[float, float] = (math.inf, math.inf)
+    measured_noise: tuple[float, float] = (math.inf, math.inf)
+    unshared_misfit: tuple[float, float] = (0.0, 0.0)
     fingering_amplification: tuple[float, float] = (1.0, 1.0)
 
     @property
@@ -70,6 +77,18 @@ class Fit:
             MemberParameters(member, self.scaled_parameters[part], deviations[part])
             for member, part in member_slices(self.members)
         )
+
+
+def with_noise_share(fit: Fit, share: float) -> Fit:
+    """Return `fit` with a `share` [-] of the stated noise, but at least the measured noise.
+
+    The noise of the fit does not grow.
+    """
+    kinds = zip(fit.noise_misfit, fit.stated_noise, fit.measured_noise, strict=True)
+    fitted, held_out = (
+        min(noise, max(measured, share * stated)) for noise, stated, measured in kinds
+    )
+    return replace(fit, noise_misfit=(fitted, held_out))
 
 
 def infeasible_fit(members: Sequence[Candidate], scaled_parameters: FloatArray) -> Fit:

@@ -16,10 +16,17 @@ from porotwin_core.grid import FloatArray
 from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.data.misfit import misfit, noise_misfit
+from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
-from porotwin_diagnosis.model.fit import Fit, effects_at, infeasible_fit, member_slices
+from porotwin_diagnosis.model.fit import (
+    Fit,
+    effects_at,
+    infeasible_fit,
+    member_slices,
+    with_noise_share,
+)
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.rough_sand import RoughSands
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter
@@ -50,12 +57,14 @@ class Fitter:
     Attributes:
         forwards: one forward model per recording.
         point_spread_width: width [cells] of the point spread that simulated maps lack.
+        noise_share: share [-] of the noise stated by imaging that counts.
         rough_sands: models on rough sands, for effects that destabilise fronts.
         pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
     point_spread_width: float = field(default=0.0, kw_only=True)
+    noise_share: float = field(default=1.0, kw_only=True)
     rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
     pool: Executor | None = field(default=None, kw_only=True)
 
@@ -152,13 +161,18 @@ class Fitter:
             maps = [forward.maps(effects) for forward in self.forwards]
         except InputError:
             return infeasible_fit(members, scaled_parameters)
-        residuals = [
-            sample.whitened(shown, point_spread_width=self.point_spread_width)
+        unshared = [
+            sample.unshared_residual(shown, point_spread_width=self.point_spread_width)
             for sample, shown in zip(self.samples, maps, strict=True)
+        ]
+        residuals = [
+            sample.decorrelated(residual)
+            for sample, residual in zip(self.samples, unshared, strict=True)
         ]
         fitted, held_out = misfit(self.samples, residuals)
         size = len(scaled_parameters)
-        return Fit(
+        noise = noise_misfit(self.samples, residuals)
+        fit = Fit(
             members=tuple(members),
             scaled_parameters=np.array(scaled_parameters, dtype=float),
             fitted_misfit=fitted,
@@ -166,11 +180,26 @@ class Fitter:
             fitted_error=self._relative_error(maps, held_out=False),
             held_out_error=self._relative_error(maps, held_out=True),
             covariance=np.zeros((size, size)),
-            noise_misfit=noise_misfit(self.samples, residuals),
+            noise_misfit=noise,
+            stated_noise=noise,
             fingering_amplification=self.rough_sands.fingering_amplification(
                 self.forwards, effects, point_spread_width=self.point_spread_width
             ),
+            measured_noise=noise_misfit(self.samples, residuals, measured_only=True),
+            unshared_misfit=misfit(self.samples, unshared),
         )
+        return with_noise_share(fit, self.noise_share)
+
+    def blurred_error(self, fit: Fit) -> float:
+        """Return the relative L2 error [-] of the held-out maps, with the blur of the camera.
+
+        Raises:
+            InputError: the model cannot run with the fit.
+        """
+        maps = [
+            blurred(forward.maps(fit.effects), self.point_spread_width) for forward in self.forwards
+        ]
+        return self._relative_error(maps, held_out=True)
 
     def distance(self, one: Fit, other: Fit) -> float:
         """Return the whitened root mean square difference [-] of two predictions.

@@ -95,6 +95,9 @@ def _fit_json(fit: Fit) -> dict[str, Any]:
             'fitted': fit.fitted_misfit,
             'held_out': fit.held_out_misfit,
             'noise': list(fit.noise_misfit),
+            'stated_noise': list(fit.stated_noise),
+            'measured_noise': list(fit.measured_noise),
+            'unshared': list(fit.unshared_misfit),
             'fingering_amplification': list(fit.fingering_amplification),
         },
         'error': {'fitted': fit.fitted_error, 'held_out': fit.held_out_error},
@@ -115,5 +118,8 @@ def _read_fit(content: dict[str, Any]) -> Fit:
         held_out_error=content['error']['held_out'],
         covariance=np.zeros((len(scaled), len(scaled))),
         noise_misfit=tuple(content['misfit']['noise']),
+        stated_noise=tuple(content['misfit'].get('stated_noise', content['misfit']['noise'])),
+        measured_noise=tuple(content['misfit'].get('measured_noise', content['misfit']['noise'])),
+        unshared_misfit=tuple(content['misfit'].get('unshared', (0.0, 0.0))),
         fingering_amplification=tuple(content['misfit']['fingering_amplification']),
     )

@@ -20,7 +20,7 @@ import numpy as np
 
 from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
@@ -30,6 +30,11 @@ from porotwin_diagnosis.search.effect_pairs import (
 )
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
+from porotwin_diagnosis.search.noise_bound import (
+    with_bounded_findings,
+    with_bounded_levels,
+    with_measured_noise,
+)
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
@@ -94,15 +99,19 @@ def search_effects(
     if score(null) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
     corrected = levels.corrected_at(null)
-    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < SURELY_NO_GAP_MISFIT:
+    without = (with_measured_noise(fit) for fit in (null, corrected.null()))
+    if max(normalised_misfit(fit) for fit in without) < SURELY_NO_GAP_MISFIT:
         return _found_no_gap(corrected, space)
     screened = screened_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     levels, singles = _judged_singles(levels, screened, null)
     levels = levels.corrected_at(null)
-    findings = Findings(levels.null(), screened_null, screened, singles)
-    if normalised_misfit(singles[0]) > EXPLAINED_MISFIT:
+    levels, findings = _with_bounded_noise(
+        levels, Findings(levels.null(), screened_null, screened, singles)
+    )
+    if normalised_misfit(with_measured_noise(singles[0])) > EXPLAINED_MISFIT:
         levels, findings = _with_combinations(levels, space, findings)
+        levels, findings = _with_bounded_noise(levels, findings)
     levels, singles = fitted_again_alone(levels, findings)
     levels, singles = compared_rivals(levels, singles, findings.null, prior)
     findings = replace(findings, singles=singles, prior=prior)
@@ -121,8 +130,18 @@ def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
 
 def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judgement:
     best = close_to_best(first_of_each_effect(screened))[:REFINED_FITS]
-    refined = levels.refined(best, 0.3)
-    return levels.judged_again(levels.judged(refined, 0.4), null, 0.48)
+    judged = levels.judged(levels.refined(best, 0.3), 0.4)
+    levels = with_bounded_levels(levels, [null, *judged])
+    share = levels.judging.noise_share
+    fits = [with_noise_share(fit, share) for fit in judged]
+    return levels.judged_again(fits, with_noise_share(null, share), 0.48)
+
+
+def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:
+    """Return levels and `findings` with no more noise than their best fit leaves."""
+    fits = (findings.null, *findings.singles, *findings.pairs, *findings.triples)
+    levels = with_bounded_levels(levels, fits)
+    return SearchStep(levels, with_bounded_findings(levels, findings))
 
 
 def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -> SearchStep:

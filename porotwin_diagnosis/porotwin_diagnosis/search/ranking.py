@@ -56,6 +56,22 @@ def normalised_misfit(fit: Fit) -> float:
     return largest / misfit_allowance(member.effect for member in fit.members)
 
 
+def swallowed_misfit(fit: Fit) -> float:
+    """Return the misfit [-] that only the errors that all maps share take away from `fit`.
+
+    It is the larger one of sqrt(max(u^2 - m^2, 0)) over the parts, with the misfit m, and the
+    misfit u if these errors were zero.
+    """
+    misfits = (fit.fitted_misfit, fit.held_out_misfit)
+    pairs = zip(fit.unshared_misfit, misfits, strict=True)
+    return max(math.sqrt(max(without**2 - total**2, 0.0)) for without, total in pairs)
+
+
+def gained_misfit(fit: Fit, null: Fit) -> float:
+    """Return the misfit [-] that the effects of `fit` take away from the model without effects."""
+    return math.sqrt(max(larger_misfit(null) ** 2 - larger_misfit(fit) ** 2, 0.0))
+
+
 def score(fit: Fit) -> float:
     """Return the misfit [-] of both parts together, sqrt((m_fitted^2 + m_held_out^2) / 2)."""
     return overall_misfit(fit.fitted_misfit, fit.held_out_misfit)
