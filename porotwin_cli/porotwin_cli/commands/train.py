@@ -59,6 +59,7 @@ def command(
     from porotwin_core.rig import load_rig
     from porotwin_costa.data_parallel import joined
     from porotwin_costa.dataset import newest, pairs_beside
+    from porotwin_costa.learnt_words import coefficient_lines
     from porotwin_costa.networks import architecture as named
     from porotwin_solver.prediction_cost import prediction_cost
 
@@ -97,5 +98,6 @@ def command(
             {'output': output, 'learnt_physics': learnt, 'account': account, **model.provenance}
         )
     else:
-        print(f'{output}: {model.provenance["gate"]["says"]}')
-        print('\n'.join(account['says']))
+        learnt_lines = [] if model.learnt is None else coefficient_lines(model.learnt)
+        lines = [f'{output}: {model.provenance["gate"]["says"]}', *learnt_lines, *account['says']]
+        print('\n'.join(lines))
