@@ -71,11 +71,13 @@ def minimise(
     *,
     iterations: int,
     trials: int = TRIALS,
+    least_gain: float = LEAST_GAIN,
 ) -> FloatArray:
     """Return the parameters (p,) with the least sum of squares that at most `iterations` find.
 
-    If the model cannot run at a trial step, the step is rejected and a shorter one is tried. If it
-    cannot run at `start`, the result is `start` within the `bounds`.
+    An iteration that takes less than `least_gain` of the sum is the last one. If the model cannot
+    run at a trial step, the step is rejected and a shorter one is tried. If it cannot run at
+    `start`, the result is `start` within the `bounds`.
     """
     parameters = bounds.clip(start)
     try:
@@ -100,7 +102,7 @@ def minimise(
         gain = 1.0 - trial_cost / cost
         parameters, residuals, cost = trial, trial_residuals, trial_cost
         damping *= DAMPING_DECAY
-        if gain < LEAST_GAIN:
+        if gain < least_gain:
             break
     return parameters
 

@@ -75,3 +75,9 @@ def test_a_start_where_the_model_cannot_run_is_returned():
 
 def test_with_one_trial_a_rejected_step_ends_the_iteration():
     assert minimum(arctangent, [10.0], trials=1) == [10.0]
+
+
+def test_the_iteration_ends_where_it_gains_less_than_asked_for():
+    once = minimum(arctangent, [0.9], iterations=1)
+    assert minimum(arctangent, [0.9], least_gain=1.0) == once
+    assert abs(minimum(arctangent, [0.9], least_gain=0.0)) < 1e-3 * abs(once)

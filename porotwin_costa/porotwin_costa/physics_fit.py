@@ -13,7 +13,7 @@ import numpy as np
 from porotwin_core.grid import FloatArray, Grid, fill_unseen
 from porotwin_core.learnt_physics import LearntPhysics
 from porotwin_core.learnt_solver import LearntSolver
-from porotwin_core.levenberg_marquardt import Bounds, minimise
+from porotwin_core.levenberg_marquardt import LEAST_GAIN, Bounds, minimise
 from porotwin_core.map_blocks import Blocks
 from porotwin_core.parallel import Crew
 from porotwin_costa.frames import Frames
@@ -84,10 +84,12 @@ def fit(
     *,
     iterations: int,
     pool: Crew,
+    least_gain: float = LEAST_GAIN,
 ) -> FloatArray:
     """Return the scaled values of all unknowns of `parts` with the least sum of squares.
 
-    The iteration begins at `start`; the workers of `pool` make the free runs.
+    The iteration begins at `start`, and ends when it takes less than `least_gain` of the sum. The
+    workers of `pool` make the free runs.
     """
     shared = [pool.share(one) for one in comparisons]
     unknowns = [unknown for part in parts for unknown in part.unknowns]
@@ -115,4 +117,4 @@ def fit(
         np.array([unknown.low for unknown in unknowns]),
         highest,
     )
-    return minimise(residuals, slopes, start, bounds, iterations=iterations)
+    return minimise(residuals, slopes, start, bounds, iterations=iterations, least_gain=least_gain)

@@ -61,6 +61,10 @@ GOOD_ERROR = 0.04
 ITERATIONS = 6
 """Iterations of a fit; three are enough unless a place has to move."""
 
+CHOICE_GAIN = 0.02
+"""Share of the squared error that an iteration must take, to be followed by another one, in fits
+that only choose between parts; parts that are chosen differ by more."""
+
 TRIED_PLACES = 2
 """Most places of a leak, and of a patch, that are fitted: the most promising ones of all."""
 
@@ -297,7 +301,14 @@ class PartSearch:
     def _fitted(self, part: PhysicsPart, known: Learnt) -> PhysicsTrial:
         """Return `known` with one more part, all of them fitted together."""
         parts, start = (*known.parts, part), np.concatenate([known.values, part.first])
-        values = fit(parts, self.share.fitted, start, iterations=ITERATIONS, pool=self.pool)
+        values = fit(
+            parts,
+            self.share.fitted,
+            start,
+            iterations=ITERATIONS,
+            pool=self.pool,
+            least_gain=CHOICE_GAIN,
+        )
         learnt = Learnt(parts, values)
         try:
             return PhysicsTrial(learnt, *self.share.cost(learnt.physics))
