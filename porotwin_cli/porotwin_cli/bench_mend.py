@@ -313,10 +313,18 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     print_table('hidden effects', list(rows[0]), table)
     for words, count in summary(rows).items():
         print(f'{words}: {count} of {len(rows)}')
+    late = sum(math.isnan(row['forecast, mended']) for row in rows)
+    if late:
+        print(
+            f'no forecast to compare, because the effect was accepted in the last minutes: {late}'
+        )
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-    """Return the number of cases that reach each aim, by the words of the aim."""
+    """Return the number of cases that reach each aim, by the words of the aim.
+
+    A case without a forecast to compare reaches no aim for forecasts, and cannot have harmed them.
+    """
 
     def ratio(row: dict[str, Any], what: str, other: str) -> float:
         least = LEAST_DOSE_ML_MIN if what == 'dose' else 1e-9
@@ -330,7 +338,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, int]:
             ratio(row, 'dose', 'knew') <= WANTED_DOSE for row in rows
         ),
         f'neither above {WANTED_HARM:g} times that without mending': sum(
-            ratio(row, 'forecast', 'described') <= WANTED_HARM
+            not ratio(row, 'forecast', 'described') > WANTED_HARM
             and ratio(row, 'dose', 'never told') <= WANTED_HARM
             for row in rows
         ),

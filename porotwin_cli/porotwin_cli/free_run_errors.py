@@ -39,8 +39,8 @@ class FreeRunErrors:
         """Return the errors in words."""
         return (
             f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
-            f'{self.error:.1%}; with fronts blurred as in the maps (--blur {self.blur_cells:.2f}) '
-            f'{self.blurred_error:.1%}, {self.noise:.1%} from their noise'
+            f'{self.error:.1%}, or {self.blurred_error:.1%} with fronts blurred as in the maps '
+            f'(--blur {self.blur_cells:.2f}); the noise of the maps alone makes {self.noise:.1%}'
         )
 
 

@@ -68,6 +68,6 @@ def sureness_words(doubts: Sequence[Doubt], factor_deviations: Sequence[float]) 
     if guessed:
         lines.append(
             f'{guessed} of {len(factor_deviations)} sands have factors guessed from their light; '
-            'inject there to measure them'
+            'inject there to measure them (4_sands.png of the calibration shows where)'
         )
     return lines

@@ -22,7 +22,7 @@ def coefficient_lines(learnt: LearntPhysics) -> list[str]:
     if learnt.log_retardation:
         lines.append(f'retardation: factor {math.exp(learnt.log_retardation):.3f}')
     lines += [
-        f'{"inflow" if leak.rate > 0 else "leak"} of {to_ml_h(abs(leak.rate)):.3g} ml/h '
+        f'leak: {to_ml_h(abs(leak.rate)):.3g} ml/h {"enter" if leak.rate > 0 else "are lost"} '
         f'at x {leak.x:.3f} m, z {leak.z:.3f} m'
         for leak in learnt.leaks
     ]

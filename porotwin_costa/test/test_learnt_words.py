@@ -33,7 +33,7 @@ def test_leaks_and_patches_are_told_with_their_places() -> None:
         patches=(SandPatch(0.35, 0.171, 0.039, math.log(0.16)),),
     )
     assert coefficient_lines(learnt) == [
-        'learnt leak of 19 ml/h at x 0.185 m, z 0.350 m',
-        'learnt inflow of 5 ml/h at x 0.100 m, z 0.200 m',
+        'learnt leak: 19 ml/h are lost at x 0.185 m, z 0.350 m',
+        'learnt leak: 5 ml/h enter at x 0.100 m, z 0.200 m',
         'learnt patch of sand with permeability factor 0.16: radius 39 mm at x 0.350 m, z 0.171 m',
     ]

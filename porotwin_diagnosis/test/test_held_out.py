@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from porotwin_diagnosis.data.noise import Noise, blurred
-from porotwin_diagnosis.decision.held_out import HeldOut, blurred_errors, gap_closed_with_interval
+from porotwin_diagnosis.data.noise import Noise, blurred, noise_floor
+from porotwin_diagnosis.decision.held_out import (
+    HeldOut,
+    blurred_errors,
+    bounded_floor,
+    gap_closed_with_interval,
+)
 
 TRUTH = np.random.default_rng(3).random((8, 20, 30))
 
@@ -86,3 +91,12 @@ def test_blurred_errors_show_an_improvement_that_the_blur_of_the_camera_hides():
     before, after = blurred_errors([held])
     assert after < 1e-9 < 0.02 < before
     assert errors[1] > 0.02
+
+
+def test_a_model_that_errs_less_than_the_stated_noise_bounds_the_noise_floor():
+    stated = Noise(0.0, 0.004, 0.004, random=(0.1, 0.1), systematic=(0.0, 0.0))
+    close, far = part(0.3, 0.02).after, part(0.3, 0.3).after
+    assert bounded_floor(stated, close, TRUTH) == pytest.approx(0.02, rel=0.01)
+    assert bounded_floor(stated, far, TRUTH) == noise_floor(stated, far, TRUTH) < 0.3
+    noisy = Noise(0.0, 0.05, 0.05, random=(0.1, 0.1), systematic=(0.0, 0.0))
+    assert bounded_floor(noisy, close, TRUTH) > 0.05

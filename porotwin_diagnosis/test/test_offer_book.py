@@ -45,8 +45,8 @@ def test_a_cause_that_is_named_twice_in_a_row_needs_less_confidence(book):
 @pytest.mark.parametrize(
     ('first', 'second'),
     [
-        (finding(confidence=0.79), finding(confidence=0.85)),
-        (finding(confidence=0.85), finding(confidence=0.79)),
+        (finding(confidence=0.74), finding(confidence=0.85)),
+        (finding(confidence=0.85), finding(confidence=0.74)),
         (finding(weak_pump(well='producer'), confidence=0.85), finding(confidence=0.85)),
     ],
 )

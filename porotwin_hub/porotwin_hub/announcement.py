@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from porotwin_core.rig import PUMP_STEP_ML_H
+from porotwin_core.stamps import SINCE_1970
 from porotwin_core.units import to_ml_h
 from porotwin_core.wells import WellRate, WellRates
-
-SINCE_1970 = 1e9
-"""Times below this [s] count from the start of an experiment, not from 1970."""
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,7 @@ from datetime import timedelta
 from itertools import pairwise
 from typing import NamedTuple
 
-SINCE_1970 = 1e9
-"""Stamps below this [s], September 2001, are no times since 1970: a camera's clock was never set,
-or the times count from the start of an experiment."""
+from porotwin_core.stamps import SINCE_1970
 
 AGREEMENT = 0.5
 """Part of the photo interval by which the camera's clock may be ahead of this machine's clock and

@@ -46,11 +46,22 @@ AT_ONCE = OrdersAhead()
 
 @dataclass(frozen=True)
 class _Order:
-    """Rates [m^3/s] ordered at `time` [s], after those of `before`."""
+    """Rates [m^3/s] ordered at `time` [s], after those of `before`, to the control `wells`."""
 
     time: float
     rates: WellRates
     before: WellRates
+    wells: tuple[str, ...] = ()
+
+    @property
+    def changed(self) -> list[str]:
+        """The wells whose change shows that a person set the order.
+
+        These are control wells: fixed wells pause by themselves, and a producer follows them. Only
+        an order that changes no control well is judged by all wells.
+        """
+        changed = different_wells(self.rates, self.before)
+        return [well for well in changed if well in self.wells] or changed
 
     def is_set_by(self, known: KnownRates) -> bool:
         """Return whether `known` rates show that it was set, perhaps at somewhat other rates.
@@ -58,14 +69,13 @@ class _Order:
         A confirmation shows it if any of its wells has changed; a meter, which is not exact, if one
         of them has gone half of the way.
         """
-        changed = different_wells(self.rates, self.before)
         if known.is_open:
             held = different_wells(known.rates, self.before)
-            return any(well in held for well in changed)
+            return any(well in held for well in self.changed)
         return any(
             abs(known.rates[well].rate - self.before[well].rate)
             > HALF_WAY * abs(self.rates[well].rate - self.before[well].rate)
-            for well in changed
+            for well in self.changed
             if well in known.rates and well in self.before
         )
 
@@ -92,10 +102,15 @@ class OrderDelay:
         delay = statistics.median([0.0, *self._delays])
         return delay if delay > LEAST_DELAY_S else 0.0
 
-    def ordered(self, time: float, rates: WellRates, before: WellRates) -> None:
-        """Take the `rates` of a setpoint [m^3/s] at `time` [s], after those of the one `before`."""
+    def ordered(
+        self, time: float, rates: WellRates, before: WellRates, wells: tuple[str, ...] = ()
+    ) -> None:
+        """Take the `rates` of a setpoint [m^3/s] at `time` [s], after those of the one `before`.
+
+        `wells` are the control wells.
+        """
         if different_wells(rates, before):
-            self._waiting.append(_Order(time, rates, before))
+            self._waiting.append(_Order(time, rates, before, wells))
 
     def take_back(self, time: float) -> None:
         """Forget an order of `time` [s], which the asset did not take."""

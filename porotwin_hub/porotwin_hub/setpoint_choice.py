@@ -64,7 +64,7 @@ class SetpointChoice:
         before = self.commanded(self.planner, now)
         plant = replace(plant, ahead=self.delay.ahead(now, cycle.pumped))
         cycle.setpoint = self._planned(cycle, self.planner, physics, began, plant)
-        self.delay.ordered(now, cycle.setpoint.rates, before)
+        self.delay.ordered(now, cycle.setpoint.rates, before, self.planner.limits.wells)
         cycle.durations['optimise'] = time.perf_counter() - begin
         cycle.previous_command, self._command = self._command, cycle.setpoint
 

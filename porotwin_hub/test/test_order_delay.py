@@ -5,7 +5,7 @@ from hub_examples import LIMITS
 
 from porotwin_core.rates_in_force import KnownRates
 from porotwin_core.units import from_ml_h
-from porotwin_core.wells import RateStep, WellRates
+from porotwin_core.wells import RateStep, WellRate, WellRates
 from porotwin_hub.order_delay import MOST_DELAY_S, OrderDelay
 
 SAFE = LIMITS.safe()
@@ -77,6 +77,32 @@ def test_an_order_set_at_another_rate_is_set() -> None:
     delay.ordered(0.0, rates(200.0), SAFE)
     delay.learn(confirmed(60.0, rates(50.0)), 60.0)
     assert not delay.ahead(60.0, rates(50.0)).waits
+
+
+def resting(order: WellRates) -> WellRates:
+    """Return `order` while the injector rests and the producer takes out as much less."""
+    less = order['producer'].rate + order['injector'].rate
+    return {**order, 'injector': WellRate(), 'producer': WellRate(less)}
+
+
+@pytest.mark.parametrize('metered', [False, True])
+def test_a_pause_of_the_injector_sets_no_order(metered: bool) -> None:
+    delay, order = OrderDelay(), rates(200.0)
+    delay.ordered(0.0, order, SAFE, LIMITS.wells)
+    end = 120.0 if metered else 60.0
+    delay.learn([KnownRates(60.0, end, resting(SAFE))], end)
+    assert delay.ahead(end, SAFE).waits
+    delay.learn([KnownRates(180.0, 180.0 + end - 60.0, resting(order))], 240.0)
+    assert not delay.ahead(240.0, order).waits
+
+
+def test_an_order_that_changes_no_control_well_is_judged_by_the_others() -> None:
+    delay, order = OrderDelay(), resting(SAFE)
+    delay.ordered(0.0, order, SAFE, LIMITS.wells)
+    delay.learn(confirmed(60.0, SAFE), 60.0)
+    assert delay.ahead(60.0, SAFE).waits
+    delay.learn(confirmed(90.0, order), 90.0)
+    assert not delay.ahead(90.0, order).waits
 
 
 def test_the_rates_until_an_order_is_set_are_those_ordered_before() -> None:

@@ -146,7 +146,8 @@ def _sand_line(evidence: CalibrationEvidence) -> str:
     )
     guessed = [str(n) for n, one in enumerate(evidence.sands) if one.source == 'prior']
     warning = (
-        f'; sand {", ".join(guessed)} not reached by the plume: guessed from their brightness'
+        f'; sand {", ".join(guessed)} not reached by the plume (4_sands.png shows where): '
+        'guessed from their brightness'
         if guessed
         else ''
     )

@@ -244,14 +244,7 @@ def _level(
             'photograph the injection again with steady light, or a dilution of one half',
         )
     elif evidence.bend_conflict > settings.most_bend_conflict:
-        yield Objection(
-            f'fronts and masses read the response differently: half of stock would look like '
-            f'{0.5 + evidence.bend_by_fronts:.2f} and {0.5 + evidence.bend:.2f} of stock',
-            'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or '
-            'a rig that is not as described: tracer that sorbs, a porosity, a depth, a pump',
-            'photograph one dilution (half stock), which needs no fronts; diagnose then names an '
-            'effect of the rig',
-        )
+        yield _fronts(evidence, settings)
     if evidence.core_flatness > settings.most_core_slope:
         yield Objection(
             f'the core of the plume is not even: {100 * evidence.core_flatness:.0f} % from its '
@@ -266,6 +259,40 @@ def _level(
             'a dilution that was not mixed, or that is named wrongly',
             'photograph the dilutions again, each filling a part of the sand',
         )
+
+
+def _fronts(evidence: CalibrationEvidence, settings: TrustSettings) -> Objection:
+    """Return the objection that the fronts ask for another response than all evidence."""
+    by_fronts = f'{0.5 + evidence.bend_by_fronts:.2f}'
+    if math.isinf(evidence.bend_conflict):
+        finding = (
+            'no response that a dye can have fits the fronts: half of stock would look like '
+            f'{by_fronts} of stock, at the end of what is tried'
+        )
+    else:
+        finding = (
+            f'fronts and masses read the response differently: half of stock would look like '
+            f'{by_fronts} and {0.5 + evidence.bend:.2f} of stock, {evidence.bend_conflict:.3f} '
+            f'apart (limit {settings.most_bend_conflict:g})'
+        )
+    return Objection(
+        finding,
+        'a reflection or a hand in a photograph, light that changes, clocks, the contrast, or '
+        'a rig that is not as described: tracer that sorbs, a porosity, a depth, a pump',
+        f'photograph one dilution (half stock), which needs no fronts{_other_contrast(evidence)}; '
+        'diagnose then names an effect of the rig',
+    )
+
+
+def _other_contrast(evidence: CalibrationEvidence) -> str:
+    """Return the other contrast as a remedy if it keeps the colours of the dye as well.
+
+    Fronts are compared in absorbance only, so the other contrast is the difference.
+    """
+    bends = evidence.colour_bend
+    if bends.get('difference', math.inf) <= bends.get('absorbance', -math.inf):
+        return ', or calibrate with --contrast difference, which keeps the colours of the dye too'
+    return ''
 
 
 def _of_dilution(evidence: CalibrationEvidence) -> str:

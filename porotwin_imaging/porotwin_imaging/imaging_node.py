@@ -18,6 +18,7 @@ from porotwin_core.node import Diagnostics, declare, declare_grid, declare_rig, 
 from porotwin_core.qos import BASELINE, FIELD, PHOTO
 from porotwin_core.senders import publishers
 from porotwin_core.single_instance import only_one
+from porotwin_core.stamps import time_in_words
 from porotwin_imaging.calibration import load_calibration
 from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.imaging_session import ImagedState, ImagingSession
@@ -71,8 +72,8 @@ class ImagingNode(Node):
             senders = sorted({sender.node for sender in publishers(self, topic)})
             if len(senders) > 1:
                 self._complain(
-                    f'{role} photograph at {time:.3f} s left out: several nodes publish {topic} '
-                    f'({", ".join(senders)}); end all but one',
+                    f'{role} photograph of {time_in_words(time)} left out: several nodes '
+                    f'publish {topic} ({", ".join(senders)}); end all but one',
                     time,
                 )
                 return
@@ -99,9 +100,9 @@ class ImagingNode(Node):
             elif warning := self._session.keep_waiting(time, data):
                 self._complain(warning, time)
         except InputError as error:
-            self._complain(f'{role} photograph at {time:.3f} s left out: {error}', time)
+            self._complain(f'{role} photograph of {time_in_words(time)} left out: {error}', time)
         except Exception as error:
-            self._complain(f'{role} photograph at {time:.3f} s failed: {error!r}', time)
+            self._complain(f'{role} photograph of {time_in_words(time)} failed: {error!r}', time)
         return []
 
     def _take_baseline(self, time: float, data: bytes) -> list[tuple[float, bytes]]:

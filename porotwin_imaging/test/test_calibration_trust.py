@@ -61,6 +61,23 @@ def test_fronts_that_contradict_the_masses_are_refused_unless_a_dilution_decides
     assert 'one dilution' in refusal(replace(GOOD, fronts=replace(agreeing, at_end=True)))
 
 
+def test_a_conflict_of_fronts_shows_its_limit_where_figures_round_to_the_same_text() -> None:
+    beyond = replace(GOOD, bend=0.108, fronts=FrontFit(0.11, 0.02, 1.3, 0.0, 0.01, at_end=True))
+    line = refusal(beyond)
+    assert 'no response that a dye can have fits the fronts' in line
+    assert '0.61 and 0.61' not in line
+    apart = refusal(replace(GOOD, bend=0.0301, fronts=FrontFit(-0.0509, 0.02, 1.3, 0.0, 0.01)))
+    assert '0.45 and 0.53 of stock, 0.081 apart (limit 0.08)' in apart
+
+
+@pytest.mark.parametrize(('difference', 'named'), [(0.05, True), (0.3, False), (NAN, False)])
+def test_the_other_contrast_is_a_remedy_only_if_it_keeps_the_colours(difference, named) -> None:
+    fronts = FrontFit(-0.15, 0.02, 1.3, 0.0, 0.01)
+    colours = {'absorbance': 0.12, 'difference': difference}
+    line = refusal(replace(GOOD, fronts=fronts, colour_bend=colours, family='exponential'))
+    assert ('--contrast difference' in line) == named
+
+
 @pytest.mark.parametrize(
     ('factor', 'words'),
     [(1 / 3, '3.00 times more tracer than the plume'), (3.0, '3.00 times less tracer')],

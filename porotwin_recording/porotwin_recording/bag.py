@@ -24,6 +24,7 @@ from porotwin_recording.concentration import (
 )
 from porotwin_recording.photos import Photo, Role
 from porotwin_recording.recorded_data import RecordedData
+from porotwin_recording.rig_pauses import with_pauses
 from porotwin_recording.segments import LocatedPhoto, Location, PhotoKey, Segment, joined
 from porotwin_recording.serialization import SECOND, stamp_of
 
@@ -243,7 +244,8 @@ class _Collector:
 
     def _add_rig(self, message: BagMessage, _: Location) -> None:
         try:
-            self.rig = rig_from_msg(self.bag.decode(message))
+            rig = rig_from_msg(self.bag.decode(message))
+            self.rig = with_pauses(rig, self.bag.topics[message.topic].pauses)
         except InputError as error:  # the caller's rig.yaml may replace it
             self.rig_fault = str(error)
 

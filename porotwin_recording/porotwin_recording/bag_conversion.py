@@ -49,6 +49,7 @@ from porotwin_recording.one_writer import one_writer
 from porotwin_recording.photos import Photo
 from porotwin_recording.recorded_data import RecordedData
 from porotwin_recording.recording import open_recording
+from porotwin_recording.rig_pauses import pauses_text
 from porotwin_recording.serialization import SECOND, Serializer, message_type
 
 IMPORT_START = 1_000_000_000 * SECOND
@@ -113,7 +114,14 @@ def import_experiment(
             program = PROGRAM
             if topic == topic_names.NEW_STATE and recording.maps is not None:
                 program = recording.maps.origin.program
-            writer.add_topic(name, message_type(message), qos=_QOS.get(topic), program=program)
+            pauses = pauses_text(recording.rig) if topic == topic_names.RIG else ''
+            writer.add_topic(
+                name,
+                message_type(message),
+                qos=_QOS.get(topic),
+                program=program,
+                pauses=pauses,
+            )
             counts[name] = counts.get(name, 0) + 1
             writer.write(name, serializer.to_cdr(message), log_time=stamp, sequence=counts[name])
             if progress and topic in _COUNTED:

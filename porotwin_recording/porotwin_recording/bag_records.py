@@ -45,6 +45,7 @@ class Topic:
         message_count: number of messages in the bag.
         program: name and version of the program that made the messages; empty: not known; None:
             the bag does not say.
+        pauses: announced pauses of fixed wells as text of `rig_pauses`, beside a rig's description.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Topic:
     definition: str
     message_count: int = 0
     program: str | None = None
+    pauses: str = ''
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,13 +45,15 @@ def moments(
         zone: time zone, such as Europe/Oslo; empty: none.
 
     Raises:
-        InputError: a word is no time, is none in its zone, or can be read in two ways.
+        InputError: a word is no time, lacks the time of day that others have, is none in its zone,
+            or can be read in two ways.
     """
     matches = [_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words]
     for number, (word, match) in enumerate(zip(words, matches, strict=True), 2):
         if match is None:
             raise InputError(f"{where}:{number}: '{word}' is no date; write 2024-05-31 14:30:00")
     found = [match for match in matches if match is not None]
+    _check_clock_times(found, where)
     told: list[str] = []
     doubtful = [match for match in found if 'one' in match.groupdict()]
     day_first = _is_day_first(
@@ -76,6 +78,17 @@ def names_zone(words: Sequence[str]) -> bool:
     """Return whether one of the times in `words` names its zone, such as Z or +02:00."""
     matches = (_ISO.fullmatch(word) or _OTHER.fullmatch(word) for word in words)
     return any(match is not None and match['zone'] is not None for match in matches)
+
+
+def _check_clock_times(found: Sequence[re.Match[str]], where: str) -> None:
+    """Refuse a date without a time of day beside dates with one: it is no midnight for sure."""
+    missing = [number for number, match in enumerate(found, 2) if match['time'] is None]
+    if missing and len(missing) < len(found):
+        date = found[missing[0] - 2][0]
+        raise InputError(
+            f"{where}:{missing[0]}: '{date}' has no time of day, and other rows have one; write it "
+            f"as in '{date} 14:30:00', or '{date} 00:00:00' if it was midnight"
+        )
 
 
 def _is_day_first(

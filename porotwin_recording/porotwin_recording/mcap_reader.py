@@ -317,4 +317,5 @@ def _topic(summary: Summary, channel: Channel, statistics: Statistics) -> Topic:
         schema.data.decode(errors='replace') if schema and schema.encoding == 'ros2msg' else '',
         statistics.channel_message_counts.get(channel.id, 0),
         channel.metadata.get('program'),
+        channel.metadata.get('pauses_min', ''),
     )

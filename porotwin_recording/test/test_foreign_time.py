@@ -34,3 +34,11 @@ def test_an_unknown_zone_is_refused(zone: str) -> None:
 def test_words_that_name_a_zone_are_seen() -> None:
     assert names_zone(['note', '2024-03-01T12:00:00Z'])
     assert not names_zone(['2024-03-01 12:00:00', 'DSC_1.JPG'])
+
+
+def test_a_date_without_a_time_of_day_beside_others_is_refused() -> None:
+    words = ['24.11.2026 09:59:00', '24.11.2026']
+    with pytest.raises(InputError, match=r"p\.csv: when:3: '24\.11\.2026' has no time of day"):
+        moments(words, 'p.csv: when')
+    (first, second), _ = moments(['24.11.2026', '25.11.2026'], 'p.csv: when')
+    assert (second - first).total_seconds() == 86400.0

@@ -127,6 +127,19 @@ def test_tracer_is_conserved_and_stays_within_its_bounds(
     assert asset.balance.injected == pytest.approx(from_ml_h(500.0) * tracer * 1800.0)
 
 
+def test_tracer_fades_by_its_age_however_long_the_steps_are() -> None:
+    fields = []
+    for step in (1200.0, 30.0):
+        fades = EffectDescription(name='decay', parameters={'rate': 3e-4})
+        asset = VirtualRig(make_rig(), effects=[fades])
+        asset.set_rates(rates(injector=(500.0, 1.0), producer=-500.0))
+        run(asset, 1200.0, step)
+        fields.append(asset.visible())
+    np.testing.assert_allclose(fields[0], fields[1], atol=1e-9)
+    assert fields[0].max() > 0.98
+    assert fields[0][fields[0] > 0.5].min() < 0.75  # the oldest tracer, exp(-0.36) = 0.70
+
+
 def test_correction_of_the_mass_is_small_beside_what_was_injected() -> None:
     asset = VirtualRig(make_rig())
     asset.set_rates(rates(injector=(500.0, 1.0), control1=250.0, producer=-750.0))

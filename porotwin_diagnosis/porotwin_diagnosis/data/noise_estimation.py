@@ -167,8 +167,8 @@ def _deviation_in_plume(
     """Return the standard deviation of full cells about their local mean, relative to that mean.
 
     Two corrections are applied: the local mean takes up a part of a noise of `width` [cells], and
-    clipping at 1 takes away the upper tail. If nearly all values are clipped, the result is at most
-    `PLUME_NOISE_GUESS`.
+    clipping at 1 takes away the upper tail. If nearly all values are clipped, or fewer than
+    `FEWEST_VALUES` are full, the result is at most `PLUME_NOISE_GUESS`.
     """
     if not full.any():
         return PLUME_NOISE_GUESS
@@ -177,7 +177,8 @@ def _deviation_in_plume(
     deviation = float(np.std(values / smooth[full] - 1.0)) / remainder
     clipped = float(np.mean(values >= CLIPPED))
     found = float(deviation / _censored_deviation(clipped))
-    return found if clipped <= MOST_CLIPPED_NOISE else min(found, PLUME_NOISE_GUESS)
+    enough = clipped <= MOST_CLIPPED_NOISE and values.size >= FEWEST_VALUES
+    return found if enough else min(found, PLUME_NOISE_GUESS)
 
 
 def _covariance_about_mean(distance: float, width: FloatArray, mean_width: float) -> FloatArray:

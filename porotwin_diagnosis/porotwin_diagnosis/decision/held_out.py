@@ -48,7 +48,7 @@ class HeldOut:
         after: maps [-] predicted with the kept effects, (nt, nz, nx).
         error_before: relative L2 error of `before`.
         error_after: relative L2 error of `after`.
-        noise_floor: relative L2 error of true maps, from noise and blur.
+        noise_floor: relative L2 error of true maps, from noise and blur (see `bounded_floor`).
         point_spread_width: width [cells] over which the camera blurs maps.
     """
 
@@ -70,7 +70,8 @@ class HeldOut:
 
     def assuming_point_spread(self, width: float, noise: Noise) -> 'HeldOut':
         """Return the same part with the point spread `width` [cells] and its noise floor."""
-        floor = noise_floor(replace(noise, point_spread_width=width), self.after, self.observed)
+        spread = replace(noise, point_spread_width=width)
+        floor = bounded_floor(spread, self.after, self.observed)
         return replace(self, noise_floor=floor, point_spread_width=width)
 
     def blurred_errors(self) -> tuple[float, float]:
@@ -130,9 +131,26 @@ def measure_held_out(
         after,
         part.relative_error(before),
         part.relative_error(after),
-        noise_floor(replace(sample.noise, point_spread_width=width), after, observed),
+        bounded_floor(replace(sample.noise, point_spread_width=width), after, observed),
         width,
     )
+
+
+def bounded_floor(noise: Noise, after: FloatArray, observed: FloatArray) -> float:
+    """Return the relative L2 error of true maps, from noise and blur.
+
+    The noise that imaging states counts as far as the error of the maps `after`, (nt, nz, nx),
+    allows: a model that errs less proves that the noise is smaller. The noise that the maps
+    themselves show is not bounded.
+    """
+    stated = noise_floor(noise, after, observed)
+    if not noise.random:
+        return stated
+    measured = noise_floor(replace(noise, random=(), systematic=()), after, observed)
+    known = np.isfinite(observed)
+    blurred_after = blurred(after, noise.point_spread_width)
+    left = min(relative_error(maps[known], observed[known]) for maps in (after, blurred_after))
+    return max(measured, min(stated, left))
 
 
 def gap_closed(before: float, after: float, floor: float) -> float:

@@ -20,6 +20,13 @@ class MemberParameters(NamedTuple):
     deviations: FloatArray
 
 
+class NoiseBound(NamedTuple):
+    """Shares [-] of the stated and of the measured noise that count (see `search.noise_bound`)."""
+
+    stated: float = 1.0
+    measured: float = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Effects that were fitted together, or the model without effects (no members).
@@ -79,14 +86,12 @@ class Fit:
         )
 
 
-def with_noise_share(fit: Fit, share: float) -> Fit:
-    """Return `fit` with a `share` [-] of the stated noise, but at least the measured noise.
-
-    The noise of the fit does not grow.
-    """
+def with_noise_bound(fit: Fit, bound: NoiseBound) -> Fit:
+    """Return `fit` with the noise that `bound` allows. The noise of the fit does not grow."""
     kinds = zip(fit.noise_misfit, fit.stated_noise, fit.measured_noise, strict=True)
     fitted, held_out = (
-        min(noise, max(measured, share * stated)) for noise, stated, measured in kinds
+        min(noise, max(bound.measured * measured, bound.stated * stated))
+        for noise, stated, measured in kinds
     )
     return replace(fit, noise_misfit=(fitted, held_out))
 

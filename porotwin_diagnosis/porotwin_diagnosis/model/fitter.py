@@ -22,10 +22,11 @@ from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_diagnosis.model.fit import (
     Fit,
+    NoiseBound,
     effects_at,
     infeasible_fit,
     member_slices,
-    with_noise_share,
+    with_noise_bound,
 )
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.rough_sand import RoughSands
@@ -57,14 +58,14 @@ class Fitter:
     Attributes:
         forwards: one forward model per recording.
         point_spread_width: width [cells] of the point spread that simulated maps lack.
-        noise_share: share [-] of the noise stated by imaging that counts.
+        noise_bound: shares of the noise that count.
         rough_sands: models on rough sands, for effects that destabilise fronts.
         pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
     point_spread_width: float = field(default=0.0, kw_only=True)
-    noise_share: float = field(default=1.0, kw_only=True)
+    noise_bound: NoiseBound = field(default=NoiseBound(), kw_only=True)
     rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
     pool: Executor | None = field(default=None, kw_only=True)
 
@@ -188,7 +189,7 @@ class Fitter:
             measured_noise=noise_misfit(self.samples, residuals, measured_only=True),
             unshared_misfit=misfit(self.samples, unshared),
         )
-        return with_noise_share(fit, self.noise_share)
+        return with_noise_bound(fit, self.noise_bound)
 
     def blurred_error(self, fit: Fit) -> float:
         """Return the relative L2 error [-] of the held-out maps, with the blur of the camera.

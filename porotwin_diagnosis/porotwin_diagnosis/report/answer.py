@@ -12,8 +12,8 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.report.markup import percent
 from porotwin_diagnosis.report.named_rows import named_rows
 from porotwin_diagnosis.report.wording import interval, phrase, spoken
-from porotwin_diagnosis.search.ranking import misfit_beyond_noise
-from porotwin_diagnosis.thresholds import SCANT_CONFIDENCE, WORSENED
+from porotwin_diagnosis.search.ranking import misfit_beyond_noise, swallowed_misfit
+from porotwin_diagnosis.thresholds import NO_GAP_MISFIT, SCANT_CONFIDENCE, WORSENED
 from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.words import number
 
@@ -288,6 +288,14 @@ def _how_sure(result: Diagnosis) -> str:
             'The maps were calibrated by an injection. An effect that changed this injection too, '
             'such as a bent response of the dye, may be hidden by the calibration; known dilutions '
             'and the weighed outflow would show it.'
+        )
+    swallowed = swallowed_misfit(verdict.model)
+    if verdict.name != UNEXPLAINED and swallowed > NO_GAP_MISFIT:
+        lines.append(
+            'The calibration of the maps allows errors that all maps share: scale, bend of the '
+            'response, place, blur. They take away a misfit of '
+            f'{swallowed:.1f}, as much as a gap. An effect may hide there; photographs of known '
+            'dilutions would show it.'
         )
     if verdict.not_separable:
         names = ' or '.join(f'<b>{spoken(name)}</b>' for name in verdict.not_separable)

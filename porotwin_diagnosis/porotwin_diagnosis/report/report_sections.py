@@ -49,7 +49,9 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
     note = (
         '<p>Every effect in the table was fitted to the first 70 % of the recording. Without any '
         f'effect the error of the held-out part is {percent(before)}{_joint_error(result, summary)}'
-        '. Probabilities follow from the misfit at the fronts of the whole recording. All members '
+        '. These errors come from the cells of the search and differ a little from those of the '
+        'answer. Probabilities follow from the misfit at the fronts of the whole recording: '
+        'a smaller error may be less probable. All members '
         'of a combination have its probability. The remainder to 100 % is for causes that the '
         'library lacks.</p>'
     )

@@ -20,7 +20,7 @@ import numpy as np
 
 from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.model.fit import Fit, with_noise_share
+from porotwin_diagnosis.model.fit import Fit, with_noise_bound
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
@@ -101,7 +101,9 @@ def search_effects(
     corrected = levels.corrected_at(null)
     without = (with_measured_noise(fit) for fit in (null, corrected.null()))
     if max(normalised_misfit(fit) for fit in without) < SURELY_NO_GAP_MISFIT:
-        return _found_no_gap(corrected, space)
+        found = _found_no_gap(corrected, space)
+        if normalised_misfit(found.findings.null) < SURELY_NO_GAP_MISFIT:
+            return found
     screened = screened_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     levels, singles = _judged_singles(levels, screened, null)
@@ -109,7 +111,7 @@ def search_effects(
     levels, findings = _with_bounded_noise(
         levels, Findings(levels.null(), screened_null, screened, singles)
     )
-    if normalised_misfit(with_measured_noise(singles[0])) > EXPLAINED_MISFIT:
+    if normalised_misfit(with_measured_noise(findings.singles[0])) > EXPLAINED_MISFIT:
         levels, findings = _with_combinations(levels, space, findings)
         levels, findings = _with_bounded_noise(levels, findings)
     levels, singles = fitted_again_alone(levels, findings)
@@ -119,12 +121,17 @@ def search_effects(
 
 
 def _found_no_gap(levels: Levels, space: SearchSpace) -> SearchResult:
-    """Return the findings on a recording that the model without effects surely explains."""
+    """Return the findings on a recording that the model without effects seems to explain.
+
+    One effect is judged: it may leave so little that the noise must be smaller, and a gap shows.
+    """
     screened = coarsely_fitted_singles(levels, space)
     screened_null = levels.screening.evaluate((), np.zeros(0))
     first, *_ = screened
     singles = [levels.judging.polish(first, levels.refining)]
-    findings = Findings(levels.null(), screened_null, screened, singles)
+    levels, findings = _with_bounded_noise(
+        levels, Findings(levels.null(), screened_null, screened, singles)
+    )
     return SearchResult(_with_distances(levels, findings), levels)
 
 
@@ -132,9 +139,9 @@ def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judge
     best = close_to_best(first_of_each_effect(screened))[:REFINED_FITS]
     judged = levels.judged(levels.refined(best, 0.3), 0.4)
     levels = with_bounded_levels(levels, [null, *judged])
-    share = levels.judging.noise_share
-    fits = [with_noise_share(fit, share) for fit in judged]
-    return levels.judged_again(fits, with_noise_share(null, share), 0.48)
+    bound = levels.judging.noise_bound
+    fits = [with_noise_bound(fit, bound) for fit in judged]
+    return levels.judged_again(fits, with_noise_bound(null, bound), 0.48)
 
 
 def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:

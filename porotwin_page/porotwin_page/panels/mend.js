@@ -32,6 +32,7 @@ export async function send(sequence, accept, token, ask = fetch) {
 
 export function create(root, declaration, page) {
   root.append(element('div', { innerHTML: BODY }));
+  root.hidden = true; // until an offer is known
   const own = { sending: false, fault: '', sequence: 0 };
   const answer = async (accept) => {
     own.sending = true;

@@ -70,10 +70,10 @@ async function ask(rates, page) {
 
 function renderSliders(root, content, proposal, current) {
   const box = find('.sliders', root);
-  const { wells, max_rate_ml_h: most } = content;
+  const { wells, max_rate_ml_h: most, step_ml_h: step } = content;
   find('fieldset', root).hidden = !wells.length;
-  if (hasChanged(box, [wells, most])) {
-    box.replaceChildren(...wells.map((well) => slider(well, most, (value) => {
+  if (hasChanged(box, [wells, most, step])) {
+    box.replaceChildren(...wells.map((well) => slider(well, most, step, (value) => {
       const newest = current();
       if (newest) proposal.set(well, value, newest);
     })));
@@ -84,12 +84,12 @@ function renderSliders(root, content, proposal, current) {
     const rate = rates[input.name];
     // a slider under a finger is moved by the finger alone
     if (document.activeElement !== input || Number(input.value) > rate) input.value = rate;
-    setText(find('output', row), `${number(rate, 0)} ml/h`);
+    setText(find('output', row), `${number(rate, step < 1 ? 1 : 0)} ml/h`);
   }
 }
 
-function slider(well, most, moved) {
-  const input = element('input', { type: 'range', name: well, min: 0, max: most, step: most / 50 });
+function slider(well, most, step, moved) {
+  const input = element('input', { type: 'range', name: well, min: 0, max: most, step });
   input.addEventListener('input', () => moved(input.valueAsNumber));
   return element('label', {}, element('span', { textContent: well }), input, element('output'));
 }

@@ -22,4 +22,5 @@ EFFECT = AssetEffect(
     parameters={'rate': Parameter(unit='1/s', low=0.0, default=0.0)},
     on_tracer=fade,
     removes_tracer=True,
+    longest_step=30.0,
 )

@@ -1,0 +1,17 @@
+"""Stamps of photographs and messages: seconds since 1970, or since the start of an experiment."""
+
+from datetime import UTC, datetime, timedelta
+
+SINCE_1970 = 1e9
+"""Stamps below this [s], September 2001, are no times since 1970: a camera's clock was never set,
+or the times count from the start of an experiment."""
+
+
+def time_in_words(stamp: float) -> str:
+    """Return a stamp [s] as a date in UTC, or as h:mm:ss since the start of an experiment."""
+    try:
+        if stamp < SINCE_1970:
+            return str(timedelta(seconds=round(stamp)))
+        return datetime.fromtimestamp(stamp, UTC).strftime('%Y-%m-%d %H:%M:%S UTC')
+    except (ValueError, OverflowError, OSError):
+        return f'{stamp:g} s'
