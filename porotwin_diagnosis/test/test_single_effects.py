@@ -1,11 +1,16 @@
 """The search space, and single effects on screening cells."""
 
+import math
+
 import pytest
-from diagnosis_examples import SLOW_EFFECTS, sample_of
+from diagnosis_examples import SLOW_EFFECTS, recorded, sample_of
 
 from porotwin_core.errors import InputError
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.model.library import library
+from porotwin_diagnosis.search import single_effects
 from porotwin_diagnosis.search.levels import make_levels
+from porotwin_diagnosis.search.place_scan import trials_at
 from porotwin_diagnosis.search.ranking import score
 from porotwin_diagnosis.search.single_effects import (
     refitted_singles,
@@ -40,3 +45,21 @@ def test_the_true_effect_is_among_the_first_and_stays_when_fitted_again(denser_s
     again = refitted_singles(levels, screened[1], screened)
     assert sorted(fit.label for fit in again) == sorted(kept)
     assert score(again[0]) <= score(screened[0])
+
+
+def test_a_zone_that_the_scan_has_missed_is_found_at_the_place_of_a_leak(tmp_path, monkeypatch):
+    zone = {'x': 0.24, 'z': 0.3, 'radius': 0.04, 'permeability_factor': 0.15}
+    hidden = EffectDescription(name='heterogeneity', parameters=zone)
+    sample = sample_of(recorded(tmp_path / 'recording', hidden))
+    levels = make_levels([sample], progress=lambda _stage, _share: None)
+    beside = {'leak': (0.26, 0.28), 'heterogeneity': (0.45, 0.1)}
+
+    def starts(_levels, effect):
+        return trials_at(sample, effect, beside[effect])[:1]
+
+    monkeypatch.setattr(single_effects, 'place_starts', starts)
+    excluded = {c.effect for c in library([sample])} - {'decay', 'leak', 'heterogeneity'}
+    best = screened_singles(levels, search_space([sample], excluded))[0]
+    assert best.label == 'heterogeneity'
+    (found,) = best.effects
+    assert math.hypot(found.parameters['x'] - 0.24, found.parameters['z'] - 0.3) < 0.06

@@ -212,8 +212,16 @@ def trials_of(sample: Sample, effect: str) -> list[Candidate]:
     Raises:
         InputError: nothing sets the scale of the effect, such as pumps that never run.
     """
-    context, search = search_context([sample], sample), _place_search(effect)
-    return [trial for place in _places(sample) for trial in search.trials(context, place)]
+    return [trial for place in _places(sample) for trial in trials_at(sample, effect, place)]
+
+
+def trials_at(sample: Sample, effect: str, place: tuple[float, float]) -> Sequence[Candidate]:
+    """Return the candidates of `effect` that are tried at one `place` (x, z) [m].
+
+    Raises:
+        InputError: as `trials_of`.
+    """
+    return _place_search(effect).trials(search_context([sample], sample), place)
 
 
 def _place_search(name: str) -> PlaceSearch:

@@ -10,7 +10,7 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.levels import Levels
-from porotwin_diagnosis.search.place_scan import promising_starts
+from porotwin_diagnosis.search.place_scan import promising_starts, trials_at
 from porotwin_diagnosis.search.ranking import (
     effect_and_well,
     feasible,
@@ -65,10 +65,14 @@ def screened_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
         return _continued(levels, fit)
 
     fits = levels.side_by_side(fitted, range(len(fits)))
+    placed = []
     for effect in space.local_effects:
         levels.progress(f'looking for a place of {effect}', 0.29)
-        fits.extend(_best_placed(levels, effect))
-    return sorted(feasible(fits), key=score)
+        placed += _best_placed(levels, place_starts(levels, effect))
+    exchanged = [
+        fit for one in placed if score(one) < limit for fit in _exchanged(levels, space, one)
+    ]
+    return sorted(feasible([*fits, *_best_of_each(placed, exchanged)]), key=score)
 
 
 def coarsely_fitted_singles(levels: Levels, space: SearchSpace) -> list[Fit]:
@@ -124,11 +128,31 @@ def _continued(levels: Levels, fit: Fit) -> Fit:
     return levels.screening.fit(fit.members, start=fit.scaled_parameters, coarse_steps=0)
 
 
-def _best_placed(levels: Levels, effect: str) -> list[Fit]:
-    """Return the best fit from the most promising places of `effect`; empty if there is none."""
+def _best_placed(levels: Levels, starts: Sequence[Candidate]) -> list[Fit]:
+    """Return the best fit of an effect from any of the `starts`; empty if there is none."""
     fits = levels.side_by_side(
-        lambda start: levels.screening.fit((start,), coarse_steps=PLACED_COARSE_ITERATIONS),
-        place_starts(levels, effect),
+        lambda start: levels.screening.fit((start,), coarse_steps=PLACED_COARSE_ITERATIONS), starts
     )
     away_from_wells = [fit for fit in feasible(fits) if not levels.has_leak_at_well(fit)]
     return sorted(away_from_wells, key=score)[:1]
+
+
+def _exchanged(levels: Levels, space: SearchSpace, placed: Fit) -> list[Fit]:
+    """Return the best fit of every other effect with a place, started at the place of `placed`.
+
+    A leak beside a zone imitates it, and its fit may come closer than the places of the scan.
+    """
+    (member,) = placed.effects
+    x, z = (float(member.parameters[name]) for name in ('x', 'z'))
+    sample = levels.screening.samples[0]
+    return [
+        fit
+        for effect in space.local_effects
+        if effect != member.name
+        for fit in _best_placed(levels, trials_at(sample, effect, (x, z)))
+    ]
+
+
+def _best_of_each(fits: Sequence[Fit], others: Sequence[Fit]) -> list[Fit]:
+    """Return the fit with the best score of every effect among `fits` and `others`."""
+    return first_of_each_effect(sorted([*fits, *others], key=score))
