@@ -14,6 +14,7 @@ from graph import RunningGraph, running_graph
 
 from porotwin_core import conversions
 from porotwin_core.rig import load_rig
+from porotwin_core.stamps import time_in_words
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_hub.graph import (
@@ -150,7 +151,8 @@ def check_unusable_photographs(graph: RunningGraph) -> None:
     assert not broken & set(stamps)
     log = graph.log('imaging').splitlines()
     for moment in broken:
-        lines = [line for line in log if f'{moment}.000' in line and 'left out' in line]
+        told = f'photograph of {time_in_words(moment)} left out'
+        lines = [line for line in log if told in line]
         assert len(lines) == 1, (moment, lines)
     last = 30 * PHOTOGRAPHS
 

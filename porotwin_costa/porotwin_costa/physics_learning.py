@@ -280,18 +280,24 @@ class PartSearch:
         gains = [_gain(before, after) for before, after in zip(self.alone, left, strict=True)]
         return max(shares) < GOOD_ERROR**2 or min(gains) > ENOUGH
 
+    def _is_good(self, trial: PhysicsTrial) -> bool:
+        """Return whether the error on the grid of the search is too small to fit places to it."""
+        errors = zip((trial.fitted, trial.kept), self.share.power, strict=True)
+        return max(cost / power for cost, power in errors) < GOOD_ERROR**2
+
     def with_one_more(self, known: Learnt) -> PhysicsTrial:
         """Return the best trial of `known` with one more part, refitted.
 
-        Leaks and patches are tried only if no part without a place explains nearly everything, the
-        most promising one first, until one of them ends the search.
+        Leaks and patches are tried only if no part without a place explains nearly everything or
+        leaves a good error, the most promising one first, until one of them ends the search.
         """
         taken = {part.name for part in known.parts}
         parts = [part for part in self.maker.everywhere() if part.name not in taken]
         trials = [self._fitted(part, known) for part in parts]
         before, _ = self.share.cost(known.physics)
         clear = any(_gain(before, trial.fitted) >= CLEAR_GAIN for trial in trials)
-        if not clear and not self.ends_with(min(trials, key=_judged)):
+        best = min(trials, key=_judged)
+        if not (clear or self._is_good(best) or self.ends_with(best)):
             for part in self._placed(known):
                 trials.append(self._fitted(part, known))
                 if self.ends_with(trials[-1]):

@@ -41,10 +41,6 @@ class Stage(NamedTuple):
 CURRICULUM = (Stage(5, 30), Stage(20, 10), Stage(40, 5))
 """The roll-outs grow; a few long ones are enough after many short ones."""
 
-STAGE_GAIN = 0.02
-"""Share of the error of kept runs that a stage must take away [-], or longer roll-outs are spared:
-they take ten times the time of a single step."""
-
 LEARNING_RATE = 5e-4
 """First step size of Adam: a sixth of the one of single steps, which it continues."""
 
@@ -156,7 +152,7 @@ def train_through_runs(
         experiments: the maps to learn from.
         judge: the error of kept free runs; it is asked after every stage.
         seed: of the choice of roll-outs.
-        curriculum: the stages; one that gains less than STAGE_GAIN is the last.
+        curriculum: the stages; the weights after the best one are kept.
         through_solver: pass the gradient through the solver; without, every step learns alone.
         say: told the error after every stage.
     """
@@ -180,11 +176,8 @@ def train_through_runs(
             optimiser.step()
         error = judge(whole)
         say(f'roll-outs of {stage.steps} steps: error of the kept free runs {error:.4f}')
-        little = error > (1.0 - STAGE_GAIN) * best
         if error < best:
             best, best_trust, best_weights = error, 1.0, _copied(network.state_dict())
-        if little:
-            break
     network.load_state_dict(best_weights)
     return replace(model, trust=best_trust)
 
