@@ -51,6 +51,10 @@ SayFn = Callable[[str], None]
 """Receives one line for the user."""
 
 
+def _ignore(*_: object) -> None:
+    """Ignore a signal; unlike `SIG_IGN`, a process that is started does not inherit this."""
+
+
 @dataclass
 class _Kept:
     """A node that is kept running: its process, and the time of its next start."""
@@ -175,6 +179,9 @@ class GraphProcesses:
         interrupt = signal.getsignal(signal.SIGINT)
         if not callable(interrupt):  # a background job of a shell ignores Ctrl-C, not these
             interrupt = signal.default_int_handler
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            # a node would inherit that it is ignored, and could not be ended in order
+            self._handlers[signal.SIGINT] = signal.signal(signal.SIGINT, _ignore)
         for number in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:  # nohup wants it ignored
                 self._handlers[number] = signal.signal(number, interrupt)

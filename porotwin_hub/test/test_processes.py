@@ -167,6 +167,21 @@ def test_a_stopped_node_ends_with_its_graph_in_order(tmp_path: Path) -> None:
     assert process.returncode in (-signal.SIGINT, 1)
 
 
+def test_a_graph_in_the_background_ends_in_order(tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell starts a background job
+    lines: list[str] = []
+    try:
+        with graph_of(tmp_path, SLEEPER.format(bound=False), lines) as graph:
+            assert until(lambda: 'here' in graph.log('sleeper').read_text())
+            os.kill(os.getpid(), signal.SIGINT)
+            assert graph.running('sleeper')
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert lines == []
+    assert graph.process('sleeper').returncode in (-signal.SIGINT, 1)
+
+
 def test_a_node_that_ignores_the_end_is_killed_with_its_children(tmp_path: Path) -> None:
     lines: list[str] = []
     source = """
