@@ -56,6 +56,19 @@ def test_fits_close_to_the_best_go_on_and_the_second_in_any_case():
     assert close_to_best([]) == []
 
 
+def test_a_fit_with_few_parameters_goes_on_beside_one_with_many():
+    bent, zone, porosity, depth = (
+        fit_of(*effects.split(), misfit=misfit)
+        for effects, misfit in (
+            ('saturation decay', 1.0),
+            ('porosity decay', 1.2),
+            ('porosity', 1.6),
+            ('depth', 1.7),
+        )
+    )
+    assert close_to_best([bent, zone, porosity, depth]) == [bent, zone, porosity]
+
+
 def test_a_fit_tied_with_the_last_selected_one_goes_on():
     fits = [fit_of('decay', misfit=misfit) for misfit in (1.0, 2.0, 2.05, 2.1)]
     assert close_to_best(fits) == fits[:3]

@@ -127,12 +127,19 @@ def feasible(fits: Sequence[Fit]) -> list[Fit]:
 def close_to_best(fits: Sequence[Fit]) -> list[Fit]:
     """Return the fits whose score is close to the best one, the second in any case.
 
-    `fits` are sorted by their score. Fits tied with the last selected one are selected as well.
+    `fits` are sorted by their score. A fit is close by its score, or by its score with the penalty
+    for parameters: an effect with few parameters may be true although one with many fits better.
+    Fits tied with the last selected one are selected as well.
     """
     if not fits:
         return []
     limit = CLOSE_TO_BEST * score(fits[0])
-    selected = [fit for index, fit in enumerate(fits) if index < 2 or score(fit) < limit]
+    penalised_limit = CLOSE_TO_BEST * min(map(_penalised_score, fits))
+    selected = [
+        fit
+        for index, fit in enumerate(fits)
+        if index < 2 or score(fit) < limit or _penalised_score(fit) < penalised_limit
+    ]
     return [fit for fit in fits if score(fit) <= TIE * score(selected[-1])]
 
 
@@ -150,6 +157,10 @@ def ranked(fits: Sequence[Fit]) -> list[Fit]:
 
 def _penalised_misfit(fit: Fit) -> float:
     return larger_misfit(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
+
+
+def _penalised_score(fit: Fit) -> float:
+    return score(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
 
 
 def first_of_each_effect(fits: Sequence[Fit]) -> list[Fit]:
