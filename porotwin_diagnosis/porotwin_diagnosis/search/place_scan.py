@@ -224,6 +224,16 @@ def trials_at(sample: Sample, effect: str, place: tuple[float, float]) -> Sequen
     return _place_search(effect).trials(search_context([sample], sample), place)
 
 
+def sized_trials_at(sample: Sample, effect: str, place: tuple[float, float]) -> Sequence[Candidate]:
+    """Return candidates of `effect` of several sizes at one `place` (x, z) [m].
+
+    Raises:
+        InputError: as `trials_of`.
+    """
+    search = _place_search(effect)
+    return (search.sized_trials or search.trials)(search_context([sample], sample), place)
+
+
 def _place_search(name: str) -> PlaceSearch:
     search = EFFECTS[name].places
     if search is None:

@@ -10,7 +10,7 @@ from porotwin_diagnosis.data.sample import Sample
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.model.library import library
 from porotwin_diagnosis.search.levels import Levels
-from porotwin_diagnosis.search.place_scan import promising_starts, trials_at
+from porotwin_diagnosis.search.place_scan import promising_starts, sized_trials_at
 from porotwin_diagnosis.search.ranking import (
     effect_and_well,
     feasible,
@@ -24,6 +24,9 @@ from porotwin_solver.effects.definition.effect import Scope
 
 PLACED_COARSE_ITERATIONS = 4
 """Iterations on coarse residuals for an effect with a place: its place is known to a few cells."""
+
+SIZED_STARTS, SIZED_ITERATIONS = 2, 6
+"""Fits of an effect at the place of another one, and their iterations on fine residuals."""
 
 
 class SearchSpace(NamedTuple):
@@ -133,6 +136,11 @@ def _best_placed(levels: Levels, starts: Sequence[Candidate]) -> list[Fit]:
     fits = levels.side_by_side(
         lambda start: levels.screening.fit((start,), coarse_steps=PLACED_COARSE_ITERATIONS), starts
     )
+    return _best_away_from_wells(levels, fits)
+
+
+def _best_away_from_wells(levels: Levels, fits: Sequence[Fit]) -> list[Fit]:
+    """Return the best feasible fit that is no leak at a well; empty if there is none."""
     away_from_wells = [fit for fit in feasible(fits) if not levels.has_leak_at_well(fit)]
     return sorted(away_from_wells, key=score)[:1]
 
@@ -140,7 +148,9 @@ def _best_placed(levels: Levels, starts: Sequence[Candidate]) -> list[Fit]:
 def _exchanged(levels: Levels, space: SearchSpace, placed: Fit) -> list[Fit]:
     """Return the best fit of every other effect with a place, started at the place of `placed`.
 
-    A leak beside a zone imitates it, and its fit may come closer than the places of the scan.
+    A leak beside a zone imitates it, and its fit may come closer than the places of the scan. As
+    the place is nearly known, the fits begin with fine residuals: on coarse ones a zone that is
+    too large or too tight is driven away.
     """
     (member,) = placed.effects
     x, z = (float(member.parameters[name]) for name in ('x', 'z'))
@@ -149,8 +159,27 @@ def _exchanged(levels: Levels, space: SearchSpace, placed: Fit) -> list[Fit]:
         fit
         for effect in space.local_effects
         if effect != member.name
-        for fit in _best_placed(levels, trials_at(sample, effect, (x, z)))
+        for fit in _best_sized(levels, sized_trials_at(sample, effect, (x, z)))
     ]
+
+
+def _best_sized(levels: Levels, trials: Sequence[Candidate]) -> list[Fit]:
+    """Return the best fit from the most promising of `trials` at one place; empty if none is."""
+    screening = levels.screening
+    tried = levels.side_by_side(
+        lambda trial: screening.evaluate((trial,), np.array(trial.first)), trials
+    )
+    best = sorted(feasible(tried), key=score)[:SIZED_STARTS]
+    fits = levels.side_by_side(
+        lambda fit: screening.fit(
+            fit.members,
+            start=fit.scaled_parameters,
+            coarse_steps=0,
+            fine_steps=SIZED_ITERATIONS,
+        ),
+        best,
+    )
+    return _best_away_from_wells(levels, fits)
 
 
 def _best_of_each(fits: Sequence[Fit], others: Sequence[Fit]) -> list[Fit]:

@@ -6,6 +6,7 @@ distance from (x, z).
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.random import Generator
@@ -45,6 +46,10 @@ def change_zone(physics: Physics, values: Values) -> Physics:
     )
 
 
+SIZED_TRIALS = tuple(product((0.06, 0.036, 0.024), (0.25, 0.5, 2.0, 4.0)))
+"""Relative radius and permeability of the zones that are tried where a leak imitates a zone."""
+
+
 def zone_at(
     context: SearchContext, centre: tuple[float, float], radius: float, permeability_factor: float
 ) -> Candidate:
@@ -70,6 +75,12 @@ def trials(context: SearchContext, centre: tuple[float, float]) -> Sequence[Cand
     """Try a tight and a permeable zone."""
     radius = TRIAL_RADIUS * context.longer_side
     return [zone_at(context, centre, radius, tried) for tried in TRIAL_FACTORS]
+
+
+def sized_trials(context: SearchContext, centre: tuple[float, float]) -> Sequence[Candidate]:
+    """Try tight and permeable zones of several sizes."""
+    size = context.longer_side
+    return [zone_at(context, centre, radius * size, tried) for radius, tried in SIZED_TRIALS]
 
 
 def phrase(values: Values) -> str:
@@ -102,7 +113,7 @@ EFFECT = Effect(
     },
     on_physics=change_zone,
     candidates=candidates,
-    places=PlaceSearch(trials, strength_factors=(0.3, 2.0)),
+    places=PlaceSearch(trials, strength_factors=(0.3, 2.0), sized_trials=sized_trials),
     phrase=phrase,
     laboratory_check='look at the sand there; inject from a well close to it',
     blind_draw=draw,

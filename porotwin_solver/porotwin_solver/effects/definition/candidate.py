@@ -155,6 +155,10 @@ Candidates = Callable[[SearchContext], Sequence[Candidate]]
 """Returns the candidates of one effect; none where the rig cannot have the effect."""
 
 
+TrialsFn = Callable[[SearchContext, tuple[float, float]], Sequence[Candidate]]
+"""Returns the candidates that are tried at a place (x, z) [m]."""
+
+
 @dataclass(frozen=True)
 class PlaceSearch:
     """How the place of an effect is found: trials at many places, ranked by projection.
@@ -166,8 +170,11 @@ class PlaceSearch:
         trials: returns the candidates tried at a place (x, z) [m].
         strength_factors: least and greatest factor.
         is_rate_at_a_well: at a well the effect cannot be told from a wrong rate of that well.
+        sized_trials: returns candidates of several sizes for a place (x, z) [m] that another effect
+            suggests; None: the same as `trials`.
     """
 
-    trials: Callable[[SearchContext, tuple[float, float]], Sequence[Candidate]]
+    trials: TrialsFn
     strength_factors: tuple[float, float]
     is_rate_at_a_well: bool = False
+    sized_trials: TrialsFn | None = None
