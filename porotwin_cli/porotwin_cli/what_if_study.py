@@ -111,7 +111,9 @@ def seconds_of(text: str) -> float:
     try:
         seconds = float(number) * factor
     except ValueError:
-        seconds = -1.0
+        seconds = np.nan
+    if -np.inf < seconds < 0.0:
+        raise InputError(f"time '{text}': is negative; count from the start of the recording")
     if not 0.0 <= seconds < np.inf:
         raise InputError(f"time '{text}': write a number and s, min or h, like 35min")
     return seconds
@@ -133,7 +135,11 @@ def rate_step(text: str, rig: Rig, start: float) -> RateStep:
     for pair in pairs.split(','):
         well, equals, number = (part.strip() for part in pair.partition('='))
         if well and well not in rig.wells:
-            raise InputError(f"rates '{text}': well '{well}' is unknown; {', '.join(rig.wells)}")
+            comma = '; write 3.5 instead of 3,5' if well.isdecimal() else ''
+            wells = ', '.join(rig.wells)
+            raise InputError(
+                f"rates '{text}': well '{well}' is unknown; the rig has {wells}{comma}"
+            )
         if well in rates:
             raise InputError(f"rates '{text}': names {well} twice; give it one rate")
         try:

@@ -161,15 +161,21 @@ def test_times_have_units(text: str, seconds: float) -> None:
     assert seconds_of(text) == seconds
 
 
-@pytest.mark.parametrize('text', ['soon', '-3min', 'infh', 'min'])
+@pytest.mark.parametrize('text', ['soon', 'infh', 'nan', 'min'])
 def test_other_texts_are_no_times(text: str) -> None:
     with pytest.raises(InputError, match='like 35min'):
         seconds_of(text)
 
 
+def test_a_negative_time_is_named() -> None:
+    with pytest.raises(InputError, match='is negative'):
+        seconds_of('-3min')
+
+
 @pytest.mark.parametrize(
     ('text', 'complaint'),
     [
+        ('control1=3,5', 'write 3.5 instead of 3,5'),
         ('nowell=3', "well 'nowell' is unknown"),
         ('control1', 'write WELL=ML_H'),
         ('=5', 'write WELL=ML_H'),

@@ -47,13 +47,13 @@ class MapDistance:
         distance_m: W1 between the normalised maps [m], the middle between its bounds; NaN if one
             holds no tracer.
         bound_m: the true distance on the grid is within this of `distance_m` [m].
-        mass_error: mass of the second map over that of the first, minus 1 [-]; NaN if the first
+        mass_change: mass of the second map over that of the first, minus 1 [-]; NaN if the first
             holds none.
     """
 
     distance_m: float
     bound_m: float
-    mass_error: float
+    mass_change: float
 
 
 def map_distance(

@@ -52,6 +52,8 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
         ('{', 'not readable as YAML'),
         ('schema: 7', 'schema: 7 is not 1 or 2'),
         ('schema: 1', 'not a calibration'),
+        ('', 'is empty'),
+        ('[1, 2]', 'holds no keys'),
         (
             'schema: 1\nscale_error: 0.1\nsignal: {contrast: difference, weights: [1, 0, 0]}\n'
             'response: {signal: [0, 0.5, 0.4], concentration: [0, 0.5, 1]}',

@@ -22,13 +22,13 @@ def test_a_moved_plume_has_the_distance_of_its_move(move) -> None:
     found = map_distance(blob(0.7, 0.4), blob(0.7 + move[0], 0.4 + move[1]), GRID)
     assert found.distance_m == pytest.approx(np.hypot(*move), rel=0.01)
     assert found.bound_m <= 0.5 * TOLERANCE * 1.01 * found.distance_m
-    assert found.mass_error == pytest.approx(0.0, abs=1e-3)
+    assert found.mass_change == pytest.approx(0.0, abs=1e-3)
 
 
 def test_half_the_mass_is_told_beside_the_distance() -> None:
     found = map_distance(blob(0.6, 0.4), 0.5 * blob(0.7, 0.4), GRID)
     assert found.distance_m == pytest.approx(0.1, rel=0.01)
-    assert found.mass_error == pytest.approx(-0.5, abs=1e-3)
+    assert found.mass_change == pytest.approx(-0.5, abs=1e-3)
 
 
 def test_random_masses_against_the_exact_assignment() -> None:
@@ -52,8 +52,8 @@ def test_the_same_map_has_no_distance_and_an_empty_one_none() -> None:
     values = blob(0.7, 0.4)
     assert map_distance(values, 2.0 * values, GRID).distance_m == 0.0
     assert np.isnan(map_distance(values, np.zeros(GRID.shape), GRID).distance_m)
-    assert map_distance(values, np.zeros(GRID.shape), GRID).mass_error == -1.0
-    assert np.isnan(map_distance(np.zeros(GRID.shape), values, GRID).mass_error)
+    assert map_distance(values, np.zeros(GRID.shape), GRID).mass_change == -1.0
+    assert np.isnan(map_distance(np.zeros(GRID.shape), values, GRID).mass_change)
 
 
 def test_cells_that_one_map_does_not_show_count_in_neither() -> None:

@@ -152,10 +152,10 @@ def _rows(
         alone = plume_alone(values, maps.grid, deviation)
         reference = before if other is None else _at(other, float(time))
         if reference is None or not (measures.seen and np.isfinite(reference).any()):
-            row |= {'distance_m': float('nan'), 'mass_error': float('nan')}
+            row |= {'distance_m': float('nan'), 'mass_change': float('nan')}
         else:
             distance = map_distance(reference, alone, maps.grid, pores)
-            row |= {'distance_m': distance.distance_m, 'mass_error': distance.mass_error}
+            row |= {'distance_m': distance.distance_m, 'mass_change': distance.mass_change}
         rows.append(row)
         before = alone if measures.seen else before
     _tell_odd(rows, doubted)

@@ -37,7 +37,7 @@ def test_the_table_holds_the_move_and_the_mass(moving: Path, tmp_path: Path) -> 
     assert first['distance_m'] is None
     assert second['distance_m'] == pytest.approx(0.1, rel=0.01)
     assert second['x_m'] - first['x_m'] == pytest.approx(0.1, rel=0.01)
-    assert second['mass_error'] == pytest.approx(0.0, abs=1e-3)
+    assert second['mass_change'] == pytest.approx(0.0, abs=1e-3)
     assert second['tracer_deviation_ml'] == pytest.approx(0.1 * second['tracer_ml'], rel=1e-3)
     with table.open() as file:
         assert [float(row['time_s']) for row in csv.DictReader(file)] == [0.0, 30.0]

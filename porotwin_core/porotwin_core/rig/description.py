@@ -130,8 +130,9 @@ class Rig(Section):
     def _is_consistent(self) -> Self:
         for name, well in self.wells.items():
             if not (0 < well.x_m < self.width_m and 0 < well.z_m < self.height_m):
+                where = 'on the edge of' if self._is_on_edge(well) else 'outside'
                 raise ValueError(
-                    f"well '{name}' at ({well.x_m}, {well.z_m}) m lies outside the rig of "
+                    f"well '{name}' at ({well.x_m}, {well.z_m}) m lies {where} the rig of "
                     f'{self.width_m} x {self.height_m} m; {self._place_remedy(well)}'
                 )
         if isinstance(self.porosity, float) and self.porosity > 1:
@@ -142,12 +143,16 @@ class Rig(Section):
             self.control.check_wells(self.wells, closed=self.closed)
         return self
 
+    def _is_on_edge(self, well: Well) -> bool:
+        """Return whether `well`, which is not inside the rig, is not outside of it either."""
+        return 0 <= well.x_m <= self.width_m and 0 <= well.z_m <= self.height_m
+
     def _place_remedy(self, well: Well) -> str:
         """Return the remedy for the place of `well`: in another unit it may lie in the rig."""
         guesses = []
-        if 0 <= well.x_m <= self.width_m and 0 <= well.z_m <= self.height_m:
+        if self._is_on_edge(well):
             return (
-                f'it is on the edge: x_m must be above 0 and below {self.width_m:g}, z_m above 0 '
+                f'x_m must be above 0 and below {self.width_m:g}, z_m above 0 '
                 f'and below {self.height_m:g}; move it into the sand by its radius of '
                 f'{well.radius_m:g} m, or describe an overflow as an open side'
             )
