@@ -112,10 +112,9 @@ def seconds_of(text: str) -> float:
         seconds = float(number) * factor
     except ValueError:
         seconds = np.nan
-    if -np.inf < seconds < 0.0:
-        raise InputError(f"time '{text}': is negative; count from the start of the recording")
     if not 0.0 <= seconds < np.inf:
-        raise InputError(f"time '{text}': write a number and s, min or h, like 35min")
+        fault = 'is negative; ' if seconds < 0.0 else ''
+        raise InputError(f"time '{text}': {fault}write a number and s, min or h, like 35min")
     return seconds
 
 

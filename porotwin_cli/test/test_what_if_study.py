@@ -161,14 +161,14 @@ def test_times_have_units(text: str, seconds: float) -> None:
     assert seconds_of(text) == seconds
 
 
-@pytest.mark.parametrize('text', ['soon', 'infh', 'nan', 'min'])
+@pytest.mark.parametrize('text', ['soon', '-3min', 'infh', 'nan', 'min'])
 def test_other_texts_are_no_times(text: str) -> None:
     with pytest.raises(InputError, match='like 35min'):
         seconds_of(text)
 
 
 def test_a_negative_time_is_named() -> None:
-    with pytest.raises(InputError, match='is negative'):
+    with pytest.raises(InputError, match='is negative; write a number'):
         seconds_of('-3min')
 
 

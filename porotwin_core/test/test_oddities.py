@@ -79,7 +79,10 @@ def test_the_small_rig_is_not_odd() -> None:
         ({'depth_m': float('inf')}, 'finite'),
         ({'width_mm': 934}, "did you mean 'width_m'"),
         ({'name': ''}, 'name'),
-        ({'wells.wall': {'x_m': 0.0, 'z_m': 0.2}}, 'on the edge of the rig of'),
+        (
+            {'wells.wall': {'x_m': 0.0, 'z_m': 0.2}},
+            'on the edge of the rig of 0.934 x 0.562 m; x_m must be above 0 and below',
+        ),
         ({'wells.top': {'x_m': 0.3, 'z_m': 0.562}}, 'below 0.562; move it into the sand'),
         (
             {'wells.far': {'x_m': 23.5, 'z_m': 23.5}},

@@ -177,11 +177,10 @@ class GraphProcesses:
         if threading.current_thread() is not threading.main_thread():
             return  # Python lets only the main thread set handlers
         interrupt = signal.getsignal(signal.SIGINT)
+        if interrupt is signal.SIG_IGN:  # a node would inherit it, and could not end in order
+            self._handlers[signal.SIGINT] = signal.signal(signal.SIGINT, _ignore)
         if not callable(interrupt):  # a background job of a shell ignores Ctrl-C, not these
             interrupt = signal.default_int_handler
-        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-            # a node would inherit that it is ignored, and could not be ended in order
-            self._handlers[signal.SIGINT] = signal.signal(signal.SIGINT, _ignore)
         for number in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:  # nohup wants it ignored
                 self._handlers[number] = signal.signal(number, interrupt)

@@ -29,7 +29,6 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from porotwin_core import PROGRAM
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_imaging.tracer_signal import Contrast, TracerSignal
@@ -198,7 +197,7 @@ def load_calibration(path: Path | str) -> Calibration:
         raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
     if not isinstance(data, dict):
         found = 'is empty' if data is None else 'holds no keys'
-        raise InputError(f'{path}: {found}; a calibration is written by `{PROGRAM} calibrate`')
+        raise InputError(f'{path}: {found}; make a calibration with: porotwin calibrate')
     try:
         _check_schema(data)
         sands = data.get('sands') or {}

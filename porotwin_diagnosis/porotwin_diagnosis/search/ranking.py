@@ -156,11 +156,15 @@ def ranked(fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _penalised_misfit(fit: Fit) -> float:
-    return larger_misfit(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
+    return larger_misfit(fit) * _penalty(fit)
 
 
 def _penalised_score(fit: Fit) -> float:
-    return score(fit) * PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
+    return score(fit) * _penalty(fit)
+
+
+def _penalty(fit: Fit) -> float:
+    return float(PENALTY_PER_PARAMETER ** len(fit.scaled_parameters))
 
 
 def first_of_each_effect(fits: Sequence[Fit]) -> list[Fit]:

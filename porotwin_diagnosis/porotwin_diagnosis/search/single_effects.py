@@ -25,6 +25,9 @@ from porotwin_solver.effects.definition.effect import Scope
 PLACED_COARSE_ITERATIONS = 4
 """Iterations on coarse residuals for an effect with a place: its place is known to a few cells."""
 
+CONTINUED_ITERATIONS = 3
+"""Iterations on fine residuals of a fit that coarse ones have brought close."""
+
 SIZED_STARTS, SIZED_ITERATIONS = 2, 6
 """Fits of an effect at the place of another one, and their iterations on fine residuals."""
 
@@ -127,8 +130,10 @@ def _fit_from_best_start(levels: Levels, candidate: Candidate) -> Fit:
     return min(fits, key=score)
 
 
-def _continued(levels: Levels, fit: Fit) -> Fit:
-    return levels.screening.fit(fit.members, start=fit.scaled_parameters, coarse_steps=0)
+def _continued(levels: Levels, fit: Fit, *, fine_steps: int = CONTINUED_ITERATIONS) -> Fit:
+    return levels.screening.fit(
+        fit.members, start=fit.scaled_parameters, coarse_steps=0, fine_steps=fine_steps
+    )
 
 
 def _best_placed(levels: Levels, starts: Sequence[Candidate]) -> list[Fit]:
@@ -165,19 +170,12 @@ def _exchanged(levels: Levels, space: SearchSpace, placed: Fit) -> list[Fit]:
 
 def _best_sized(levels: Levels, trials: Sequence[Candidate]) -> list[Fit]:
     """Return the best fit from the most promising of `trials` at one place; empty if none is."""
-    screening = levels.screening
     tried = levels.side_by_side(
-        lambda trial: screening.evaluate((trial,), np.array(trial.first)), trials
+        lambda trial: levels.screening.evaluate((trial,), np.array(trial.first)), trials
     )
     best = sorted(feasible(tried), key=score)[:SIZED_STARTS]
     fits = levels.side_by_side(
-        lambda fit: screening.fit(
-            fit.members,
-            start=fit.scaled_parameters,
-            coarse_steps=0,
-            fine_steps=SIZED_ITERATIONS,
-        ),
-        best,
+        lambda fit: _continued(levels, fit, fine_steps=SIZED_ITERATIONS), best
     )
     return _best_away_from_wells(levels, fits)
 

@@ -35,6 +35,9 @@ TRIAL_RADIUS = 0.06
 TRIAL_FACTORS = (0.25, 4.0)
 """Permeability of the zones that are tried, relative to the nominal one."""
 
+SIZED_TRIALS = tuple(product((TRIAL_RADIUS, 0.036, 0.024), (0.25, 0.5, 2.0, 4.0)))
+"""Relative radius and permeability of the zones that are tried where a leak imitates a zone."""
+
 
 def change_zone(physics: Physics, values: Values) -> Physics:
     """Return `physics` with another permeability in the zone."""
@@ -44,10 +47,6 @@ def change_zone(physics: Physics, values: Values) -> Physics:
     return replace(
         physics, permeability=physics.permeability * values['permeability_factor'] ** inside
     )
-
-
-SIZED_TRIALS = tuple(product((0.06, 0.036, 0.024), (0.25, 0.5, 2.0, 4.0)))
-"""Relative radius and permeability of the zones that are tried where a leak imitates a zone."""
 
 
 def zone_at(
