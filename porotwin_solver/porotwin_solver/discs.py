@@ -9,6 +9,11 @@ from porotwin_core.grid import FloatArray, Grid
 CellArray = NDArray[np.integer]
 """Flat indices of cells."""
 
+LEAST_RADIUS = 0.5
+"""Least radius [longer side of a cell] of a disc on a grid. The water of a smaller disc would enter
+at the centre of its cell, wherever in the cell the well opens. Measured for six wells of 4 mm
+radius: the error of maps on cells of 20 mm falls from 0.16-0.21 to 0.14-0.15."""
+
 LEAST_OVERLAP = 1e-12
 """Overlap, relative to the squared radius, that counts as zero: above round-off."""
 
@@ -32,7 +37,8 @@ def disc_fractions(grid: Grid, x: float, z: float, radius: float) -> tuple[CellA
     """Return the cells that the disc about (`x`, `z`) [m] overlaps, and the fraction in each.
 
     The fractions are exact areas of overlap divided by the area of the disc inside the rig. They
-    add up to one. The cells are flat indices into a field (nz, nx).
+    add up to one. The cells are flat indices into a field (nz, nx). A disc smaller than a cell is
+    widened to the width of a cell, so that a shift within the cell moves water to its neighbours.
 
     Raises:
         InputError: the centre lies outside the rig.
@@ -42,6 +48,7 @@ def disc_fractions(grid: Grid, x: float, z: float, radius: float) -> tuple[CellA
             f'well at ({x:.6g}, {z:.6g}) m lies outside the rig of {grid.width} x {grid.height} m; '
             'correct its position'
         )
+    radius = max(radius, LEAST_RADIUS * max(grid.dx, grid.dz))
     columns = _overlapped(x, radius, grid.dx, grid.nx)
     rows = _overlapped(z, radius, grid.dz, grid.nz)
     edges_x = np.append(columns, columns[-1] + 1) * grid.dx - x

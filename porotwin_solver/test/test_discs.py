@@ -32,11 +32,22 @@ def test_a_disc_on_a_corner_overlaps_four_cells_equally() -> None:
 
 
 def test_the_overlap_is_the_area_of_the_circular_segment() -> None:
-    radius, cut = 0.004, 0.0015
+    radius, cut = 0.016, 0.006
     cells, fractions = disc_fractions(GRID, 10 * GRID.dx - cut, 5.5 * GRID.dz, radius)
     beyond = radius**2 * math.acos(cut / radius) - cut * math.sqrt(radius**2 - cut**2)
     right = fractions[cells % 37 == 10].sum()
     assert right == pytest.approx(beyond / (math.pi * radius**2), rel=1e-12)
+
+
+@given(shift=st.floats(0.0, 0.5))
+def test_a_small_disc_that_moves_within_a_cell_moves_its_water(shift: float) -> None:
+    cells, fractions = disc_fractions(GRID, (10.5 + shift) * GRID.dx, 5.5 * GRID.dz, 0.001)
+    right = fractions[cells % 37 == 11].sum()
+    # the segment of a disc as wide as a cell, beyond the distance 1/2 - shift from its centre
+    half = 0.5 * max(GRID.dx, GRID.dz)
+    cut = min((0.5 - shift) * GRID.dx, half)
+    beyond = half**2 * math.acos(cut / half) - cut * math.sqrt(half**2 - cut**2)
+    assert right == pytest.approx(beyond / (math.pi * half**2), abs=1e-9)
 
 
 def test_the_fractions_of_a_disc_over_the_edge_add_up_to_one() -> None:

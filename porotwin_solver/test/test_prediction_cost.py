@@ -36,7 +36,7 @@ def test_the_cost_grows_with_time_and_cells_and_slowness() -> None:
         grid = Grid.parse(text, RIG.width_m, RIG.height_m)
         return prediction_cost(RIG, grid, duration=duration, slowness=slowness).seconds
 
-    assert seconds('94x56', 6000.0) == pytest.approx(10 * seconds('94x56', 600.0))
+    assert seconds('94x56', 6000.0) == pytest.approx(10 * seconds('94x56', 600.0), rel=1e-5)
     assert seconds('374x224', 600.0) > 6 * seconds('187x112', 600.0)
     assert seconds('94x56', 600.0, 3.0) == pytest.approx(3 * seconds('94x56', 600.0))
 

@@ -1,5 +1,7 @@
 """Transport through PyTorch beside the compiled kernels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -46,6 +48,7 @@ def test_a_device_gives_the_map_of_the_kernels(rig, rates, scheme, effect, devic
     effects = [described(effect)] if effect else []
     plain = nominal_physics(opened, rig.grid(31, 19))
     physics, _ = apply_effects(plain, ObservationOperator(), effects)
+    rates = {name: replace(well, rate=2 * well.rate) for name, well in rates.items()}
     kernels = advanced(physics, scheme, rates, PROCESSOR)
     on_device = advanced(physics, scheme, rates, device)
     np.testing.assert_allclose(on_device.mobile, kernels.mobile, atol=1e-12)

@@ -14,8 +14,8 @@ SHIFTED = EffectDescription(
 )
 
 
-@pytest.mark.parametrize(('effect', 'named'), [(DENSER, 'porosity'), (SHIFTED, 'background_flow')])
-def test_the_baseline_names_a_lower_porosity_and_takes_a_shifted_picture_for_a_flow(
+@pytest.mark.parametrize(('effect', 'named'), [(DENSER, 'porosity'), (SHIFTED, 'dispersion')])
+def test_the_baseline_names_a_lower_porosity_and_takes_a_shifted_picture_for_dispersion(
     tmp_path, effect, named
 ):
     assert sparse_regression(open_recording(recorded(tmp_path / 'recording', effect))) == named

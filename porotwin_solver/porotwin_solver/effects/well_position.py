@@ -12,9 +12,8 @@ from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
 from porotwin_solver.effects.definition.words import direction
 from porotwin_solver.physics import Physics
 
-STEP_CELLS = 1.2
-"""Natural step in cells of the recording. The screening cells are twice as large, and nothing
-changes where a well moves within one cell."""
+STEP_CELLS = 0.5
+"""Natural step in cells of the recording. The screening cells are twice as large."""
 
 
 def move(physics: Physics, values: Values) -> Physics:
