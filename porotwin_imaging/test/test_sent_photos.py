@@ -88,6 +88,7 @@ def test_the_last_baselines_are_kept(tmp_path) -> None:
 
 
 def test_one_launch_has_one_folder_for_each_source(monkeypatch) -> None:
+    monkeypatch.setenv(PARENT, str(os.getpid()))  # the parent of a detached run is process 1
     one = folder_of_launch('folder:/a')
     assert folder_of_launch('folder:/a') == one
     assert folder_of_launch('folder:/b') != one

@@ -16,7 +16,7 @@ EXPECTED = {
     'porosity': [0.015],
     'depth': [0.02],
     'rate': [0.02],
-    'well_position': [0.0059935829, 0.0059935829],
+    'well_position': [0.0024973262, 0.0024973262],
     'leak': [0.006071, 0.006071, 8.0],
     'background_flow': [5.2027629e-07, 5.2027629e-07],
     'saturation': [0.1],
