@@ -75,6 +75,9 @@ def command(
             source=folder.name,
             progress=say,
         )
+        if fit.trust.objections:  # a photograph that was left out may be why
+            for line in fit.lines:
+                say(line)
         say('drawing')
         write_fit(fit, target)
     except CalibrationRefused as refusal:

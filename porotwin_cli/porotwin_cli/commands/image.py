@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from porotwin_cli.map_sureness import Doubt
     from porotwin_core.grid import Grid
     from porotwin_core.rig import Rig
+    from porotwin_core.wells import Schedule
     from porotwin_recording.photos import Photo
 
 UNCALIBRATED = (
@@ -157,6 +158,9 @@ def command(
         imaged = [*(entry for entry, _ in before), *imaged]
         doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
+    excess = _excess(output, rig, recording.measured or recording.commanded) if used else ''
+    if excess:
+        say(excess)
     if as_json:
         print_json(
             {
@@ -168,6 +172,7 @@ def command(
                 'guessed_sands': guessed_sands(known_factors) if used else None,
                 'maps': imaged,
                 'refused': refused,
+                'too_much_tracer': excess or None,
             }
         )
         return
@@ -235,6 +240,15 @@ def _imaged_before(
         }
         found.append((entry, doubt))
     return found
+
+
+def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
+    """Return what is wrong if the last map in `output` holds more tracer than was injected."""
+    from porotwin_imaging.mass_check import excess_remark
+    from porotwin_recording.concentration import open_maps
+
+    maps = open_maps(output, rig)
+    return excess_remark(maps[-1], float(maps.times[-1]), rig, rates) if rates else ''
 
 
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:
