@@ -77,7 +77,7 @@ COARSE_ELEMENT = 0.42
 LAYERED_ELEMENTS = 930
 """Elements along the longer side of the virtual rig if a real rig is given, with its layers of
 sand. On the large FluidFlower an element is then 3 mm, and maps differ by 1.6 to 2.8 % from those
-of the model on cells of 4 mm. With elements of 8.4 mm they differed by 4 to 6 %: a gap by itself."""
+of the model on cells of 4 mm. Elements of 8.4 mm gave 4 to 6 %: a gap by itself."""
 
 
 @dataclass(frozen=True)
