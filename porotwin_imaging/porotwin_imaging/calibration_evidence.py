@@ -14,6 +14,10 @@ FactorSource = Literal['core', 'same sand', 'interface', 'prior']
 """Where the factor of a sand comes from: its core, a core in the same sand at another place, the
 signal across its interfaces, or the appearance of its grains."""
 
+SURE_END = 0.03
+"""Standard deviation of the bend by fronts [-] below which a bend at the end of the tried range is
+sure. Fronts that fit the model have 0.015 to 0.03; with 0.04 and more they fit several bends."""
+
 _ANCHORS: dict[Anchor, str] = {
     'dilutions': 'photographs of known dilutions',
     'core': 'the core of the plume',
@@ -116,11 +120,13 @@ class CalibrationEvidence:
     def bend_conflict(self) -> float:
         """Difference between the bend and that of the fronts [-]; 0 with dilutions or no fronts.
 
-        It is infinite if the fronts ask for a bend beyond all that are tried.
+        It is infinite if the fronts surely ask for a bend beyond all that are tried.
         """
         if np.isfinite(self.dilution_misfit) or self.fronts is None:
             return 0.0
-        return float('inf') if self.fronts.at_end else abs(self.bend - self.fronts.bend)
+        if self.fronts.at_end and self.fronts.deviation < SURE_END:
+            return float('inf')
+        return abs(self.bend - self.fronts.bend)
 
     @property
     def disagreeing(self) -> tuple[PhotographEvidence, ...]:

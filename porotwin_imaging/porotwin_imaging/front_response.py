@@ -133,7 +133,7 @@ def fit_fronts(
     if not (widths > 0).all() or not measured.all():
         return None
     bends, blurs, roots, fine = _interpolated(table, settings)
-    squares, count = _misfits(measured, fine, widths, settings)
+    squares, count = _over_offsets(measured, fine, widths, settings)
     best = np.unravel_index(int(squares.argmin()), squares.shape)
     misfit = settings.level_error * float(np.sqrt(squares[best] / count))
     if misfit > settings.most_misfit:
@@ -258,17 +258,33 @@ def _interpolated(table: Array, settings: FrontSettings) -> tuple[Array, Array, 
     return bends, blurs, roots, PchipInterpolator(nodes, fine, axis=0)(roots)
 
 
-def _misfits(
+def _over_offsets(
     measured: Array, fine: Array, widths: Array, settings: FrontSettings
 ) -> tuple[Array, int]:
     """Return the sum of squares for every dispersivity, bend and blur, and the number of data.
 
-    The factor of all volumes is free. Volumes before the injection are nearly 0.
+    Volumes before the injection are nearly 0. They are not if only then a model fits: a clock is
+    minutes off, for example.
+    """
+    count = measured.size
+    usual = _misfits(measured, fine, widths, settings.offset_error, settings)
+    if settings.level_error * math.sqrt(float(usual.min()) / count) <= settings.most_misfit:
+        return usual, count
+    return _misfits(measured, fine, widths, settings.faulty_offset, settings), count
+
+
+def _misfits(
+    measured: Array, fine: Array, widths: Array, offset_error: float, settings: FrontSettings
+) -> Array:
+    """Return the sum of squares for every dispersivity, bend and blur.
+
+    The factor of all volumes is free. `offset_error` is the standard deviation of the volume before
+    the injection, relative to the largest.
     """
     data, models = measured.ravel(), fine.reshape(*fine.shape[:3], -1)
     levels = len(_LEVELS)
     covariance = np.diag(np.repeat((settings.level_error * widths) ** 2, levels))
-    covariance += (settings.offset_error * measured.max()) ** 2
+    covariance += (offset_error * measured.max()) ** 2
     for row, volume in enumerate(measured[:, 0]):
         block = slice(row * levels, (row + 1) * levels)
         covariance[block, block] += (settings.photograph_error * volume) ** 2
@@ -276,4 +292,4 @@ def _misfits(
     apart = np.linalg.solve(
         np.linalg.cholesky(covariance), (data - models).reshape(-1, data.size).T
     )
-    return (apart**2).sum(axis=0).reshape(fine.shape[:3]), data.size
+    return np.asarray((apart**2).sum(axis=0).reshape(fine.shape[:3]))

@@ -186,7 +186,10 @@ def _dilution_evidence(
 def _mass_evidence(
     family: str, counts: Array, injected: Array, settings: MassBalanceSettings
 ) -> Array:
-    """Return the log likelihood of each bend by the masses, over all mass factors and offsets."""
+    """Return the log likelihood of each bend by the masses, over all mass factors and offsets.
+
+    The offset is normal and small, or in a few experiments with a fault normal and large.
+    """
     middles = 0.5 * (_SIGNAL_EDGES[1:] + _SIGNAL_EDGES[:-1])
     curves = np.stack([concentration_of(family, middles, float(bend)) for bend in _BENDS])
     largest = injected.max()
@@ -196,8 +199,24 @@ def _mass_evidence(
     widest = np.log(settings.most_factor)
     logs_of_factor = np.linspace(-widest, widest, _FACTORS)
     apart = masses[:, None, :] - np.exp(logs_of_factor)[None, :, None] * volume
-    stiff = settings.offset_error**-2
+    usual = _over_offsets(apart, weight, settings.offset_error)
+    faulty = _over_offsets(apart, weight, settings.faulty_offset)
+    logs = np.logaddexp(
+        usual + np.log1p(-settings.fault_share), faulty + np.log(settings.fault_share)
+    )
+    prior = -np.log1p((logs_of_factor / settings.log_error) ** 2)
+    return np.asarray(np.logaddexp.reduce(prior + logs, axis=1))
+
+
+def _over_offsets(apart: Array, weight: Array, deviation: float) -> Array:
+    """Return the log likelihood of masses over all normal offsets, without constants.
+
+    Args:
+        apart: differences of the masses without an offset, shape (bends, factors, photographs).
+        weight: inverse variances of the photographs, shape (photographs,).
+        deviation: standard deviation of the offset, which is the same in all photographs.
+    """
+    stiff = deviation**-2
     offset = (apart @ weight) / (weight.sum() + stiff)
     misfit = (apart - offset[..., None]) ** 2 @ weight + stiff * offset**2
-    prior = -np.log1p((logs_of_factor / settings.log_error) ** 2)
-    return np.asarray(np.logaddexp.reduce(prior - 0.5 * misfit, axis=1))
+    return np.asarray(-0.5 * misfit - 0.5 * np.log1p(weight.sum() / stiff))

@@ -437,7 +437,11 @@ class MassBalanceSettings:
     """The same relative to the largest injected mass."""
     offset_error: float = 0.01
     """Deviation of the mass at zero injection, relative to the largest injected mass [-]: dead
-    volume of the tubes, clocks, remaining light."""
+    volume of the tubes, remaining light."""
+    faulty_offset: float = 0.06
+    """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
+    fault_share: float = 0.05
+    """Share of the experiments that have such a fault [-]."""
     outlier_distance: float = 0.03
     """Photographs that are farther from the common line disagree with it, relative to the largest
     injected mass [-]."""
@@ -463,6 +467,8 @@ class FrontSettings:
     offset_error: float = 3e-4
     """Standard deviation of the volume at zero injection, relative to the largest [-]: dead volume
     and clocks. An offset of 0.002 that nobody tells bends the response by 0.025."""
+    faulty_offset: float = 0.06
+    """The same in an experiment with a fault [-]: a clock that is minutes off, a reflection."""
     photograph_error: float = 2e-4
     """Standard deviation of the volume of one photograph, relative [-]: light."""
     factor_error: float = 0.1

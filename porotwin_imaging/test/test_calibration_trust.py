@@ -61,6 +61,12 @@ def test_fronts_that_contradict_the_masses_are_refused_unless_a_dilution_decides
     assert 'one dilution' in refusal(replace(GOOD, fronts=replace(agreeing, at_end=True)))
 
 
+def test_fronts_that_fit_many_bends_refuse_no_good_injection() -> None:
+    unsure = FrontFit(0.11, 0.042, 1.0, 0.0, 0.033, at_end=True)
+    assert refusal(replace(GOOD, bend=0.084, fronts=unsure)) == ''
+    assert 'half of stock' in refusal(replace(GOOD, bend=0.02, fronts=unsure))
+
+
 def test_a_conflict_of_fronts_shows_its_limit_where_figures_round_to_the_same_text() -> None:
     beyond = replace(GOOD, bend=0.108, fronts=FrontFit(0.11, 0.02, 1.3, 0.0, 0.01, at_end=True))
     line = refusal(beyond)

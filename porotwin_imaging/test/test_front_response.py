@@ -70,6 +70,17 @@ def test_fronts_tell_bend_and_blur_for_any_sand(bend, dispersivity_m, factor, co
     assert found.blur_px == pytest.approx(np.sqrt(2), abs=0.5)  # the fine model interpolates little
 
 
+def test_a_late_clock_leaves_the_fronts_less_sure_and_does_not_bend_them() -> None:
+    def late(factor: float, dispersivity_m: float) -> list[Array]:
+        areas = [radius**2 - 0.06 * RADII[-1] ** 2 for radius in RADII]
+        return [plume(np.sqrt(factor * area), dispersivity_m) for area in areas]
+
+    found = fit_fronts(photographs(-0.1), late, 1.0)
+    assert found is not None
+    assert abs(found.bend + 0.1) < 2 * found.deviation
+    assert found.deviation > 0.03
+
+
 def test_fronts_that_no_model_has_are_no_evidence() -> None:
     assert fit_fronts(photographs(0.0, dispersivity_m=0.02), model, 1.0) is None
     empty = replace(photographs(0.0), pore_volume=np.zeros(CELLS))

@@ -28,6 +28,16 @@ def test_the_mass_shows_the_bend_even_with_wrong_pores(curvature, pores) -> None
     assert found.bend == pytest.approx(-np.sign(curvature) * 0.06, abs=0.03)
 
 
+@pytest.mark.parametrize('offset', [-0.08, 0.08])
+def test_tracer_that_a_late_clock_shows_does_not_bend_the_response(offset) -> None:
+    truth = plumes()
+    volume = np.full(truth[0].shape, PORE_VOLUME_M3)
+    imaged = [float((c * volume).sum()) for c in truth]
+    injected = [mass - offset * imaged[-1] for mass in imaged]
+    found = fit_response([bent(c, 0.4) for c in truth], volume, injected)
+    assert found.bend == pytest.approx(-0.05, abs=0.07)
+
+
 def test_without_evidence_the_prior_and_its_deviation_remain() -> None:
     found = fit_response([], np.ones((2, 2)), [])
     assert found.bend == pytest.approx(-0.02, abs=0.003)

@@ -28,6 +28,7 @@ from porotwin_imaging.calibration_fit import fit_calibration
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.file_hash import sha256_of_file
 from porotwin_imaging.photo_to_map import concentration_map
+from porotwin_imaging.sand_refinement import refined
 from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
 from porotwin_recording.experiment_folder import folder_data, write_folder
 from porotwin_recording.photos import Photo, Role
@@ -302,16 +303,24 @@ def calibrated(folder: Path) -> Calibration:
 
 
 def write_maps(folder: Path, grid: Grid, calibration: Calibration, made_by: str) -> None:
-    """Image the photographs of the recording in `folder`; `made_by` is the calibration's hash.
+    """Image the photographs of the recording in `folder`, as `image` does.
 
     A photograph that is refused has no map. The file appears when it is complete.
+
+    Args:
+        folder: the recording; gets the maps.
+        grid: grid of the maps.
+        calibration: the calibration; the plumes of the recording refine its factors of sands.
+        made_by: hash of the file of the calibration.
 
     Raises:
         InputError: the baseline cannot be used, or every photograph is refused.
     """
     data = folder_data(folder)
     found = [photo.read() for photo in data.photos if photo.role == 'baseline']
-    baseline = make_baseline(data.rig, grid, found, calibration=calibration)
+    states = [(photo.time, photo.read) for photo in data.photos if photo.role == 'state']
+    used = refined(calibration, data.rig, found, states, data.commanded).calibration
+    baseline = make_baseline(data.rig, grid, found, calibration=used)
     unfinished = folder / f'{MAPS}.unfinished'
     written = 0
     with ConcentrationWriter(unfinished, grid, origin=MapOrigin(True, made_by, PROGRAM)) as writer:
