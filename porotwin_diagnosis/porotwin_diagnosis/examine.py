@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 from porotwin_core.errors import InputError
 from porotwin_core.parallel import Crew
-from porotwin_diagnosis.advice.partial_cause import partial_cause
+from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
 from porotwin_diagnosis.advice.proposals import propose
-from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
+from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.sample import Sample, read_sample
 from porotwin_diagnosis.decision.evidence import gather
@@ -27,7 +27,7 @@ from porotwin_diagnosis.diagnosis import Diagnosis
 from porotwin_diagnosis.model.gap_map import map_gap
 from porotwin_diagnosis.progress import Progress, forward_only, no_progress
 from porotwin_diagnosis.search.effect_search import search_effects
-from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD, Levels
+from porotwin_diagnosis.search.levels import TYPICAL_POINT_SPREAD
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_recording.recording import Recording
 from porotwin_solver.model import preset_named
@@ -92,16 +92,14 @@ def examine(
         strengths=smallest_strengths(screening),
         proposals=propose(screening, findings, verdict, progress=progress),
         excluded=tuple(excluded),
-        remainder=_remainder(levels) if unexplained else None,
-        partial=partial_cause(recordings, levels, verdict.model, judged) if unexplained else None,
+        remainder=describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
+        if unexplained
+        else None,
+        partial=partial_cause(recordings, levels, verdict.model, judged, excluded=excluded)
+        if unexplained
+        else None,
         seconds=time.perf_counter() - began,
     )
-
-
-def _remainder(levels: Levels) -> RemainderForm:
-    """Return the form of the gap of the first recording, beside the model without effects."""
-    forward = levels.screening.forwards[0]
-    return describe_remainder(forward.sample, forward.uncorrected().maps(()))
 
 
 def _check_same_rig(recordings: Sequence[Recording]) -> None:

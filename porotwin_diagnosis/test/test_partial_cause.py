@@ -1,4 +1,4 @@
-"""Effects that close much of an unexplained gap are told with what remains beside them."""
+"""Effects that close much of an unexplained gap are told together with the rest of the gap."""
 
 from dataclasses import replace
 

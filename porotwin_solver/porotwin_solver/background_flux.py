@@ -1,4 +1,7 @@
-"""A uniform Darcy flux that is imposed on all four sides of the rig, in addition to the wells."""
+"""Water that moves without the wells: a flux through all four sides, or below a tilted table."""
+
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -8,6 +11,13 @@ from porotwin_solver.physics import Physics
 
 
 def background_flux(physics: Physics) -> FaceField | None:
+    """Return the flux [m^3/s] that moves without the wells; None if there is none."""
+    parts = [_through_all_sides(physics), _below_a_tilted_table(physics)]
+    moving = [part for part in parts if part is not None]
+    return reduce(add, moving) if moving else None
+
+
+def _through_all_sides(physics: Physics) -> FaceField | None:
     """Return the flux [m^3/s] that `physics.background_flux` [m/s] drives; None where it is zero.
 
     Where the depth differs between opposite sides, the outflow is scaled to the inflow.
@@ -27,6 +37,21 @@ def background_flux(physics: Physics) -> FaceField | None:
     flux.x[:, -1] *= _ratio(flux.x[:, 0].sum(), flux.x[:, -1].sum())
     flux.z[-1] *= _ratio(flux.z[0].sum(), flux.z[-1].sum())
     flow = SHARED_FLOWS.flow(grid, physics.mobility_thickness, closed)
+    return flow.flux(np.zeros(grid.shape), flux)
+
+
+def _below_a_tilted_table(physics: Physics) -> FaceField | None:
+    """Return the flux [m^3/s] below a tilted water table; None where nothing tilts.
+
+    With the tilt t [Pa], the pressure on the open upper side is t (x / W - 1/2).
+    """
+    if physics.table_tilt == 0.0 or physics.boundaries.top != 'open':
+        return None
+    grid = physics.grid
+    flow = SHARED_FLOWS.flow(grid, physics.mobility_thickness, physics.boundaries)
+    pressure = physics.table_tilt * (grid.x / grid.width - 0.5)
+    flux = FaceField.zeros(grid)
+    flux.z[-1] = -flow.transmissibility.z[-1] * pressure
     return flow.flux(np.zeros(grid.shape), flux)
 
 

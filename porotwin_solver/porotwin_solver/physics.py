@@ -52,6 +52,7 @@ class Physics:
     exchange_rate: d c_immobile / dt = exchange_rate (c_mobile - c_immobile) [1/s].
     leaks: unknown sources and sinks.
     background_flux: Darcy flux (x, z) imposed on the sides [m/s].
+    table_tilt: pressure on an open upper side, right end minus left end [Pa].
     """
 
     grid: Grid
@@ -74,6 +75,7 @@ class Physics:
     exchange_rate: float = 0.0
     leaks: tuple[Leak, ...] = ()
     background_flux: tuple[float, float] = (0.0, 0.0)
+    table_tilt: float = 0.0
 
     @property
     def volume(self) -> FloatArray:

@@ -18,3 +18,15 @@ def test_the_background_flux_is_uniform_in_a_homogeneous_rig(rig) -> None:
 
 def test_without_a_background_flux_there_is_none(rig) -> None:
     assert background_flux(nominal_physics(rig, rig.grid(31, 17))) is None
+
+
+def test_water_flows_from_the_higher_end_of_the_table_to_the_lower_one(rig) -> None:
+    physics = nominal_physics(rig, rig.grid(31, 17))
+    flux = background_flux(replace(physics, table_tilt=10.0))
+    np.testing.assert_allclose(flux.divergence(), 0.0, atol=1e-18)
+    through = flux.z[-1]
+    np.testing.assert_allclose(through, -through[::-1], atol=1e-18)
+    assert through[-1] < 0.0 < through[0]  # it enters on the right, where the table is higher
+    assert (flux.x[:, 15] < 0.0).all()
+    closed = physics.boundaries.model_copy(update={'top': 'closed'})
+    assert background_flux(replace(physics, table_tilt=10.0, boundaries=closed)) is None

@@ -10,11 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
+from porotwin_diagnosis.data.sample import coarsened
 from porotwin_diagnosis.decision.held_out import HeldOut, gap_closed_with_interval
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.model.gap_map import Spot, map_gap
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_recording.recording import Recording
+
+FORM_COLUMNS = 94
+"""Columns of cells on which a remainder is described, about: those of the small rig."""
 
 LEAST_PART = 0.5
 """Share of the gap in the held-out part that the effects must close. With less, most of the gap has
@@ -38,8 +43,22 @@ class PartialCause:
     spot: Spot | None
 
 
+def form_model(levels: Levels) -> Forward:
+    """Return the model of the first recording, on cells coarse enough for hundreds of runs."""
+    forward = levels.screening.forwards[0].uncorrected()
+    factor = round(forward.sample.grid.nx / FORM_COLUMNS)
+    if factor < 2:
+        return forward
+    return Forward(coarsened(forward.sample, factor), refinement=1, crew=forward.crew)
+
+
 def partial_cause(
-    recordings: Sequence[Recording], levels: Levels, model: Fit, held_out: Sequence[HeldOut]
+    recordings: Sequence[Recording],
+    levels: Levels,
+    model: Fit,
+    held_out: Sequence[HeldOut],
+    *,
+    excluded: Sequence[str] = (),
 ) -> PartialCause | None:
     """Return what the effects of `model` close, and what remains; None if that is too little.
 
@@ -48,6 +67,7 @@ def partial_cause(
         levels: their levels; the form is that of the first recording.
         model: the fit that was kept, without being sufficient.
         held_out: the held-out parts without and with `model`.
+        excluded: names of library effects that are no causes.
 
     Raises:
         InputError: the model cannot run with these effects.
@@ -55,7 +75,8 @@ def partial_cause(
     closed, _ = gap_closed_with_interval(held_out)
     if not model.members or closed < LEAST_PART:
         return None
-    forward = levels.screening.forwards[0]
-    form = describe_remainder(forward.sample, forward.uncorrected().maps(model.effects))
+    form = describe_remainder(
+        form_model(levels), model.effects, excluded=excluded, pool=levels.pool
+    )
     spots = map_gap(*recordings, effects=model.effects).spots
     return PartialCause(model, closed, form, spots[0] if spots else None)

@@ -141,7 +141,7 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
 
 
 def _form(result: Diagnosis) -> str:
-    """Say what the remainder looks like."""
+    """Describe the remainder."""
     form = result.remainder
     if form is None or not form.terms:
         return 'No simple form describes what is missing either.'

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
-from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number, time_span
 from porotwin_solver.physics import Physics
 
@@ -55,6 +55,7 @@ EFFECT = Effect(
         'leave a closed bottle of stock in the same light and photograph it every hour'
     ),
     blind_draw=draw,
+    changes=Process.STORAGE,
     appearance=Appearance.FADING,
     residual_terms=('c',),
 )

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from porotwin_core.blind_draw import DrawContext, DrawnValues, factor_off_one
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
-from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import factor
 from porotwin_solver.physics import Physics
 
@@ -51,5 +51,6 @@ EFFECT = Effect(
     phrase=phrase,
     laboratory_check='measure the gap between the plates in the middle with a feeler gauge',
     blind_draw=draw,
+    changes=Process.STORAGE,
     appearance=Appearance.DELAY,
 )

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.effect_parameter import Parameter, Reading, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
-from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number, time_span
 from porotwin_solver.physics import Physics
 
@@ -69,6 +69,7 @@ EFFECT = Effect(
     phrase=phrase,
     laboratory_check='chase with water and watch the tail at the producer',
     blind_draw=draw,
+    changes=Process.STORAGE,
     appearance=Appearance.DELAY,
     replaces_nominal=True,
 )

@@ -21,7 +21,7 @@ from porotwin_solver.effects.definition.candidate import (
     PlaceSearch,
     SearchContext,
 )
-from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number, place
 from porotwin_solver.physics import Leak, Physics, SourceSink
 
@@ -99,5 +99,6 @@ EFFECT = Effect(
     phrase=phrase,
     laboratory_check='stop all pumps and watch the water table; dry the plates and look for drops',
     blind_draw=draw,
+    changes=Process.SOURCE,
     appearance=Appearance.DELAY,
 )

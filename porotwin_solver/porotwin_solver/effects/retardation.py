@@ -8,7 +8,7 @@ from numpy.random import Generator
 from porotwin_core.blind_draw import DrawContext, DrawnValues, log_uniform
 from porotwin_core.effect_parameter import Parameter, Values
 from porotwin_solver.effects.definition.candidate import Candidate, FitParameter, SearchContext
-from porotwin_solver.effects.definition.effect import Appearance, Effect, Scope
+from porotwin_solver.effects.definition.effect import Appearance, Effect, Process, Scope
 from porotwin_solver.effects.definition.words import number
 from porotwin_solver.physics import Physics
 
@@ -51,6 +51,7 @@ EFFECT = Effect(
     phrase=phrase,
     laboratory_check='shake sand with stock and measure the concentration left in the water',
     blind_draw=draw,
+    changes=Process.STORAGE,
     appearance=Appearance.DELAY,
     equal_to=equal_to,
 )

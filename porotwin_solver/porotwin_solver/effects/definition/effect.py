@@ -44,6 +44,19 @@ class Appearance(Enum):
     SPREADING = 'fronts are wider'
 
 
+class Process(Enum):
+    """The process that the effect changes, in the words of a physicist."""
+
+    SOURCE = 'source'
+    """Water or tracer enters or leaves."""
+    TRANSPORT = 'transport'
+    """Tracer takes another way, or spreads."""
+    STORAGE = 'storage'
+    """The sand holds more or less tracer."""
+    CAMERA = 'camera'
+    """The picture shows something else."""
+
+
 def _no_candidates(_context: object) -> tuple[()]:
     return ()
 
@@ -78,6 +91,7 @@ class Effect:
         phrase: states the effect with these values in words, as HTML.
         laboratory_check: how to check the effect without the camera.
         blind_draw: draws parameters for the blind check; None where it draws no such case.
+        changes: the process that it changes; follows from the scope for wells and the camera.
         appearance: how it shows; None where the blind check draws no pair with it.
         equal_to: returns the names of the effects that no map can tell from this one.
         order: position in lists, in searches and in the draws of the blind check.
@@ -108,6 +122,7 @@ class Effect:
     candidates: Candidates = _no_candidates
     places: PlaceSearch | None = None
     blind_draw: Draw | None = None
+    changes: Process = Process.TRANSPORT
     appearance: Appearance | None = None
     equal_to: Callable[[Values], tuple[str, ...]] = _equal_to_none
     order: int = LAST
@@ -149,6 +164,12 @@ class Effect:
     def is_of_camera(self) -> bool:
         """Whether the camera has the effect, not the rig."""
         return self.scope is Scope.CAMERA
+
+    @property
+    def process(self) -> Process:
+        """The process that the effect changes."""
+        by_scope = {Scope.CAMERA: Process.CAMERA, Scope.WELL: Process.SOURCE}
+        return by_scope.get(self.scope, self.changes)
 
     @property
     def has_equals(self) -> bool:

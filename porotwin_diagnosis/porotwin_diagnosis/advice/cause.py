@@ -1,0 +1,44 @@
+"""A cause that the model may miss, with the change that it makes in the maps."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from porotwin_core.grid import FloatArray
+from porotwin_solver.effects.definition.effect import Process
+
+Amounts = Sequence[float]
+"""Fitted factors of the changes of a cause, one for each."""
+
+Place = tuple[float, float]
+"""A place (x, z) in the rig [m]."""
+
+
+def anywhere(_amounts: Amounts) -> bool:
+    """Accept all amounts."""
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A cause that the model may miss.
+
+    Attributes:
+        name: short name; causes with one name differ in their place or period only.
+        process: the process that it changes.
+        unit: unit of its amounts.
+        changes: change of the maps [-] by an amount of 1, to first order, (n, nt, nz, nx); in a
+            regression the change of the whitened remainder, (n, nt, nz', nx').
+        words: returns the cause with these amounts in words.
+        place: its place, or None if it acts everywhere.
+        freedom: number of values that a search chooses: amounts, place, period.
+        allows: returns whether these amounts are possible.
+    """
+
+    name: str
+    process: Process
+    unit: str
+    changes: FloatArray
+    words: Callable[[Amounts], str]
+    place: Place | None = None
+    freedom: int = 1
+    allows: Callable[[Amounts], bool] = anywhere

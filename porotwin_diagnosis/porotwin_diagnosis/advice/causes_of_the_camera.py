@@ -1,0 +1,205 @@
+"""Causes in the camera and its light that the library does not have.
+
+| cause | change of the map c |
+| --- | --- |
+| a paler plume; light that swings | -c; c sin(2 pi t / P), c cos(2 pi t / P) |
+| a plume that is paler upward | c (z - H / 2) |
+| a picture that creeps | -grad c t / T |
+| a clock that runs wrong | -dc/dt t / T |
+| a signal that lags behind | s - c, with ds/dt = (c - s) / delay |
+| a glow that is no tracer, at rest or moving | exp(-r^2 / (2 radius^2)) |
+
+t is the time since the start, T the duration, H the height of the rig.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from porotwin_core.grid import FloatArray
+from porotwin_diagnosis.advice.cause import Amounts, Cause
+from porotwin_diagnosis.advice.free_runs import FreeRuns
+from porotwin_diagnosis.data.noise import blurred
+from porotwin_diagnosis.data.shared_errors import derivatives
+from porotwin_solver.effects.definition.effect import Process
+
+SLOPE_WIDTH = 1.0
+"""Width [cells] over which maps are smoothed before they are differentiated."""
+
+SWINGS = (0.6, 1.1)
+"""Periods of light relative to the duration of the recording."""
+
+DELAYS = (0.02, 0.04, 0.08, 0.16, 0.3)
+"""Delays of a signal relative to the duration of the recording."""
+
+STEPS = 120
+"""Maps from which a signal that lags behind is computed: several per shortest delay."""
+
+GLOW_RADII = (0.03, 0.06)
+"""Radii of a glow relative to the width of the rig."""
+
+TRACKING_ROUNDS = 10
+"""Reweighted fits of the line on which a glow moves."""
+
+
+def causes_of_the_camera(runs: FreeRuns) -> Iterator[Cause]:
+    """Yield the causes of the table above."""
+    yield from _light(runs)
+    yield from _picture(runs)
+    yield from _signals_behind(runs)
+    for radius in GLOW_RADII:
+        yield from _glows(runs, radius * runs.sample.grid.width)
+
+
+def _light(runs: FreeRuns) -> Iterator[Cause]:
+    c, grid = runs.maps, runs.sample.grid
+    minutes = runs.duration / 60.0
+
+    def paler(amounts: Amounts) -> str:
+        return f'the plume is {100 * abs(amounts[0]):.1f} % {_paler(amounts[0])} throughout'
+
+    def upward(amounts: Amounts) -> str:
+        share = 100 * abs(amounts[0]) * grid.height
+        return f'the plume is {share:.1f} % {_paler(-amounts[0])} at the top than at the bottom'
+
+    yield Cause('paler', Process.CAMERA, '-', -c[None], paler)
+    height = grid.z[:, None] - 0.5 * grid.height
+    yield Cause('paler upward', Process.CAMERA, '1/m', (c * height)[None], upward)
+    for period in SWINGS:
+        phase = 2.0 * np.pi * runs.elapsed / period
+
+        def swung(amounts: Amounts, period: float = period) -> str:
+            return (
+                f'the light swings by {100 * math.hypot(*amounts):.1f} %, with a period of '
+                f'{period * minutes:.0f} min'
+            )
+
+        waves = np.stack([c * np.sin(phase), c * np.cos(phase)])
+        yield Cause('swinging light', Process.CAMERA, '-', waves, swung, freedom=3)
+
+
+def _paler(amount: float) -> str:
+    return 'paler' if amount > 0 else 'darker'
+
+
+def _picture(runs: FreeRuns) -> Iterator[Cause]:
+    smooth = blurred(np.clip(runs.maps, 0.0, 1.0), SLOPE_WIDTH)
+    up, right, _ = derivatives(smooth, runs.sample.grid)
+    minutes = runs.duration / 60.0
+
+    def crept(amounts: Amounts) -> str:
+        sides = ((amounts[0], 'right', 'left'), (amounts[1], 'up', 'down'))
+        parts = ' and '.join(
+            f'{1e3 * abs(value):.1f} mm {plus if value > 0 else minus}'
+            for value, plus, minus in sides
+        )
+        return f'the picture creeps by {parts} in {minutes:.0f} min'
+
+    creeping = np.stack([-right * runs.elapsed, -up * runs.elapsed])
+    yield Cause('creeping picture', Process.CAMERA, 'm', creeping, crept)
+
+
+def _signals_behind(runs: FreeRuns) -> Iterator[Cause]:
+    """Yield a clock that runs wrong, and signals that lag behind the tracer."""
+    sample = runs.sample
+    dense = np.linspace(sample.model_start, max(sample.end, sample.times[-1]), STEPS)
+    times = np.unique(np.concatenate([dense, sample.times]))
+    shown = np.searchsorted(times, sample.times)
+    maps = runs.at(times)
+    later = np.gradient(maps, times, axis=0)[shown]
+
+    def wrong(amounts: Amounts) -> str:
+        late = 'late' if amounts[0] > 0 else 'early'
+        return f'the clock of the camera is {abs(amounts[0]):.0f} s {late} at the end'
+
+    yield Cause(
+        'wrong speed of the clock', Process.CAMERA, 's', (-later * runs.elapsed)[None], wrong
+    )
+    for share in DELAYS:
+        delay = share * runs.duration
+
+        def lagged(amounts: Amounts, delay: float = delay) -> str:
+            return f'the signal follows the tracer with a delay of {amounts[0] * delay:.0f} s'
+
+        change = _lagging(maps, times, delay)[shown] - runs.maps
+        yield Cause(
+            'lagging signal',
+            Process.CAMERA,
+            '-',
+            change[None],
+            lagged,
+            freedom=2,
+            allows=lambda amounts: amounts[0] > 0.0,
+        )
+
+
+def _lagging(maps: FloatArray, times: FloatArray, delay: float) -> FloatArray:
+    """Return the signal s of `maps` at `times` [s] with ds/dt = (c - s) / `delay`, same shape."""
+    signal = maps.copy()
+    for index in range(1, len(times)):
+        share = -math.expm1(-(times[index] - times[index - 1]) / delay)
+        mean = 0.5 * (maps[index] + maps[index - 1])
+        signal[index] = signal[index - 1] + share * (mean - signal[index - 1])
+    return signal
+
+
+def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
+    """Yield a glow of `radius` [m] at rest, and one that moves on a line.
+
+    Its place is the one where the smoothed remainder is largest in each fitted frame.
+    """
+    sample, grid = runs.sample, runs.sample.grid
+    expected = sample.noise.expected(runs.maps)
+    left = (sample.observed_or_zero - expected) * sample.seen_mask
+    width = radius / grid.dx
+    smooth = np.abs(gaussian_filter(left, (0.0, width, width)))[: sample.fitted_frames]
+    rows, columns = np.unravel_index(
+        smooth.reshape(len(smooth), -1).argmax(axis=1), smooth.shape[1:]
+    )
+    x, z, weights = grid.x[columns], grid.z[rows], smooth.max(axis=(1, 2)) + 1e-12
+    times = sample.times[: sample.fitted_frames]
+    middle = 0.5 * (sample.model_start + sample.end)
+
+    def cause(name: str, x_at: FloatArray, z_at: FloatArray, place: tuple[float, float]) -> Cause:
+        square = (grid.x - x_at[:, None, None]) ** 2
+        square = square + (grid.z[:, None] - z_at[:, None, None]) ** 2
+        change = np.exp(-0.5 * square / radius**2)
+
+        def words(amounts: Amounts) -> str:
+            moves = 'moves and passes' if name == 'moving glow' else 'stands at'
+            return (
+                f'a signal of {amounts[0]:+.3f} of stock that is no tracer, {1e3 * radius:.0f} mm '
+                f'wide, {moves} x = {place[0]:.2f} m, z = {place[1]:.2f} m'
+            )
+
+        freedom = 6 if name == 'moving glow' else 4
+        return Cause(name, Process.CAMERA, '-', change[None], words, place, freedom)
+
+    at_rest = (float(np.average(x, weights=weights)), float(np.average(z, weights=weights)))
+    still = np.zeros(len(sample.times))
+    yield cause('glow', still + at_rest[0], still + at_rest[1], at_rest)
+    if len(times) < 3:
+        return
+    along_x, along_z = _line(times, x, z, weights, radius)
+    place = (float(np.polyval(along_x, middle)), float(np.polyval(along_z, middle)))
+    yield cause(
+        'moving glow',
+        np.polyval(along_x, sample.times),
+        np.polyval(along_z, sample.times),
+        place,
+    )
+
+
+def _line(
+    times: FloatArray, x: FloatArray, z: FloatArray, weights: FloatArray, radius: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lines x(t) and z(t), as polynomials, that most of the places lie on."""
+    share = weights.copy()
+    along_x = along_z = np.zeros(2)
+    for _ in range(TRACKING_ROUNDS):
+        along_x, along_z = (np.polyfit(times, values, 1, w=share) for values in (x, z))
+        apart = np.hypot(x - np.polyval(along_x, times), z - np.polyval(along_z, times))
+        share = weights / (1.0 + (apart / radius) ** 2)
+    return along_x, along_z

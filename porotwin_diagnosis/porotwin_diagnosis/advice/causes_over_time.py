@@ -1,0 +1,214 @@
+"""Causes that change over time: pumps, drifts and water tables that grow or swing.
+
+The recording is divided into windows. A run with the cause in one window alone gives the change
+that this window makes. To first order the windows add up. So any course g(t) of the cause changes
+the maps by the sum of g times the changes of the windows:
+
+    growing   g = t / T,    swinging   g = a sin(2 pi t / P) + b cos(2 pi t / P),
+
+with the time t since the start, the duration T, and one of several periods P.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from porotwin_core.errors import InputError
+from porotwin_core.grid import FloatArray
+from porotwin_core.wells import Schedule, ScheduleRow, WellRate
+from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
+from porotwin_diagnosis.advice.free_runs import Adapt, FreeRuns, Window
+from porotwin_diagnosis.model.library import pumping_wells, search_context
+from porotwin_solver.effects.definition.effect import Process
+from porotwin_solver.physics import Physics
+
+WINDOWS = 12
+"""Parts of a recording: four for the shortest period."""
+
+PERIODS = (0.35, 0.45, 0.6, 0.8, 1.1, 1.6)
+"""Periods of a swing relative to the duration. They are 30 % apart, so that the phase is at most a
+sixth of a period off at the end."""
+
+RATE_CHANGE = 0.1
+"""Relative change of a rate in the runs [-]: it changes the maps more than round-off does."""
+
+MOST_RATE_CHANGE = 1.0
+"""Largest relative change of a rate that is believed [-]: the pump stops, or pumps twice as
+much."""
+
+TABLE_CHANGE = 1.0
+"""Tilt of the water table in the runs [Pa]: 0.1 mm of water."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Force:
+    """Something that may change over time, with the changes that its windows make.
+
+    Attributes:
+        name: short name.
+        process: the process that it changes.
+        unit: unit of its strength.
+        windows: change of the maps by each window per unit of strength, (nt, nz, nx) each.
+        said: returns the strength in words.
+        place: its place, or None.
+        most: largest possible strength.
+    """
+
+    name: str
+    process: Process
+    unit: str
+    windows: Sequence[FloatArray]
+    said: Callable[[float], str]
+    place: Place | None = None
+    most: float = math.inf
+
+
+def causes_over_time(runs: FreeRuns) -> Iterator[Cause]:
+    """Yield growing and swinging causes; those that the model cannot run are left out."""
+    edges = runs.sample.model_start + np.linspace(0.0, runs.duration, WINDOWS + 1)
+    windows = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    for make in (_rates, _drifts, _water_table):
+        for force in make(runs, windows):
+            yield from _courses(runs, force)
+
+
+def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
+    windows = np.stack(force.windows)
+    times = (np.arange(WINDOWS) + 0.5) / WINDOWS
+    minutes = runs.duration / 60.0
+
+    def cause(course: str, changes: Sequence[FloatArray], words: Callable[[Amounts], str]) -> Cause:
+        name = f'{force.name}, {course}'
+        freedom = len(changes) + (course == 'swinging')
+        return Cause(
+            name,
+            force.process,
+            force.unit,
+            np.stack(changes),
+            words,
+            force.place,
+            freedom,
+            lambda amounts: math.hypot(*amounts) <= force.most,
+        )
+
+    def grown(amounts: Amounts) -> str:
+        return f'{force.said(amounts[0])} at the end, growing from nothing in {minutes:.0f} min'
+
+    yield cause('growing', [np.tensordot(times, windows, axes=1)], grown)
+    for period in PERIODS:
+        phase = 2.0 * np.pi * times / period
+
+        def swung(amounts: Amounts, period: float = period) -> str:
+            size = math.hypot(*amounts)
+            return f'{force.said(size)} and back, with a period of {period * minutes:.0f} min'
+
+        waves = [np.tensordot(wave, windows, axes=1) for wave in (np.sin(phase), np.cos(phase))]
+        yield cause('swinging', waves, swung)
+
+
+def _rates(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
+    """Yield the relative change of the rate of every pumping well."""
+    schedule = runs.sample.schedule
+    for name in pumping_wells([runs.sample]):
+        try:
+            changes = [
+                (runs.with_schedule(_with_rate(schedule, name, window)) - runs.maps) / RATE_CHANGE
+                for window in windows
+            ]
+        except InputError:  # the rig is closed: one rate alone cannot change
+            continue
+        well = runs.sample.rig.wells[name]
+
+        def said(strength: float, name: str = name) -> str:
+            more = 'more' if strength > 0 else 'less'
+            return f'well {name} pumps {100 * abs(strength):.1f} % {more} than commanded'
+
+        place = (well.x_m, well.z_m)
+        yield _Force(f'rate {name}', Process.SOURCE, '-', changes, said, place, MOST_RATE_CHANGE)
+
+
+def _with_rate(schedule: Schedule, well: str, window: Window) -> Schedule:
+    """Return `schedule` with a changed rate of `well` within `window` [s]."""
+    begin, end = window
+
+    def changed(row: ScheduleRow) -> ScheduleRow:
+        rate = replace(row.rate, rate=row.rate.rate * (1.0 + RATE_CHANGE))
+        return replace(row, rate=rate)
+
+    own = [row for row in schedule.rows if row.well == well]
+    rows = [
+        changed(row) if row in own and begin <= row.time < end else row for row in schedule.rows
+    ]
+    known = {row.time for row in own}
+    if begin not in known:
+        rows.append(changed(ScheduleRow(begin, well, _rate_at(schedule, well, begin))))
+    if end not in known:
+        rows.append(ScheduleRow(end, well, _rate_at(schedule, well, end)))
+    return Schedule(tuple(rows))
+
+
+def _rate_at(schedule: Schedule, well: str, time: float) -> WellRate:
+    return schedule.at(time).get(well, WellRate())
+
+
+def _drifts(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
+    """Yield a flow through the whole rig, across and up."""
+    context = search_context([runs.sample], runs.sample)
+    flux = context.front_speed * context.porosity
+    for name, axis in (('drift across', (1.0, 0.0)), ('drift up', (0.0, 1.0))):
+
+        def moved(physics: Physics, axis: tuple[float, float] = axis) -> Physics:
+            x, z = physics.background_flux
+            return replace(physics, background_flux=(x + flux * axis[0], z + flux * axis[1]))
+
+        def said(strength: float, axis: tuple[float, float] = axis) -> str:
+            sides = ('right', 'left') if axis[0] else ('up', 'down')
+            side = sides[0] if strength > 0 else sides[1]
+            return (
+                f'water flows through the whole rig to the {side}, '
+                f'{3.6e6 * abs(strength):.2g} mm/h of Darcy flux'
+                if axis[0]
+                else f'water flows through the whole rig {side}, '
+                f'{3.6e6 * abs(strength):.2g} mm/h of Darcy flux'
+            )
+
+        yield from _of_windows(runs, windows, moved, flux, (name, 'm/s', said))
+
+
+def _water_table(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
+    """Yield the tilt of the water table on an open upper side."""
+    rig = runs.sample.rig
+    if rig.boundaries.top != 'open':
+        return
+
+    def tilted(physics: Physics) -> Physics:
+        return replace(physics, table_tilt=physics.table_tilt + TABLE_CHANGE)
+
+    def said(strength: float) -> str:
+        side = 'right' if strength > 0 else 'left'
+        height = abs(strength) / (rig.density_kg_m3 * 9.81)
+        return f'the water table stands {1e3 * height:.2g} mm higher at the {side}'
+
+    yield from _of_windows(runs, windows, tilted, TABLE_CHANGE, ('water table', 'Pa', said))
+
+
+def _of_windows(
+    runs: FreeRuns,
+    windows: Sequence[Window],
+    adapt: Adapt,
+    strength: float,
+    described: tuple[str, str, Callable[[float], str]],
+) -> Iterator[_Force]:
+    """Yield the force that `adapt` makes with this `strength`; nothing if the model cannot run.
+
+    `described` is its name, the unit of its strength, and the strength in words.
+    """
+    try:
+        changed = runs.changed_within(windows, adapt)
+    except InputError:
+        return
+    name, unit, said = described
+    changes = [(maps - runs.maps) / strength for maps in changed]
+    yield _Force(name, Process.TRANSPORT, unit, changes, said)

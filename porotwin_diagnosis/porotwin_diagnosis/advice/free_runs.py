@@ -1,0 +1,139 @@
+"""Free runs of a model with one thing changed, and the change that this makes in the maps."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from porotwin_core.grid import FloatArray
+from porotwin_core.rig import EffectDescription, Rig
+from porotwin_core.wells import Schedule
+from porotwin_diagnosis.data.sample import Sample
+from porotwin_diagnosis.model.forward import Forward
+from porotwin_solver.engine import State
+from porotwin_solver.model import Model
+from porotwin_solver.physics import Physics
+from porotwin_solver.refinement import refine
+from porotwin_solver.simulation import maps_of
+
+Adapt = Callable[[Physics], Physics]
+"""Returns physics with one thing changed."""
+
+Window = tuple[float, float]
+"""Begin and end of a part of the recording [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeRuns:
+    """Runs of the model of one recording with `given` effects, from the start to the end.
+
+    Attributes:
+        forward: the model of the recording, without a multifidelity correction.
+        given: effects that every run has.
+    """
+
+    forward: Forward
+    given: tuple[EffectDescription, ...] = ()
+
+    @property
+    def sample(self) -> Sample:
+        """The frames of the recording."""
+        return self.forward.sample
+
+    @property
+    def duration(self) -> float:
+        """Time from the start of the model to the end of the recording [s]."""
+        return max(self.sample.end - self.sample.model_start, 1e-9)
+
+    @property
+    def elapsed(self) -> FloatArray:
+        """Time of each frame since the start of the model, relative to the duration, (nt, 1, 1)."""
+        since = np.maximum(self.sample.times - self.sample.model_start, 0.0)
+        return np.asarray(since / self.duration)[:, None, None]
+
+    @cached_property
+    def maps(self) -> FloatArray:
+        """The maps (nt, nz, nx) [-] of the model with the given effects."""
+        return self.forward.maps(self.given)
+
+    def with_effects(self, *effects: EffectDescription) -> FloatArray:
+        """Return the maps (nt, nz, nx) [-] with further `effects`.
+
+        Raises:
+            InputError: the model cannot run with these effects.
+        """
+        return self.forward.maps((*self.given, *effects))
+
+    def at(self, times: NDArray[np.float64]) -> FloatArray:
+        """Return the maps (n, nz, nx) [-] at other `times` [s], (n,)."""
+        return self._another(replace(self.sample, times=times, fitted_frames=len(times)))
+
+    def with_schedule(self, schedule: Schedule) -> FloatArray:
+        """Return the maps (nt, nz, nx) [-] with other rates.
+
+        Raises:
+            InputError: rates that do not balance in a closed rig.
+        """
+        return self._another(replace(self.sample, schedule=schedule))
+
+    def with_rig(self, rig: Rig, adapt: Adapt) -> FloatArray:
+        """Return the maps (nt, nz, nx) [-] of another `rig` on as many cells.
+
+        Raises:
+            InputError: the model cannot run.
+        """
+        sample = self.sample
+        grid = rig.grid(sample.grid.nx, sample.grid.nz)
+        model = Model(
+            rig, grid, preset=self.forward.preset, effects=self.given, refinement=1, adapt=adapt
+        )
+        begin = model.initial_condition() if sample.initial is None else sample.initial
+        run = maps_of(model, sample.schedule, sample.times, initial=begin, start=sample.model_start)
+        return np.stack(list(run))
+
+    def changed_within(self, windows: Sequence[Window], adapt: Adapt) -> list[FloatArray]:
+        """Return the maps (nt, nz, nx) [-] with changed physics in each of the `windows` alone.
+
+        Raises:
+            InputError: the model cannot run.
+        """
+        usual, changed = self._model(lambda physics: physics), self._model(adapt)
+        return [self._switched(usual, changed, window) for window in windows]
+
+    def _another(self, sample: Sample) -> FloatArray:
+        """Return the maps of another recording of the same rig."""
+        own = self.forward
+        other = Forward(sample, preset=own.preset, refinement=own.refinement, crew=own.crew)
+        return other.maps(self.given)
+
+    def _model(self, adapt: Adapt) -> Model:
+        sample = self.sample
+        return Model(
+            sample.rig,
+            sample.grid,
+            preset=self.forward.preset,
+            effects=self.given,
+            refinement=1,
+            adapt=adapt,
+        )
+
+    def _switched(self, usual: Model, changed: Model, window: Window) -> FloatArray:
+        """Return the maps of a run that takes the `changed` model within `window` [s]."""
+        sample, operator = self.sample, usual.observation_operator
+        begin = usual.initial_condition() if sample.initial is None else sample.initial
+        state = State.equilibrium(refine(begin, usual.engine.grid.shape))
+        now, shown = sample.model_start, []
+        for time in sample.times:
+            target = time + operator.clock_offset
+            cuts = sorted({now, max(now, target), *(c for c in window if now < c < target)})
+            for low, high in pairwise(cuts):
+                model = changed if window[0] <= low < window[1] else usual
+                for start, end, rates in sample.schedule.intervals(low, high):
+                    model.engine.advance(state, rates, end - start)
+            now = max(now, target)
+            seen = usual.engine.mean_concentration(state)
+            shown.append(operator.apply(seen, sample.grid, float(time)))
+        return np.stack(shown)
