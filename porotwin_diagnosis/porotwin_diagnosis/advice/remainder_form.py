@@ -24,7 +24,6 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from porotwin_core.grid import FloatArray
 from porotwin_core.rig import EffectDescription
@@ -38,7 +37,7 @@ from porotwin_diagnosis.advice.causes_of_the_rig import (
 )
 from porotwin_diagnosis.advice.causes_over_time import causes_over_time
 from porotwin_diagnosis.advice.free_runs import FreeRuns
-from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STRIDE, Sample
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample, at_compared_cells
 from porotwin_diagnosis.model.forward import Forward
 
 MOST_TERMS = 3
@@ -246,11 +245,8 @@ class Regression:
 
 def _whitened(sample: Sample, changes: FloatArray) -> FloatArray:
     """Return `changes` (n, nt, nz, nx) of maps as they change a whitened remainder."""
-    width = (0.0, SMOOTHING_WIDTH, SMOOTHING_WIDTH)
-    smooth = (gaussian_filter(change * sample.seen_mask, width) for change in changes)
-    return np.stack(
-        [sample.weighted(one[:, ::STRIDE, ::STRIDE]).astype(np.float32) for one in smooth]
-    )
+    smooth = (at_compared_cells(change * sample.seen_mask, SMOOTHING_WIDTH) for change in changes)
+    return np.stack([sample.weighted(one).astype(np.float32) for one in smooth])
 
 
 def _chosen(regression: Regression) -> tuple[list[Cause], list[FloatArray], float]:

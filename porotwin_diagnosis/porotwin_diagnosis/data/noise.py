@@ -98,15 +98,21 @@ class Noise:
 
             E[o] = c + s (L(c / s) - L((1 - c) / s)).
         """
-        levels, means = self._clipped_means
-        return np.interp(concentration, levels, means)
+        means, steps = self._clipped_means
+        place = np.clip(concentration, 0.0, 1.0) * (CLIPPING_TABLE_SIZE - 1)
+        index = place.astype(np.intp)
+        return np.asarray(means[index] + (place - index) * steps[index])
 
     @cached_property
     def _clipped_means(self) -> tuple[FloatArray, FloatArray]:
-        """Concentrations and their means after clipping, to be interpolated."""
+        """Means after clipping of evenly spaced concentrations, and their differences.
+
+        Even spacing makes the interpolation several times as fast as `numpy.interp`.
+        """
         c = np.linspace(0.0, 1.0, CLIPPING_TABLE_SIZE)
         sd = np.maximum(self.deviation(c), LEAST_DEVIATION)
-        return c, c + sd * (_normal_loss(c / sd) - _normal_loss((1 - c) / sd))
+        means = c + sd * (_normal_loss(c / sd) - _normal_loss((1 - c) / sd))
+        return means, np.diff(means, append=means[-1])
 
     def clipped_deviation(self, concentration: FloatArray) -> FloatArray:
         """Return the root mean square [-] of recorded minus true concentration, with clipping.

@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray, Grid, conservative_resample
@@ -259,8 +259,7 @@ class Sample:
         expected = self.noise.expected(blurred(np.clip(predicted, 0.0, 1.0), point_spread_width))
         count = len(expected)
         residual = (self.observed_or_zero[:count] - expected) * self.seen_mask[:count]
-        smooth = gaussian_filter(residual, (0.0, width, width))[:, ::STRIDE, ::STRIDE]
-        return np.asarray(smooth * self.weight(width)[:count])
+        return np.asarray(at_compared_cells(residual, width) * self.weight(width)[:count])
 
     def weighted(self, smooth: FloatArray, width: float = SMOOTHING_WIDTH) -> FloatArray:
         """Return a `smooth` change [-] at the compared cells as a whitened residual.
@@ -304,6 +303,15 @@ class Sample:
         observed = self.observed[part][seen]
         norm = max(float(np.linalg.norm(observed)), 1e-12)
         return float(np.linalg.norm(predicted[part][seen] - observed)) / norm
+
+
+def at_compared_cells(maps: FloatArray, width: float) -> FloatArray:
+    """Return `maps` (nt, nz, nx) smoothed over `width` [cells], at the compared cells only.
+
+    Rows that are not compared are left out before the second pass of the filter.
+    """
+    rows = gaussian_filter1d(maps, width, axis=1)[:, ::STRIDE]
+    return np.asarray(gaussian_filter1d(rows, width, axis=2)[..., ::STRIDE])
 
 
 def read_sample(recording: Recording) -> Sample:
