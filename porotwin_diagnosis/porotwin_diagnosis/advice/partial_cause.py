@@ -18,8 +18,9 @@ from porotwin_diagnosis.model.gap_map import Spot, map_gap
 from porotwin_diagnosis.search.levels import Levels
 from porotwin_recording.recording import Recording
 
-FORM_COLUMNS = 94
-"""Columns of cells on which a remainder is described, about: those of the small rig."""
+FORM_COLUMNS = 60
+"""Columns of cells on which a remainder is described, about: hundreds of runs take seconds there,
+and twice as many columns take eight times as long."""
 
 LEAST_PART = 0.5
 """Share of the gap in the held-out part that the effects must close. With less, most of the gap has
