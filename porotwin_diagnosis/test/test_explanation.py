@@ -1,5 +1,7 @@
 """The model that is kept: as few effects as explain the recording."""
 
+from dataclasses import replace
+
 import pytest
 from diagnosis_examples import fit_of
 
@@ -28,6 +30,14 @@ def test_a_second_effect_is_kept_only_if_one_does_not_suffice_and_it_helps(
 ):
     found = findings(null, [('rate', single)], [(('rate', 'decay'), pair)])
     assert kept_model(found).label == kept
+
+
+def test_a_triple_is_kept_although_no_pair_is_better_than_its_best_member():
+    found = findings(6.0, [('rate', 2.0)], [(('rate', 'decay'), 2.1)])
+    triple = fit_of('rate', 'decay', 'clock', misfit=0.4)
+    assert kept_model(replace(found, triples=[triple])).label == 'rate + decay + clock'
+    worse = fit_of('rate', 'decay', 'clock', misfit=1.4)  # 0.64 of 2 is 1.28
+    assert kept_model(replace(found, triples=[worse])).label == 'rate'
 
 
 def test_a_model_that_does_not_suffice_names_nothing():

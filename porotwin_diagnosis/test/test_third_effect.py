@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 from diagnosis_examples import candidate, fit_of, sample_of
 
-from porotwin_diagnosis.search.effect_pairs import may_join, relocated
+from porotwin_diagnosis.search.effect_pairs import relocated
 from porotwin_diagnosis.search.findings import Findings
+from porotwin_diagnosis.search.joint_scan import may_act
 from porotwin_diagnosis.search.levels import make_levels
 from porotwin_diagnosis.search.single_effects import SearchSpace
 from porotwin_diagnosis.search.third_effect import distinct, judged_triples
@@ -50,7 +51,7 @@ def test_an_effect_joins_another_one_or_itself_at_another_well(quiet):
     samples = [sample_of(quiet)]
     rate, porosity = candidate(samples, 'rate injector'), candidate(samples, 'porosity')
     other = replace(rate, fixed={'well': 'another'})
-    assert may_join(porosity, [rate])
-    assert may_join(other, [rate, porosity])
-    assert not may_join(rate, [porosity, rate])
-    assert not may_join(porosity, [porosity])
+    assert may_act(porosity, [rate])
+    assert may_act(other, [rate, porosity])
+    assert not may_act(rate, [porosity, rate])
+    assert not may_act(porosity, [porosity])

@@ -75,18 +75,18 @@ def kept_model(findings: Findings) -> Fit:
     1. The model without effects, if it leaves no gap.
     2. The best single effect, if it suffices.
     3. The best pair, if the second effect earns its place, and if it suffices.
-    4. The best triple, if there is one: its third effect has earned its place.
+    4. The best triple, if its further effects earn their place. The true triple may contain no pair
+       that is better than its best member.
     5. Otherwise the pair, or the single effect if the second effect has not earned its place.
     """
     null, kept = findings.null, findings.singles[0]
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return null
     for combinations in (findings.pairs, findings.triples):
-        if lack_of_fit(kept, null) <= 1.0 or not combinations:
+        if lack_of_fit(kept, null) <= 1.0:
             break
-        if not earns_its_place(combinations[0], kept):
-            break
-        kept = combinations[0]
+        if combinations and earns_its_place(combinations[0], kept):
+            kept = combinations[0]
     return kept
 
 

@@ -14,6 +14,7 @@ from porotwin_core.grid import FloatArray
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH
 from porotwin_diagnosis.model.effect_traits import TRIED_IN_EVERY_PAIR, has_place
 from porotwin_diagnosis.model.fit import Fit
+from porotwin_diagnosis.search.joint_scan import may_act
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
@@ -280,17 +281,6 @@ def best_partners(
     return partners
 
 
-def may_join(candidate: Candidate, members: Sequence[Candidate]) -> bool:
-    """Return whether `candidate` without a place may be fitted beside `members`.
-
-    An effect is there once, but two wells may have the same effect.
-    """
-    return all(
-        candidate.effect != member.effect or candidate.fixed.get('well') != member.fixed.get('well')
-        for member in members
-    )
-
-
 def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[Candidate]:
     """Return the `screened` effects without a place, the largest linear gain with `base` first.
 
@@ -303,7 +293,7 @@ def _by_linear_gain(levels: Levels, base: Fit, screened: Sequence[Fit]) -> list[
     others = [
         candidate
         for candidate in candidates
-        if may_join(candidate, base.members) and not has_place(candidate.effect)
+        if may_act(candidate, base.members) and not has_place(candidate.effect)
     ]
 
     def gain(candidate: Candidate) -> float:

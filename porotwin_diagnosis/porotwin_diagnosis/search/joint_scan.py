@@ -1,18 +1,18 @@
-"""Two effects that are missing together beside a third one, by sparse regression.
+"""Effects that are missing together, by sparse regression: two beside a base, or three.
 
 An effect that is looked for alone explains the part of another missing effect too. A leak is then
 placed wrongly, and the true pair is never fitted. Therefore the residual r beside a base is
-regressed on two effects at once. Every effect of the library is a block B of responses: a column
-per parameter, or one column for a leak or a zone at one of many places. With the projection Q onto
-what the base cannot imitate, two blocks explain
+regressed on two effects at once, and that of the model without effects on three. Every effect of
+the library is a block B of responses: a column per parameter, or one column for a leak or a zone at
+one of many places. With the projection Q onto what the base cannot imitate, two blocks explain
 
     |Q r|^2 - min over u of |Q r - Q (B1, B2) u|^2.
 
-All responses are simulated once per base on the coarse grid of `place_scan`. All couples are then
+All responses are simulated once per base on the coarse grid of `place_scan`. All groups are then
 compared by their Gram matrix, without further simulations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -41,8 +41,12 @@ RIDGE = 1e-6
 """Weight of the squared coefficients relative to the mean square of the responses: responses that
 are nearly equal must not need huge coefficients of opposite sign."""
 
-Couple = tuple[Candidate, Candidate]
-"""Two effects, each with a start that the regression gives."""
+Group = tuple[Candidate, ...]
+"""Effects, each with a start that the regression gives."""
+
+MOST_PLACED = {2: 2, 3: 1}
+"""Largest number of leaks and zones in a group, by its size. Three effects with two places would
+take minutes to compare."""
 
 
 @dataclass(frozen=True)
@@ -53,26 +57,28 @@ class _Block:
     columns: NDArray[np.intp]
 
 
-def promising_couples(
+def promising_groups(
     forwards: Sequence[Forward],
     candidates: Sequence[Candidate],
     local_effects: Sequence[str],
     *,
+    size: int,
     beside: Fit,
     most: int,
     pool: Executor | None = None,
-) -> list[Couple]:
-    """Return at most `most` couples of effects that explain most of a residual together.
+) -> list[Group]:
+    """Return at most `most` groups of `size` effects that explain most of a residual together.
 
-    Each couple of labels is there once, with its best places. The gain is reduced by
+    Each group of labels is there once, with its best places. The gain is reduced by
     `PARTNER_GAIN_PER_PARAMETER` for every column.
 
     Args:
         forwards: one forward model per recording.
         candidates: effects without a place.
         local_effects: names of effects with a place.
-        beside: a fit whose effects are present and may adapt.
-        most: number of couples.
+        size: number of effects in a group, a key of `MOST_PLACED`.
+        beside: a fit whose effects are present and may adapt; it may have none.
+        most: number of groups.
         pool: compares the simulations; None for one at a time.
 
     Raises:
@@ -88,20 +94,45 @@ def promising_couples(
         return _response(comparisons, effects)
 
     residual = np.concatenate([part.residual.ravel() for part in comparisons])
-    adapting = orth(np.stack(list(run(response, perturbed(beside))), axis=1))
     described = [(*beside.effects, effect) for effect in changes]
     matrix = np.stack(list(run(response, described)), axis=1)
-    matrix -= adapting @ (adapting.T @ matrix)
+    if beside.members:
+        adapting = orth(np.stack(list(run(response, perturbed(beside))), axis=1))
+        matrix -= adapting @ (adapting.T @ matrix)
     gram, moments = matrix.T @ matrix, matrix.T @ residual
-    best: dict[frozenset[str], tuple[float, Couple]] = {}
-    for one, other in combinations(blocks, 2):
-        labels = frozenset((one.candidate.label, other.candidate.label))
-        if len(labels) < 2 and not has_place(one.candidate.effect):
-            continue
-        gain, couple = _gain(one, other, gram, moments)
+    best: dict[frozenset[str], tuple[float, Group]] = {}
+    for chosen in _groups(blocks, size):
+        gain, group = _gain(chosen, gram, moments)
+        labels = frozenset(block.candidate.label for block in chosen)
         if gain > best.get(labels, (0.0,))[0]:
-            best[labels] = gain, couple
-    return [couple for _, couple in sorted(best.values(), key=lambda item: -item[0])[:most]]
+            best[labels] = gain, group
+    return [group for _, group in sorted(best.values(), key=lambda item: -item[0])[:most]]
+
+
+def _groups(blocks: Sequence[_Block], size: int) -> Iterator[tuple[_Block, ...]]:
+    """Yield the groups of blocks that may act together, with at most `MOST_PLACED` places.
+
+    An effect is there once, but it may have two wells or two places.
+    """
+    local = [block for block in blocks if has_place(block.candidate.effect)]
+    everywhere = [block for block in blocks if not has_place(block.candidate.effect)]
+    for count in range(MOST_PLACED[size] + 1):
+        for others in combinations(everywhere, size - count):
+            members = [block.candidate for block in others]
+            apart = (may_act(one, members[:n]) for n, one in enumerate(members))
+            if all(apart):
+                yield from ((*others, *places) for places in combinations(local, count))
+
+
+def may_act(candidate: Candidate, members: Sequence[Candidate]) -> bool:
+    """Return whether `candidate` without a place may act beside `members`.
+
+    An effect is there once, but two wells may have the same effect.
+    """
+    return all(
+        candidate.effect != member.effect or candidate.fixed.get('well') != member.fixed.get('well')
+        for member in members
+    )
 
 
 def _response(
@@ -137,28 +168,26 @@ def _blocks(
     return blocks, changes
 
 
-def _gain(
-    one: _Block, other: _Block, gram: FloatArray, moments: FloatArray
-) -> tuple[float, Couple]:
-    """Return the reduced gain of two blocks, and both candidates with the starts that it needs.
+def _gain(blocks: Sequence[_Block], gram: FloatArray, moments: FloatArray) -> tuple[float, Group]:
+    """Return the reduced gain of `blocks`, and the candidates with the starts that it needs.
 
     The gain is zero where a leak or a zone would need the opposite sign.
     """
-    columns = np.concatenate([one.columns, other.columns])
+    columns = np.concatenate([block.columns for block in blocks])
     square = gram[np.ix_(columns, columns)]
     ridge = RIDGE * max(float(np.trace(square)) / len(columns), 1e-30)
     found = np.linalg.solve(square + ridge * np.eye(len(columns)), moments[columns])
-    parts = np.split(found, [len(one.columns)])
+    parts = np.split(found, np.cumsum([len(block.columns) for block in blocks])[:-1])
+    gain = float(found @ moments[columns]) * PARTNER_GAIN_PER_PARAMETER ** len(columns)
     started: list[Candidate] = []
-    for block, part in zip((one, other), parts, strict=True):
-        if has_place(block.candidate.effect):
-            if part[0] <= 0.0:
-                return 0.0, (one.candidate, other.candidate)
+    for block, part in zip(blocks, parts, strict=True):
+        if not has_place(block.candidate.effect):
+            started.append(_moved(block.candidate, part))
+        elif part[0] > 0.0:
             started.append(with_strength(block.candidate, float(part[0])))
         else:
-            started.append(_moved(block.candidate, part))
-    gain = float(found @ moments[columns]) * PARTNER_GAIN_PER_PARAMETER ** len(columns)
-    return gain, (started[0], started[1])
+            return 0.0, ()
+    return gain, tuple(started)
 
 
 def _moved(candidate: Candidate, steps: FloatArray) -> Candidate:

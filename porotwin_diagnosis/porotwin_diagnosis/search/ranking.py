@@ -108,15 +108,13 @@ def lack_of_fit(model: Fit, null: Fit) -> float:
 
 
 def earns_its_place(more: Fit, fewer: Fit) -> bool:
-    """Return whether a further effect earns its place in the judged fit `more`.
+    """Return whether the further effects earn their place in the judged fit `more`.
 
-    More effects always fit better. The score must fall below `COMBINATION_GAIN` of that of the fit
-    with `fewer` effects, and the held-out misfit must fall too.
+    More effects always fit better. With every further effect the score must fall below
+    `COMBINATION_GAIN` of that of the fit with `fewer` effects, and the held-out misfit must fall.
     """
-    return (
-        score(more) < COMBINATION_GAIN * score(fewer)
-        and more.held_out_misfit < fewer.held_out_misfit
-    )
+    gain = COMBINATION_GAIN ** max(1, len(more.members) - len(fewer.members))
+    return score(more) < gain * score(fewer) and more.held_out_misfit < fewer.held_out_misfit
 
 
 def feasible(fits: Sequence[Fit]) -> list[Fit]:

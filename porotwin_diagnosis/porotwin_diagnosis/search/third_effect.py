@@ -1,6 +1,7 @@
 """Three effects, where the best pair leaves more than a true one may.
 
-A third effect is looked for beside the best pair, and two at once beside the best single effects.
+A third effect is looked for beside the best pair, two at once beside the best single effects, and
+three at once beside none: the best single effect may be an imitation of all three.
 The best pair is often an imitation: without the third effect a leak lies at a wrong place, so that
 the true pair is never fitted.
 
@@ -21,12 +22,11 @@ from porotwin_diagnosis.search.effect_pairs import (
     best_partners,
     combined_fits,
     extended_fits,
-    may_join,
     pair_bases,
     relocated,
 )
 from porotwin_diagnosis.search.findings import Findings
-from porotwin_diagnosis.search.joint_scan import Couple, promising_couples
+from porotwin_diagnosis.search.joint_scan import Group, may_act, promising_groups
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
@@ -98,10 +98,10 @@ def _penalised(fit: Fit) -> float:
     return score(fit) * PAIR_PENALTY_PER_PARAMETER ** len(fit.scaled_parameters)
 
 
-def _couples(
-    levels: Levels, space: SearchSpace, base: Fit, screened: Sequence[Fit]
-) -> list[Couple]:
-    """Return the most promising couples of effects beside `base`.
+def _groups(
+    levels: Levels, space: SearchSpace, base: Fit, screened: Sequence[Fit], size: int
+) -> list[Group]:
+    """Return the most promising groups of `size` effects beside `base`.
 
     There are none if no simulation can tell.
     """
@@ -109,13 +109,14 @@ def _couples(
     candidates = [
         member
         for member in members
-        if may_join(member, base.members) and not has_place(member.effect)
+        if may_act(member, base.members) and not has_place(member.effect)
     ]
     try:
-        return promising_couples(
+        return promising_groups(
             levels.screening.forwards,
             candidates,
             space.local_effects,
+            size=size,
             beside=base,
             most=TRIPLE_COUPLES,
             pool=levels.pool,
@@ -135,8 +136,11 @@ def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) ->
     singles, _ = pair_bases(findings.singles[0], known)
     for single in singles[:TRIPLE_BASES]:
         levels.progress(f'two more effects beside {single.label}', 0.88)
-        couples = _couples(levels, space, single, known)
+        couples = _groups(levels, space, single, known, 2)
         triples |= extended_fits(levels, single, couples, triples.keys())
+    levels.progress('three effects at once', 0.88)
+    at_once = _groups(levels, space, findings.screened_null, known, 3)
+    triples |= extended_fits(levels, findings.screened_null, at_once, triples.keys())
     local = [fit for fit in triples.values() if any(has_place(m.effect) for m in fit.members)]
     moved = {member_labels(fit.members): fit for fit in distinct(local)[:RELOCATED_TRIPLES]}
     triples |= relocated(levels, moved, RELOCATED_TRIPLES, space.local_effects)
