@@ -40,6 +40,10 @@ NEARLY_CLOSED_MISFIT = 1.5
 enough to the observed ones for a multifidelity correction and an estimate of the point spread, and
 only then is a search through more pairs worth its time."""
 
+CORRECTED_MISFIT = 2.5
+"""Normalised misfit below which a fit is judged with the errors of the scheme taken back at itself.
+On a large rig with layers of sand the scheme alone leaves 1.7 of the true effect."""
+
 CORRECTABLE_MISFIT = 4.0
 """Misfit of a model below which runs on coarse cells are corrected by the difference to the judging
 cells. Above it fronts lie more than about half a cell apart, and the correction, which stays in
@@ -144,6 +148,10 @@ of their effects."""
 UNRESOLVED_SHARE = 0.01
 """Share of the normalised misfit of a large gap that even the true effect leaves: no scheme follows
 a strong effect exactly."""
+
+SCHEME_SHARE = 0.3
+"""Share of the correction of the scheme that is unknown: the extrapolation factor 1.6 lies between
+the 1 to 2.3 that the observed orders of convergence ask for."""
 
 COMBINATION_GAIN = 0.8
 """Ratio of the misfits of a pair and of the best single effect below which the second effect is

@@ -1,5 +1,7 @@
 """The order of fits, and the selection of the fits that go on."""
 
+from dataclasses import replace
+
 import pytest
 from diagnosis_examples import fit_of
 
@@ -111,3 +113,9 @@ def test_log_odds_are_those_of_a_normal_distribution():
     further = (best**2 + 2 * 0.16**2) ** 0.5
     assert log_odds_against(further, best) == pytest.approx(1.0)
     assert log_odds_against(0.4, best) == 0.0
+
+
+def test_a_true_model_may_leave_a_share_of_the_errors_of_the_scheme():
+    fit, null = fit_of('rate', misfit=0.6), fit_of(misfit=2.0)
+    assert lack_of_fit(fit, null) > 1.0
+    assert lack_of_fit(replace(fit, scheme_misfit=(0.3, 1.2)), null) < 1.0

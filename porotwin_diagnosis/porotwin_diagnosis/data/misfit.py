@@ -51,6 +51,20 @@ def noise_misfit(
     return max(fitted, shared), max(held_out, shared)
 
 
+def change_at_fronts(
+    samples: Sequence[Sample], changes: Sequence[FloatArray]
+) -> tuple[float, float]:
+    """Return the root mean square [-] of whitened `changes` at the observed fronts.
+
+    `changes` are (nt, nz', nx') for every one of `samples`; the result is that of the fitted and of
+    the held-out frames.
+    """
+    squares = [
+        change**2 * sample.front_mask for sample, change in zip(samples, changes, strict=True)
+    ]
+    return _root_mean_squares(samples, squares)
+
+
 def _counted_cells(sample: Sample, residual: FloatArray) -> NDArray[np.bool_]:
     weight = sample.weight(SMOOTHING_WIDTH)
     predicted = sample.smoothed_observed - residual / np.where(weight > 0, weight, np.inf)

@@ -44,6 +44,8 @@ class Fit:
         measured_noise: the same with the noise that the maps themselves show.
         unshared_misfit: misfit [-] if the errors that all maps share were zero, fitted and held
             out; zero if the recording states no such errors.
+        scheme_misfit: misfit [-] of the correction of the scheme alone, fitted and held out; zero
+            without a correction.
         fingering_amplification: ratio [-] of the responses to rough sand with and without the
             effects, fitted and held out.
     """
@@ -59,6 +61,7 @@ class Fit:
     stated_noise: tuple[float, float] = (math.inf, math.inf)
     measured_noise: tuple[float, float] = (math.inf, math.inf)
     unshared_misfit: tuple[float, float] = (0.0, 0.0)
+    scheme_misfit: tuple[float, float] = (0.0, 0.0)
     fingering_amplification: tuple[float, float] = (1.0, 1.0)
 
     @property

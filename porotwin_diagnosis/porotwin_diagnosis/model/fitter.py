@@ -15,9 +15,14 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
 from porotwin_core.levenberg_marquardt import TRIALS, Bounds, SlopesFn, minimise
 from porotwin_core.rig import EffectDescription
-from porotwin_diagnosis.data.misfit import misfit, noise_misfit
+from porotwin_diagnosis.data.misfit import change_at_fronts, misfit, noise_misfit
 from porotwin_diagnosis.data.noise import blurred
-from porotwin_diagnosis.data.sample import COARSE_SMOOTHING_WIDTH, SMOOTHING_WIDTH, Sample
+from porotwin_diagnosis.data.sample import (
+    COARSE_SMOOTHING_WIDTH,
+    SMOOTHING_WIDTH,
+    Sample,
+    at_compared_cells,
+)
 from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_diagnosis.model.fit import (
@@ -188,6 +193,7 @@ class Fitter:
             ),
             measured_noise=noise_misfit(self.samples, residuals, measured_only=True),
             unshared_misfit=misfit(self.samples, unshared),
+            scheme_misfit=self._scheme_misfit(),
         )
         return with_noise_bound(fit, self.noise_bound)
 
@@ -328,6 +334,17 @@ class Fitter:
             iterations=iterations,
             trials=trials,
         )
+
+    def _scheme_misfit(self) -> tuple[float, float]:
+        """Return the misfit [-] that the corrections of the scheme make, fitted and held out."""
+        changes = [
+            np.zeros_like(sample.smoothed_observed)
+            if forward.correction is None
+            else at_compared_cells(forward.correction * sample.seen_mask, SMOOTHING_WIDTH)
+            * sample.weight(SMOOTHING_WIDTH)
+            for forward, sample in zip(self.forwards, self.samples, strict=True)
+        ]
+        return change_at_fronts(self.samples, changes)
 
     def _relative_error(self, maps: Sequence[FloatArray], *, held_out: bool) -> float:
         """Return the relative L2 error, as a root mean square over the recordings."""

@@ -38,6 +38,7 @@ from porotwin_diagnosis.search.ranking import (
     score,
 )
 from porotwin_diagnosis.thresholds import (
+    CORRECTED_MISFIT,
     JUDGED_FITS,
     NEARLY_CLOSED_MISFIT,
     SMALL_GAP_MISFIT,
@@ -154,13 +155,14 @@ class Levels:
         """Return levels whose judging is corrected at `fit` and has the point spread that suits it.
 
         The correction is the extrapolated difference between the finest and the judging cells. A
-        fit that does not nearly close the gap changes nothing: its misplaced fronts would be taken
-        for errors of the scheme.
+        fit that leaves much of the gap changes nothing: its fronts lie elsewhere than those of the
+        fits that are judged with its correction. The point spread needs a fit that nearly closes
+        the gap, because misplaced fronts look like a wide one.
 
         Raises:
             InputError: the model cannot run with this fit.
         """
-        if normalised_misfit(fit) > NEARLY_CLOSED_MISFIT:
+        if normalised_misfit(fit) > CORRECTED_MISFIT:
             return self
         forwards = [
             forward.corrected_by(finer, fit.effects, extrapolation=EXTRAPOLATION)
@@ -169,6 +171,9 @@ class Levels:
             for forward, finer in zip(self.judging.forwards, self.finest, strict=True)
         ]
         corrected = replace(self, judging=replace(self.judging, forwards=forwards))
+        judged = corrected.judging.evaluate(fit.members, fit.scaled_parameters)
+        if normalised_misfit(judged) > NEARLY_CLOSED_MISFIT:
+            return corrected
         return corrected.with_point_spread_of(fit)
 
     def with_point_spread_of(self, fit: Fit) -> 'Levels':
@@ -228,10 +233,10 @@ class Levels:
     def judged_again(self, fits: Sequence[Fit], null: Fit, begin: float) -> 'Judgement':
         """Return the ranked `fits` judged again on corrected levels.
 
-        Every fit that nearly closes the gap is judged on levels corrected at itself, the others on
-        levels corrected at the best model, since the point spread of a wrong model would be the one
-        of its misplaced fronts. The best model is the first fit, or `null` if that leaves a small
-        gap. The returned levels are corrected at it. `begin` is the progress at the beginning.
+        Every fit that leaves little of the gap is judged on levels corrected at itself, the others
+        on levels corrected at the best model. The best model is the first fit, or `null` if that
+        leaves a small gap. The returned levels are corrected at it. `begin` is the progress at the
+        beginning.
 
         Raises:
             InputError: the model cannot run with one of the fits.
@@ -240,8 +245,8 @@ class Levels:
             return Judgement(self, [])
         best = null if normalised_misfit(null) < SMALL_GAP_MISFIT else fits[0]
         levels = self.with_point_spread_of(best)
-        closing = [fit for fit in fits if normalised_misfit(fit) <= NEARLY_CLOSED_MISFIT]
-        others = [fit for fit in fits if normalised_misfit(fit) > NEARLY_CLOSED_MISFIT]
+        closing = [fit for fit in fits if normalised_misfit(fit) <= CORRECTED_MISFIT]
+        others = [fit for fit in fits if normalised_misfit(fit) > CORRECTED_MISFIT]
         polished = []
         for index, fit in enumerate([*closing, *others]):
             self.progress(f'polishing {fit.label}', begin + POLISHING_PROGRESS * index / len(fits))

@@ -25,6 +25,7 @@ from porotwin_diagnosis.thresholds import (
     COMBINATION_GAIN,
     NOISE_UNCERTAINTY,
     PENALTY_PER_PARAMETER,
+    SCHEME_SHARE,
     SUFFICIENT_MISFIT,
     SUFFICIENT_PAIR_MISFIT,
     SYSTEMATIC_MISFIT,
@@ -99,12 +100,15 @@ def log_odds_against(misfit: float, best: float) -> float:
 def lack_of_fit(model: Fit, null: Fit) -> float:
     """Return the misfit of `model` relative to the largest misfit of a true model.
 
-    lack of fit = m / sqrt(limit^2 + (u m0)^2), with the normalised misfits m of the model and m0
-    of the model without effects, `null`. The limit is `SUFFICIENT_MISFIT` (of several effects
-    `SUFFICIENT_PAIR_MISFIT`), and u is `UNRESOLVED_SHARE`.
+    lack of fit = m / sqrt(limit^2 + (u m0)^2 + (e s)^2), with the normalised misfits m of the model
+    and m0 of the model without effects, `null`, and the misfit s of the correction of the scheme.
+    The limit is `SUFFICIENT_MISFIT` (of several effects `SUFFICIENT_PAIR_MISFIT`), u is
+    `UNRESOLVED_SHARE`, and e is `SCHEME_SHARE`.
     """
     limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
-    return normalised_misfit(model) / math.hypot(limit, UNRESOLVED_SHARE * normalised_misfit(null))
+    unresolved = UNRESOLVED_SHARE * normalised_misfit(null)
+    scheme = SCHEME_SHARE * max(model.scheme_misfit)
+    return normalised_misfit(model) / math.hypot(limit, unresolved, scheme)
 
 
 def earns_its_place(more: Fit, fewer: Fit) -> bool:

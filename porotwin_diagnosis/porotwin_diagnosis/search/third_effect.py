@@ -30,7 +30,6 @@ from porotwin_diagnosis.search.joint_scan import Group, may_act, promising_group
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
-    first_of_each_effect,
     lack_of_fit,
     member_labels,
     normalised_misfit,
@@ -105,10 +104,10 @@ def _groups(
 
     There are none if no simulation can tell.
     """
-    members = [fit.members[0] for fit in first_of_each_effect(screened)]
+    members = {fit.members[0].label: fit.members[0] for fit in reversed(screened)}
     candidates = [
         member
-        for member in members
+        for member in members.values()
         if may_act(member, base.members) and not has_place(member.effect)
     ]
     try:
