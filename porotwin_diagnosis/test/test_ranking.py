@@ -11,6 +11,7 @@ from porotwin_diagnosis.search.ranking import (
     first_of_each_effect,
     lack_of_fit,
     larger_misfit,
+    leaves_a_gap,
     log_odds_against,
     misfit_beyond_noise,
     normalised_misfit,
@@ -118,4 +119,7 @@ def test_log_odds_are_those_of_a_normal_distribution():
 def test_a_true_model_may_leave_a_share_of_the_errors_of_the_scheme():
     fit, null = fit_of('rate', misfit=0.6), fit_of(misfit=2.0)
     assert lack_of_fit(fit, null) > 1.0
-    assert lack_of_fit(replace(fit, scheme_misfit=(0.3, 1.2)), null) < 1.0
+    assert leaves_a_gap(fit)
+    coarse = replace(fit, scheme_misfit=(0.3, 1.2))
+    assert lack_of_fit(coarse, null) < 1.0
+    assert not leaves_a_gap(coarse)

@@ -39,6 +39,7 @@ from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
     first_of_each_effect,
+    leaves_a_gap,
     normalised_misfit,
     score,
 )
@@ -52,7 +53,6 @@ from porotwin_diagnosis.search.single_effects import (
 from porotwin_diagnosis.search.third_effect import judged_triples
 from porotwin_diagnosis.thresholds import (
     CORRECTABLE_MISFIT,
-    EXPLAINED_MISFIT,
     REFINED_FITS,
     SURELY_NO_GAP_MISFIT,
 )
@@ -111,7 +111,7 @@ def search_effects(
     levels, findings = _with_bounded_noise(
         levels, Findings(levels.null(), screened_null, screened, singles)
     )
-    if normalised_misfit(with_measured_noise(findings.singles[0])) > EXPLAINED_MISFIT:
+    if leaves_a_gap(with_measured_noise(findings.singles[0])):
         levels, findings = _with_combinations(levels, space, findings)
         levels, findings = _with_bounded_noise(levels, findings)
     levels, singles = fitted_again_alone(levels, findings)
@@ -170,14 +170,14 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     """
     best, null, screened = findings.singles[0], findings.null, findings.screened
     levels, pairs = judged_pairs(levels, space, screened, best, null)
-    unexplained = not pairs or normalised_misfit(pairs[0]) > EXPLAINED_MISFIT
+    unexplained = not pairs or leaves_a_gap(pairs[0])
     if unexplained and score(best) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(best.effects)
         again = refitted_singles(levels, best, screened)
         levels, more = judged_pairs(levels, space, again, best, null)
         pairs = levels.ranked([*pairs, *more])
     for pair in pairs_worth_exchanging(pairs):
-        if normalised_misfit(pairs[0]) > EXPLAINED_MISFIT:
+        if leaves_a_gap(pairs[0]):
             levels, more = judged_exchanges(levels, space, pair, screened, null)
             pairs = levels.ranked([*pairs, *more])
     return Judgement(levels, pairs)

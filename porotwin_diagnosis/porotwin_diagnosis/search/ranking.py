@@ -23,6 +23,7 @@ from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.thresholds import (
     CLOSE_TO_BEST,
     COMBINATION_GAIN,
+    EXPLAINED_MISFIT,
     NOISE_UNCERTAINTY,
     PENALTY_PER_PARAMETER,
     SCHEME_SHARE,
@@ -109,6 +110,15 @@ def lack_of_fit(model: Fit, null: Fit) -> float:
     unresolved = UNRESOLVED_SHARE * normalised_misfit(null)
     scheme = SCHEME_SHARE * max(model.scheme_misfit)
     return normalised_misfit(model) / math.hypot(limit, unresolved, scheme)
+
+
+def leaves_a_gap(fit: Fit) -> bool:
+    """Return whether the judged `fit` leaves something for a further effect.
+
+    It does above `EXPLAINED_MISFIT` and the unknown share of the errors of the scheme.
+    """
+    scheme = SCHEME_SHARE * max(fit.scheme_misfit)
+    return normalised_misfit(fit) > math.hypot(EXPLAINED_MISFIT, scheme)
 
 
 def earns_its_place(more: Fit, fewer: Fit) -> bool:
