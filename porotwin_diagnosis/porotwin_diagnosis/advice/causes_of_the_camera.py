@@ -28,6 +28,9 @@ from porotwin_solver.effects.definition.effect import Process
 SLOPE_WIDTH = 1.0
 """Width [cells] over which maps are smoothed before they are differentiated."""
 
+MOST_LIGHT = 0.5
+"""Largest change of the light that is believed [-]."""
+
 SWINGS = (0.6, 1.1)
 """Periods of light relative to the duration of the recording."""
 
@@ -37,8 +40,14 @@ DELAYS = (0.02, 0.04, 0.08, 0.16, 0.3)
 STEPS = 120
 """Maps from which a signal that lags behind is computed: several per shortest delay."""
 
-GLOW_RADII = (0.03, 0.06)
+GLOW_RADII = (0.025, 0.04, 0.06)
 """Radii of a glow relative to the width of the rig."""
+
+LEAST_WAY = 0.01
+"""Way of a spot relative to the width of the rig below which it stands."""
+
+LEAST_PART = 0.05
+"""Share of a way below which its part across, or up, is not told."""
 
 TRACKING_ROUNDS = 10
 """Reweighted fits of the line on which a glow moves."""
@@ -64,7 +73,7 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
         share = 100 * abs(amounts[0]) * grid.height
         return f'the plume is {share:.1f} % {_paler(-amounts[0])} at the top than at the bottom'
 
-    yield Cause('paler', Process.CAMERA, '-', -c[None], paler)
+    yield Cause('paler', Process.CAMERA, '-', -c[None], paler, allows=_moderate)
     height = grid.z[:, None] - 0.5 * grid.height
     yield Cause('paler upward', Process.CAMERA, '1/m', (c * height)[None], upward)
     for period in SWINGS:
@@ -77,7 +86,12 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
             )
 
         waves = np.stack([c * np.sin(phase), c * np.cos(phase)])
-        yield Cause('swinging light', Process.CAMERA, '-', waves, swung, freedom=3)
+        yield Cause('swinging light', Process.CAMERA, '-', waves, swung, None, 3, _moderate)
+
+
+def _moderate(amounts: Amounts) -> bool:
+    """Return whether light changes so little that the tracer is still seen."""
+    return math.hypot(*amounts) <= MOST_LIGHT
 
 
 def _paler(amount: float) -> str:
@@ -168,10 +182,9 @@ def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
         change = np.exp(-0.5 * square / radius**2)
 
         def words(amounts: Amounts) -> str:
-            moves = 'moves and passes' if name == 'moving glow' else 'stands at'
             return (
-                f'a signal of {amounts[0]:+.3f} of stock that is no tracer, {1e3 * radius:.0f} mm '
-                f'wide, {moves} x = {place[0]:.2f} m, z = {place[1]:.2f} m'
+                f'a spot of some {amounts[0]:+.1f} of stock that is no tracer, about '
+                f'{2e3 * radius:.0f} mm across, {_way(runs, x_at, z_at, place)}'
             )
 
         freedom = 6 if name == 'moving glow' else 4
@@ -190,6 +203,22 @@ def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
         np.polyval(along_z, sample.times),
         place,
     )
+
+
+def _way(runs: FreeRuns, x_at: FloatArray, z_at: FloatArray, place: tuple[float, float]) -> str:
+    """Return where a spot stands, or how it moves, in words."""
+    minutes = float(np.ptp(runs.sample.times)) / 60.0
+    across, up = float(x_at[-1] - x_at[0]), float(z_at[-1] - z_at[0])
+    whole = math.hypot(across, up)
+    if whole < LEAST_WAY * runs.sample.grid.width:
+        return f'stands at x = {place[0]:.2f} m, z = {place[1]:.2f} m'
+    sides = ((across, 'right', 'left'), (up, 'up', 'down'))
+    parts = ' and '.join(
+        f'{1e3 * abs(way) / max(minutes, 1e-9):.2g} mm/min {plus if way > 0 else minus}'
+        for way, plus, minus in sides
+        if abs(way) > LEAST_PART * whole
+    )
+    return f'moves {parts}; half-way it is at x = {place[0]:.2f} m, z = {place[1]:.2f} m'
 
 
 def _line(

@@ -19,9 +19,14 @@ from porotwin_solver.effects.definition.effect import Process, Scope
 from porotwin_solver.effects.definition.words import plain
 from porotwin_solver.physics import Physics
 
-TOLERANCE = 0.3
-"""Share of its own size by which a fitted parameter may leave its range: responses are linear, and
-the maps are noisy."""
+TOLERANCE = 1.0
+"""Steps by which a fitted parameter may leave its range: responses are linear, maps are noisy."""
+
+MOST_STEPS = 12.0
+"""Largest number of steps of a parameter for which a linear response is believed."""
+
+MOST_TRIALS = 6.0
+"""Largest strength of a leak or a zone, relative to its trial: 30 % of the strongest pump."""
 
 STRETCH = 1.05
 """Ratio of the heights of a stretched rig and of the rig: fronts move clearly, and nearly to first
@@ -93,7 +98,7 @@ def _range_of(candidate: Candidate) -> Callable[[Amounts], bool]:
 
     def allows(amounts: Amounts) -> bool:
         return all(
-            low - TOLERANCE * abs(a) <= a + start <= high + TOLERANCE * abs(a)
+            abs(a) <= MOST_STEPS and low - TOLERANCE <= a + start <= high + TOLERANCE
             for a, start, (low, high) in zip(
                 amounts, candidate.first, (one.range for one in candidate.parameters), strict=True
             )
@@ -145,8 +150,8 @@ def causes_at_places(
 def _strength_of(process: Process) -> Callable[[Amounts], bool]:
     """Return whether a trial may have a strength: water may be lost too, a zone stays itself."""
     if process is Process.SOURCE:
-        return lambda amounts: abs(amounts[0]) > 0.0
-    return lambda amounts: amounts[0] > 0.0
+        return lambda amounts: 0.0 < abs(amounts[0]) <= MOST_TRIALS
+    return lambda amounts: 0.0 < amounts[0] <= MOST_TRIALS
 
 
 def _words_at_place(trial: Candidate) -> Callable[[Amounts], str]:

@@ -4,9 +4,12 @@ The recording is divided into windows. A run with the cause in one window alone 
 that this window makes. To first order the windows add up. So any course g(t) of the cause changes
 the maps by the sum of g times the changes of the windows:
 
-    growing   g = t / T,    swinging   g = a sin(2 pi t / P) + b cos(2 pi t / P),
+    growing       g = t / T
+    swinging      g = a sin(2 pi t / P) + b cos(2 pi t / P)
+    for a while   g = 1 from the start of one window to the end of another
 
-with the time t since the start, the duration T, and one of several periods P.
+with the time t since the start, the duration T, and one of several periods P. Pumps alone are tried
+for a while: a bottle runs empty, air gets into a tube.
 """
 
 import math
@@ -26,6 +29,10 @@ from porotwin_solver.physics import Physics
 
 WINDOWS = 12
 """Parts of a recording: four for the shortest period."""
+
+LONGEST_WHILE = 4
+"""Windows for which a pump fails at most: a third of the recording. A longer failure looks like a
+wrong rate."""
 
 PERIODS = (0.35, 0.45, 0.6, 0.8, 1.1, 1.6)
 """Periods of a swing relative to the duration. They are 30 % apart, so that the phase is at most a
@@ -97,15 +104,43 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
         return f'{force.said(amounts[0])} at the end, growing from nothing in {minutes:.0f} min'
 
     yield cause('growing', [np.tensordot(times, windows, axes=1)], grown)
+    if force.process is Process.SOURCE:
+        yield from _for_a_while(runs, force)
     for period in PERIODS:
         phase = 2.0 * np.pi * times / period
 
         def swung(amounts: Amounts, period: float = period) -> str:
             size = math.hypot(*amounts)
-            return f'{force.said(size)} and back, with a period of {period * minutes:.0f} min'
+            first = math.atan2(amounts[0], amounts[1]) / (2.0 * math.pi) % 1.0 * period * minutes
+            return (
+                f'{force.said(size)} at minute {first:.0f}, and the opposite half a period later, '
+                f'with a period of {period * minutes:.0f} min'
+            )
 
         waves = [np.tensordot(wave, windows, axes=1) for wave in (np.sin(phase), np.cos(phase))]
         yield cause('swinging', waves, swung)
+
+
+def _for_a_while(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
+    """Yield the cause from every window to every later one, up to `LONGEST_WHILE` of them."""
+    length = runs.duration / WINDOWS / 60.0
+    for begin in range(WINDOWS):
+        for end in range(begin + 1, min(begin + LONGEST_WHILE, WINDOWS) + 1):
+
+            def said(amounts: Amounts, begin: int = begin, end: int = end) -> str:
+                first, last = begin * length, end * length
+                return f'{force.said(amounts[0])} from minute {first:.0f} to {last:.0f}'
+
+            yield Cause(
+                f'{force.name}, for a while',
+                force.process,
+                force.unit,
+                np.sum(force.windows[begin:end], axis=0)[None],
+                said,
+                force.place,
+                freedom=3,
+                allows=lambda amounts: abs(amounts[0]) <= force.most,
+            )
 
 
 def _rates(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:

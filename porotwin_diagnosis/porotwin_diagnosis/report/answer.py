@@ -154,7 +154,8 @@ def _form(result: Diagnosis) -> str:
     }[form.terms[0].kind]
     return (
         f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
-        f'{100 * form.closed:.0f} % of the gap in the held-out part.'
+        f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
+        'gaps with other causes than the library has, the kind was right in 23.'
     )
 
 
@@ -278,6 +279,8 @@ def _how_sure(result: Diagnosis) -> str:
         f'<b>{100 * verdict.confidence:.0f} %</b>: the probability that this answer is right, by '
         'rules that were set on simulated rigs.'
     ]
+    if verdict.name == UNEXPLAINED:
+        lines.append('It is the probability that no effect of the library explains the gap.')
     if verdict.name == UNEXPLAINED and evidence.explanation.suffices:
         best = ' and '.join(map(spoken, evidence.explanation.members)) or spoken(NUMERICAL)
         lines.append(

@@ -14,6 +14,7 @@ place is returned.
 """
 
 from collections.abc import Sequence
+from itertools import product
 
 from porotwin_core.errors import InputError
 from porotwin_diagnosis.model.effect_traits import has_place
@@ -30,6 +31,7 @@ from porotwin_diagnosis.search.joint_scan import Group, may_act, promising_group
 from porotwin_diagnosis.search.levels import Judgement, Levels
 from porotwin_diagnosis.search.ranking import (
     earns_its_place,
+    effect_and_well,
     lack_of_fit,
     member_labels,
     normalised_misfit,
@@ -45,6 +47,7 @@ from porotwin_diagnosis.thresholds import (
     TRIPLE_BASES,
     TRIPLE_COUPLES,
 )
+from porotwin_solver.effects.definition.candidate import Candidate
 
 
 def judged_triples(levels: Levels, space: SearchSpace, findings: Findings) -> Judgement:
@@ -124,6 +127,34 @@ def _groups(
         return []
 
 
+def _fitted_afresh(
+    levels: Levels, groups: Sequence[Group], screened: Sequence[Fit]
+) -> dict[frozenset[str], Fit]:
+    """Return the fits of `groups` on the screening cells, from the first starts of their effects.
+
+    Every variant of an effect is tried. The starts of the regression are those of small effects,
+    and a fit that begins there may stay in a local minimum.
+    """
+
+    def variants(member: Candidate) -> list[Candidate]:
+        if has_place(member.effect):
+            return [member]
+        same = (member.effect, member.fixed.get('well'))
+        return [fit.members[0] for fit in screened if effect_and_well(fit) == same]
+
+    chosen = {
+        member_labels(members): members
+        for group in groups
+        for members in product(*map(variants, group))
+    }
+    fits = levels.side_by_side(levels.screening.fit, list(chosen.values()))
+    return {
+        member_labels(fit.members): fit
+        for fit in fits
+        if fit.is_feasible and not levels.has_leak_at_well(fit)
+    }
+
+
 def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) -> list[Fit]:
     """Return fits of three effects on the screening cells."""
     pair, known = findings.pairs[0], findings.screened
@@ -139,7 +170,8 @@ def _screened_triples(levels: Levels, space: SearchSpace, findings: Findings) ->
         triples |= extended_fits(levels, single, couples, triples.keys())
     levels.progress('three effects at once', 0.88)
     at_once = _groups(levels, space, findings.screened_null, known, 3)
-    triples |= extended_fits(levels, findings.screened_null, at_once, triples.keys())
+    for key, fit in _fitted_afresh(levels, at_once, known).items():
+        triples[key] = min(fit, triples.get(key, fit), key=score)
     local = [fit for fit in triples.values() if any(has_place(m.effect) for m in fit.members)]
     moved = {member_labels(fit.members): fit for fit in distinct(local)[:RELOCATED_TRIPLES]}
     triples |= relocated(levels, moved, RELOCATED_TRIPLES, space.local_effects)
