@@ -20,6 +20,7 @@ import numpy as np
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import FloatArray
+from porotwin_core.units import GRAVITY
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import Adapt, FreeRuns, Window
@@ -199,15 +200,10 @@ def _drifts(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
             return replace(physics, background_flux=(x + flux * axis[0], z + flux * axis[1]))
 
         def said(strength: float, axis: tuple[float, float] = axis) -> str:
-            sides = ('right', 'left') if axis[0] else ('up', 'down')
+            sides = ('to the right', 'to the left') if axis[0] else ('up', 'down')
             side = sides[0] if strength > 0 else sides[1]
-            return (
-                f'water flows through the whole rig to the {side}, '
-                f'{3.6e6 * abs(strength):.2g} mm/h of Darcy flux'
-                if axis[0]
-                else f'water flows through the whole rig {side}, '
-                f'{3.6e6 * abs(strength):.2g} mm/h of Darcy flux'
-            )
+            size = f'{3.6e6 * abs(strength):.2g} mm/h'
+            return f'water flows through the whole rig {side}, {size} of Darcy flux'
 
         yield from _of_windows(runs, windows, moved, flux, (name, 'm/s', said))
 
@@ -223,7 +219,7 @@ def _water_table(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
 
     def said(strength: float) -> str:
         side = 'right' if strength > 0 else 'left'
-        height = abs(strength) / (rig.density_kg_m3 * 9.81)
+        height = abs(strength) / (rig.density_kg_m3 * GRAVITY)
         return f'the water table stands {1e3 * height:.2g} mm higher at the {side}'
 
     yield from _of_windows(runs, windows, tilted, TABLE_CHANGE, ('water table', 'Pa', said))
