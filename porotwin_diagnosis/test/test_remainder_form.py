@@ -42,8 +42,8 @@ def form_of(sample):
 
 
 def coarse(recording):
-    """Return a sample on cells of 2 cm: hundreds of runs are quick there."""
-    return coarsened(sample_of(recording), 2)
+    """Return a sample on cells of 3 cm: hundreds of runs are quick there."""
+    return coarsened(sample_of(recording), 3)
 
 
 @pytest.mark.slow
