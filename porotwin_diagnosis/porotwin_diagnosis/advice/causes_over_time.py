@@ -87,24 +87,10 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
     times = (np.arange(WINDOWS) + 0.5) / WINDOWS
     minutes = runs.duration / 60.0
 
-    def cause(course: str, changes: Sequence[FloatArray], words: Callable[[Amounts], str]) -> Cause:
-        name = f'{force.name}, {course}'
-        freedom = len(changes) + (course == 'swinging')
-        return Cause(
-            name,
-            force.process,
-            force.unit,
-            np.stack(changes),
-            words,
-            force.place,
-            freedom,
-            lambda amounts: math.hypot(*amounts) <= force.most,
-        )
-
     def grown(amounts: Amounts) -> str:
         return f'{force.said(amounts[0])} at the end, growing from nothing in {minutes:.0f} min'
 
-    yield cause('growing', [np.tensordot(times, windows, axes=1)], grown)
+    yield _cause(force, 'growing', [np.tensordot(times, windows, axes=1)], grown, 1)
     if force.process is Process.SOURCE:
         yield from _for_a_while(runs, force)
     for period in PERIODS:
@@ -119,7 +105,27 @@ def _courses(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
             )
 
         waves = [np.tensordot(wave, windows, axes=1) for wave in (np.sin(phase), np.cos(phase))]
-        yield cause('swinging', waves, swung)
+        yield _cause(force, 'swinging', waves, swung, 3)
+
+
+def _cause(
+    force: _Force,
+    course: str,
+    changes: Sequence[FloatArray],
+    words: Callable[[Amounts], str],
+    freedom: int,
+) -> Cause:
+    """Return the cause that `force` is with this `course`."""
+    return Cause(
+        f'{force.name}, {course}',
+        force.process,
+        force.unit,
+        np.stack(changes),
+        words,
+        force.place,
+        freedom,
+        lambda amounts: math.hypot(*amounts) <= force.most,
+    )
 
 
 def _for_a_while(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
@@ -132,16 +138,8 @@ def _for_a_while(runs: FreeRuns, force: _Force) -> Iterator[Cause]:
                 first, last = begin * length, end * length
                 return f'{force.said(amounts[0])} from minute {first:.0f} to {last:.0f}'
 
-            yield Cause(
-                f'{force.name}, for a while',
-                force.process,
-                force.unit,
-                np.sum(force.windows[begin:end], axis=0)[None],
-                said,
-                force.place,
-                freedom=3,
-                allows=lambda amounts: abs(amounts[0]) <= force.most,
-            )
+            change = np.sum(force.windows[begin:end], axis=0)
+            yield _cause(force, 'for a while', [change], said, 3)
 
 
 def _rates(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:

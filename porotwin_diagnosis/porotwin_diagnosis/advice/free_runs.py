@@ -86,11 +86,8 @@ class FreeRuns:
             InputError: the model cannot run.
         """
         sample = self.sample
-        grid = rig.grid(sample.grid.nx, sample.grid.nz)
-        model = Model(
-            rig, grid, preset=self.forward.preset, effects=self.given, refinement=1, adapt=adapt
-        )
-        begin = model.initial_condition() if sample.initial is None else sample.initial
+        model = self._model(rig, adapt)
+        begin = self._initial(model)
         run = maps_of(model, sample.schedule, sample.times, initial=begin, start=sample.model_start)
         return np.stack(list(run))
 
@@ -100,7 +97,8 @@ class FreeRuns:
         Raises:
             InputError: the model cannot run.
         """
-        usual, changed = self._model(lambda physics: physics), self._model(adapt)
+        rig = self.sample.rig
+        usual, changed = self._model(rig, lambda physics: physics), self._model(rig, adapt)
         return [self._switched(usual, changed, window) for window in windows]
 
     def _another(self, sample: Sample) -> FloatArray:
@@ -109,22 +107,21 @@ class FreeRuns:
         other = Forward(sample, preset=own.preset, refinement=own.refinement, crew=own.crew)
         return other.maps(self.given)
 
-    def _model(self, adapt: Adapt) -> Model:
-        sample = self.sample
-        return Model(
-            sample.rig,
-            sample.grid,
-            preset=self.forward.preset,
-            effects=self.given,
-            refinement=1,
-            adapt=adapt,
-        )
+    def _model(self, rig: Rig, adapt: Adapt) -> Model:
+        """Return the model of `rig` on as many cells, with physics that `adapt` changes."""
+        grid = rig.grid(self.sample.grid.nx, self.sample.grid.nz)
+        preset = self.forward.preset
+        return Model(rig, grid, preset=preset, effects=self.given, refinement=1, adapt=adapt)
+
+    def _initial(self, model: Model) -> FloatArray:
+        """Return the map (nz, nx) [-] from which `model` starts."""
+        known = self.sample.initial
+        return model.initial_condition() if known is None else known
 
     def _switched(self, usual: Model, changed: Model, window: Window) -> FloatArray:
         """Return the maps of a run that takes the `changed` model within `window` [s]."""
         sample, operator = self.sample, usual.observation_operator
-        begin = usual.initial_condition() if sample.initial is None else sample.initial
-        state = State.equilibrium(refine(begin, usual.engine.grid.shape))
+        state = State.equilibrium(refine(self._initial(usual), usual.engine.grid.shape))
         now, shown = sample.model_start, []
         for time in sample.times:
             target = time + operator.clock_offset

@@ -8,6 +8,7 @@ residuals: fronts that lie cells apart have no gradient at the resolution of the
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -193,7 +194,7 @@ class Fitter:
             ),
             measured_noise=noise_misfit(self.samples, residuals, measured_only=True),
             unshared_misfit=misfit(self.samples, unshared),
-            scheme_misfit=self._scheme_misfit(),
+            scheme_misfit=self._scheme_misfit,
         )
         return with_noise_bound(fit, self.noise_bound)
 
@@ -335,6 +336,7 @@ class Fitter:
             trials=trials,
         )
 
+    @cached_property
     def _scheme_misfit(self) -> tuple[float, float]:
         """Return the misfit [-] that the corrections of the scheme make, fitted and held out."""
         changes = [

@@ -108,8 +108,7 @@ def lack_of_fit(model: Fit, null: Fit) -> float:
     """
     limit = SUFFICIENT_PAIR_MISFIT if len(model.members) > 1 else SUFFICIENT_MISFIT
     unresolved = UNRESOLVED_SHARE * normalised_misfit(null)
-    scheme = SCHEME_SHARE * max(model.scheme_misfit)
-    return normalised_misfit(model) / math.hypot(limit, unresolved, scheme)
+    return normalised_misfit(model) / math.hypot(limit, unresolved, _unknown_of_the_scheme(model))
 
 
 def leaves_a_gap(fit: Fit) -> bool:
@@ -117,8 +116,12 @@ def leaves_a_gap(fit: Fit) -> bool:
 
     It does above `EXPLAINED_MISFIT` and the unknown share of the errors of the scheme.
     """
-    scheme = SCHEME_SHARE * max(fit.scheme_misfit)
-    return normalised_misfit(fit) > math.hypot(EXPLAINED_MISFIT, scheme)
+    return normalised_misfit(fit) > math.hypot(EXPLAINED_MISFIT, _unknown_of_the_scheme(fit))
+
+
+def _unknown_of_the_scheme(fit: Fit) -> float:
+    """Return the misfit [-] of the unknown share of the correction of the scheme."""
+    return SCHEME_SHARE * max(fit.scheme_misfit)
 
 
 def earns_its_place(more: Fit, fewer: Fit) -> bool:
