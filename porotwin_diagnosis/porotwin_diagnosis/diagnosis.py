@@ -26,7 +26,7 @@ class Diagnosis:
         held_out: the held-out part of each recording, without and with the verdict's effects.
         gap: where and when the gap arises; without places if there is no gap.
         strengths: the smallest visible strength of each effect, by name.
-        proposals: experiments that would separate the two best explanations.
+        proposals: checks and experiments that would show more.
         excluded: names of effects that were not considered.
         seconds: time that the diagnosis took [s].
         remainder: the form of an unexplained gap; None for other verdicts.

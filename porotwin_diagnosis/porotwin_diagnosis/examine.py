@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from porotwin_core.errors import InputError
 from porotwin_core.parallel import Crew
 from porotwin_diagnosis.advice.partial_cause import form_model, partial_cause
-from porotwin_diagnosis.advice.proposals import propose
+from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
 from porotwin_diagnosis.advice.remainder_form import describe_remainder
 from porotwin_diagnosis.advice.strength import smallest_strengths
 from porotwin_diagnosis.data.sample import Sample, read_sample
@@ -81,7 +81,13 @@ def examine(
     judged = _as_judged(held_out, samples, verdict)
     progress('looking for experiments that show more', 0.95)
     screening = levels.screening
-    unexplained = verdict.name == UNEXPLAINED
+    remainder, partial = None, None
+    if verdict.name == UNEXPLAINED:
+        remainder = describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
+        partial = partial_cause(recordings, levels, verdict.model, judged, excluded=excluded)
+        proposals = tell_kinds_apart(remainder, samples[0])
+    else:
+        proposals = propose(screening, findings, verdict, progress=progress)
     return Diagnosis(
         recordings=tuple(recordings),
         samples=samples,
@@ -90,14 +96,10 @@ def examine(
         held_out=judged,
         gap=gap.without_places() if verdict.name == NONE else gap,
         strengths=smallest_strengths(screening),
-        proposals=propose(screening, findings, verdict, progress=progress),
+        proposals=proposals,
         excluded=tuple(excluded),
-        remainder=describe_remainder(form_model(levels), excluded=excluded, pool=levels.pool)
-        if unexplained
-        else None,
-        partial=partial_cause(recordings, levels, verdict.model, judged, excluded=excluded)
-        if unexplained
-        else None,
+        remainder=remainder,
+        partial=partial,
         seconds=time.perf_counter() - began,
     )
 

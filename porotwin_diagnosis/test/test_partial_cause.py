@@ -37,7 +37,7 @@ def test_effects_that_close_too_little_are_not_told(denser):
 
 
 def test_the_page_and_the_file_tell_the_effects_and_the_place_of_the_rest(denser, part):
-    term = Term('source', 'source', 1e-4, 'm2', 'water enters near x = 0.30 m', (0.3, 0.2))
+    term = Term('source', 'source', 1e-4, 'm2', 'water enters near x = 0.30 m', 'look', (0.3, 0.2))
     part = replace(part, form=RemainderForm((term,), 0.6), spot=Spot(0.31, 0.22, 0.05, 0.4))
     verdict = Verdict('unexplained', 0.9, part.model, (), (), {'porosity': 0.1})
     result = replace(denser, verdict=verdict, remainder=RemainderForm((), 0.1), partial=part)

@@ -6,7 +6,8 @@ from diagnosis_examples import SMALL
 
 from porotwin_core.units import from_ml_h
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
-from porotwin_diagnosis.advice.proposals import propose
+from porotwin_diagnosis.advice.proposals import propose, tell_kinds_apart
+from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
 from porotwin_diagnosis.data.sample import coarsened, read_sample
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.fitter import Fitter
@@ -16,6 +17,7 @@ from porotwin_diagnosis.search.findings import Findings
 from porotwin_recording.recording import open_recording
 from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
+from porotwin_solver.effects import EFFECTS
 
 
 @pytest.fixture(scope='module')
@@ -68,7 +70,8 @@ def test_a_second_well_separates_a_wrong_rate_from_a_wrong_porosity(sample):
         'check porosity',
         'one well at a time',
     ]
-    assert [proposal.effect for proposal in found] == ['rate', 'porosity', '']
+    checks = [EFFECTS[name].laboratory_check for name in ('rate', 'porosity')]
+    assert [proposal.description for proposal in found[:2]] == checks
     gain = gains(found)
     assert gain['one well at a time'] > 2.0
     assert set(gain) == {'one well at a time'}  # nothing else brings the second well in
@@ -84,3 +87,15 @@ def test_without_a_gap_nothing_is_proposed(sample):
     fitter = Fitter([Forward(sample)])
     null = fitter.evaluate((), np.zeros(0))
     assert propose(fitter, Findings(null, null, []), Verdict('none', 0.9, null, (), (), {})) == ()
+
+
+def test_an_unexplained_gap_gets_the_checks_of_its_form_and_tests_of_its_kind(sample):
+    term = Term('rate injector, swinging', 'source', 0.1, '-', 'words', 'weigh the bottle')
+    found = tell_kinds_apart(RemainderForm((term,), 0.6), sample)
+    assert [proposal.name for proposal in found] == [
+        'check: rate injector, swinging',
+        'rest',
+        'one well at a time',
+    ]
+    assert found[0].description == 'weigh the bottle'
+    assert {proposal.gain for proposal in found} == {None}

@@ -12,6 +12,23 @@ Amounts = Sequence[float]
 Place = tuple[float, float]
 """A place (x, z) in the rig [m]."""
 
+CHECKS = {
+    Process.SOURCE: 'weigh the bottle of every pump each minute during an injection',
+    Process.TRANSPORT: (
+        'inject a short pulse from another well: an error of the sand stays where it is, a flow '
+        'from outside moves every plume alike'
+    ),
+    Process.STORAGE: (
+        'stop all pumps for an hour and go on photographing: tracer that sorbs, fades or enters '
+        'still water goes on changing'
+    ),
+    Process.CAMERA: (
+        'photograph the rig with all pumps at rest for as long as the recording lasts: what '
+        'changes then is of the camera or its light'
+    ),
+}
+"""How to check a cause of each process without the model."""
+
 
 def anywhere(_amounts: Amounts) -> bool:
     """Accept all amounts."""
@@ -32,6 +49,7 @@ class Cause:
         place: its place, or None if it acts everywhere.
         freedom: number of values that a search chooses: amounts, place, period.
         allows: returns whether these amounts are possible.
+        own_check: how to check this cause without the model; empty for the check of its process.
     """
 
     name: str
@@ -42,3 +60,9 @@ class Cause:
     place: Place | None = None
     freedom: int = 1
     allows: Callable[[Amounts], bool] = anywhere
+    own_check: str = ''
+
+    @property
+    def check(self) -> str:
+        """How to check the cause in the laboratory."""
+        return self.own_check or CHECKS[self.process]

@@ -23,10 +23,19 @@ from porotwin_diagnosis.advice.cause import Amounts, Cause
 from porotwin_diagnosis.advice.free_runs import FreeRuns
 from porotwin_diagnosis.data.noise import blurred
 from porotwin_diagnosis.data.shared_errors import derivatives
+from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Process
 
 SLOPE_WIDTH = 1.0
 """Width [cells] over which maps are smoothed before they are differentiated."""
+
+DILUTIONS = EFFECTS['saturation'].laboratory_check
+GREY_CARD = 'photograph a grey card beside the rig all the time'
+REFLECTION = 'look at this place from another side: a reflection in the glass moves with the eye'
+FIXED_MARK = (
+    'look for a fixed mark, such as a corner of the rig, in the first and the last photograph'
+)
+"""How to check the response, the light, the glass and the place of the camera."""
 
 MOST_LIGHT = 0.5
 """Largest change of the light that is believed [-]."""
@@ -73,9 +82,12 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
         share = 100 * abs(amounts[0]) * grid.height
         return f'the plume is {share:.1f} % {_paler(-amounts[0])} at the top than at the bottom'
 
-    yield Cause('paler', Process.CAMERA, '-', -c[None], paler, allows=_moderate)
+    yield Cause(
+        'paler', Process.CAMERA, '-', -c[None], paler, allows=_moderate, own_check=DILUTIONS
+    )
     height = grid.z[:, None] - 0.5 * grid.height
-    yield Cause('paler upward', Process.CAMERA, '1/m', (c * height)[None], upward)
+    changes = (c * height)[None]
+    yield Cause('paler upward', Process.CAMERA, '1/m', changes, upward, own_check=GREY_CARD)
     for period in SWINGS:
         phase = 2.0 * np.pi * runs.elapsed / period
 
@@ -86,7 +98,9 @@ def _light(runs: FreeRuns) -> Iterator[Cause]:
             )
 
         waves = np.stack([c * np.sin(phase), c * np.cos(phase)])
-        yield Cause('swinging light', Process.CAMERA, '-', waves, swung, None, 3, _moderate)
+        yield Cause(
+            'swinging light', Process.CAMERA, '-', waves, swung, None, 3, _moderate, GREY_CARD
+        )
 
 
 def _moderate(amounts: Amounts) -> bool:
@@ -112,7 +126,7 @@ def _picture(runs: FreeRuns) -> Iterator[Cause]:
         return f'the picture creeps by {parts} in {minutes:.0f} min'
 
     creeping = np.stack([-right * runs.elapsed, -up * runs.elapsed])
-    yield Cause('creeping picture', Process.CAMERA, 'm', creeping, crept)
+    yield Cause('creeping picture', Process.CAMERA, 'm', creeping, crept, own_check=FIXED_MARK)
 
 
 def _signals_behind(runs: FreeRuns) -> Iterator[Cause]:
@@ -129,7 +143,12 @@ def _signals_behind(runs: FreeRuns) -> Iterator[Cause]:
         return f'the clock of the camera is {abs(amounts[0]):.0f} s {late} at the end'
 
     yield Cause(
-        'wrong speed of the clock', Process.CAMERA, 's', (-later * runs.elapsed)[None], wrong
+        'wrong speed of the clock',
+        Process.CAMERA,
+        's',
+        (-later * runs.elapsed)[None],
+        wrong,
+        own_check='photograph the clock of the pumps at the start and at the end',
     )
     for share in DELAYS:
         delay = share * runs.duration
@@ -188,7 +207,9 @@ def _glows(runs: FreeRuns, radius: float) -> Iterator[Cause]:
             )
 
         freedom = 6 if name == 'moving glow' else 4
-        return Cause(name, Process.CAMERA, '-', change[None], words, place, freedom)
+        return Cause(
+            name, Process.CAMERA, '-', change[None], words, place, freedom, own_check=REFLECTION
+        )
 
     at_rest = (float(np.average(x, weights=weights)), float(np.average(z, weights=weights)))
     still = np.zeros(len(sample.times))

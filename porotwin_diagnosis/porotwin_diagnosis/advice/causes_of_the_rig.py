@@ -55,6 +55,7 @@ def causes_of_the_library(runs: FreeRuns, excluded: Sequence[str] = ()) -> Itera
             _place_of(runs, candidate),
             len(changes),
             _range_of(candidate),
+            effect.laboratory_check,
         )
 
 
@@ -144,6 +145,7 @@ def causes_at_places(
                 (float(one.parameters['x']), float(one.parameters['z'])),
                 len(trial.parameters),
                 _strength_of(effect.process),
+                effect.laboratory_check,
             )
 
 
@@ -189,7 +191,10 @@ def preferred_direction(runs: FreeRuns) -> Iterator[Cause]:
     except InputError:  # an effect that is given has its place outside the stretched rig
         return
     change = (maps - runs.maps) / np.log(STRETCH)
-    yield Cause('preferred direction', Process.TRANSPORT, '-', change[None], words)
+    check = (
+        'inject a short pulse from one well alone: round in an even sand, an ellipse in this one'
+    )
+    yield Cause('preferred direction', Process.TRANSPORT, '-', change[None], words, own_check=check)
 
 
 def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
@@ -207,4 +212,5 @@ def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
     except InputError:
         return
     change = delay * (1.0 - np.clip(runs.maps, 0.0, 1.0))
-    yield Cause('pale tracer delayed', Process.STORAGE, '-', change[None], words)
+    check = 'shake sand with stock and with diluted stock; compare what is left in the water'
+    yield Cause('pale tracer delayed', Process.STORAGE, '-', change[None], words, own_check=check)

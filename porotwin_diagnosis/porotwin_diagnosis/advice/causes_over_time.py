@@ -25,6 +25,7 @@ from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.advice.cause import Amounts, Cause, Place
 from porotwin_diagnosis.advice.free_runs import Adapt, FreeRuns, Window
 from porotwin_diagnosis.model.library import pumping_wells, search_context
+from porotwin_solver.effects import EFFECTS
 from porotwin_solver.effects.definition.effect import Process
 from porotwin_solver.physics import Physics
 
@@ -62,6 +63,7 @@ class _Force:
         said: returns the strength in words.
         place: its place, or None.
         most: largest possible strength.
+        check: how to check it in the laboratory; empty for the check of its process.
     """
 
     name: str
@@ -71,6 +73,7 @@ class _Force:
     said: Callable[[float], str]
     place: Place | None = None
     most: float = math.inf
+    check: str = ''
 
 
 def causes_over_time(runs: FreeRuns) -> Iterator[Cause]:
@@ -125,6 +128,7 @@ def _cause(
         force.place,
         freedom,
         lambda amounts: math.hypot(*amounts) <= force.most,
+        force.check,
     )
 
 
@@ -160,7 +164,10 @@ def _rates(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
             return f'well {name} pumps {100 * abs(strength):.1f} % {more} than commanded'
 
         place = (well.x_m, well.z_m)
-        yield _Force(f'rate {name}', Process.SOURCE, '-', changes, said, place, MOST_RATE_CHANGE)
+        check = f'weigh the bottle of {name} each minute during an injection'
+        yield _Force(
+            f'rate {name}', Process.SOURCE, '-', changes, said, place, MOST_RATE_CHANGE, check
+        )
 
 
 def _with_rate(schedule: Schedule, well: str, window: Window) -> Schedule:
@@ -203,7 +210,8 @@ def _drifts(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
             size = f'{3.6e6 * abs(strength):.2g} mm/h'
             return f'water flows through the whole rig {side}, {size} of Darcy flux'
 
-        yield from _of_windows(runs, windows, moved, flux, (name, 'm/s', said))
+        check = EFFECTS['background_flow'].laboratory_check
+        yield from _of_windows(runs, windows, moved, flux, (name, 'm/s', said, check))
 
 
 def _water_table(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
@@ -220,7 +228,9 @@ def _water_table(runs: FreeRuns, windows: Sequence[Window]) -> Iterator[_Force]:
         height = abs(strength) / (rig.density_kg_m3 * GRAVITY)
         return f'the water table stands {1e3 * height:.2g} mm higher at the {side}'
 
-    yield from _of_windows(runs, windows, tilted, TABLE_CHANGE, ('water table', 'Pa', said))
+    check = 'read the height of the water at both sides during an injection'
+    described = ('water table', 'Pa', said, check)
+    yield from _of_windows(runs, windows, tilted, TABLE_CHANGE, described)
 
 
 def _of_windows(
@@ -228,16 +238,16 @@ def _of_windows(
     windows: Sequence[Window],
     adapt: Adapt,
     strength: float,
-    described: tuple[str, str, Callable[[float], str]],
+    described: tuple[str, str, Callable[[float], str], str],
 ) -> Iterator[_Force]:
     """Yield the force that `adapt` makes with this `strength`; nothing if the model cannot run.
 
-    `described` is its name, the unit of its strength, and the strength in words.
+    `described` is its name, the unit of its strength, the strength in words, and its check.
     """
     try:
         changed = runs.changed_within(windows, adapt)
     except InputError:
         return
-    name, unit, said = described
+    name, unit, said, check = described
     changes = [(maps - runs.maps) / strength for maps in changed]
-    yield _Force(name, Process.TRANSPORT, unit, changes, said)
+    yield _Force(name, Process.TRANSPORT, unit, changes, said, check=check)

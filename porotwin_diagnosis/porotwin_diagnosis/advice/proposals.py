@@ -1,8 +1,11 @@
-"""Proposes the experiments that separate the two best explanations.
+"""Proposes the next experiments.
 
-Each changed schedule is simulated as if the first explanation were true. The second explanation is
-then fitted to this simulation and to the present recording together: it imitates the first one as
-well as it can. The remaining distance between both is the information in the experiment.
+A named cause is compared with the best other explanation. Each changed schedule is simulated as if
+the first explanation were true. The second explanation is then fitted to this simulation and to the
+present recording together: it imitates the first one as well as it can. The remaining distance
+between both is the information in the experiment.
+
+An unexplained gap gets the checks of its form, and experiments that tell kinds of causes apart.
 """
 
 from collections.abc import Iterator
@@ -11,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porotwin_core.errors import InputError
+from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.advice.schedule_changes import SCHEDULE_CHANGES
 from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, Sample
 from porotwin_diagnosis.decision.verdict import Verdict
@@ -20,10 +24,16 @@ from porotwin_diagnosis.model.forward import Forward
 from porotwin_diagnosis.progress import Progress, no_progress
 from porotwin_diagnosis.search.findings import Findings
 from porotwin_diagnosis.thresholds import INDISTINGUISHABLE, LEAST_EXPERIMENT_GAIN
+from porotwin_solver.effects import EFFECTS
+from porotwin_solver.effects.definition.effect import Process
 
 IMITATION_STEPS = 2
 """Iterations of the fit of the second explanation to the first. The fit starts at its best
 parameters for the present recording, and two steps bring it close to its best imitation."""
+
+TELLING_KINDS = ('rest', 'one well at a time')
+"""Experiments that show the kind of an unknown cause: at rest only the camera, storage and flows
+from outside go on; a wrong pump shows in its turn alone."""
 
 SAME_AGAIN = np.sqrt(2.0)
 """Factor between the distance of two explanations in one recording and in two equal ones."""
@@ -31,22 +41,20 @@ SAME_AGAIN = np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class Proposal:
-    """An experiment that separates the two best explanations.
+    """An experiment, or a check in the laboratory.
 
     Attributes:
         name: a short name.
-        separates: labels of the two explanations.
-        description: instructions; empty for a check in the laboratory, which its effect describes.
-        effect: name of the effect that a check in the laboratory measures; empty for a schedule.
+        separates: labels of the explanations that it separates.
+        description: instructions.
         gain: distance of the explanations with this experiment over their distance in a repetition
             of the recording (or over the least distinguishable distance, if larger). None for a
-            check in the laboratory, which decides by itself.
+            check in the laboratory, which decides by itself, and for an unexplained gap.
     """
 
     name: str
-    separates: tuple[str, str]
-    description: str = ''
-    effect: str = ''
+    separates: tuple[str, ...]
+    description: str
     gain: float | None = None
 
 
@@ -150,4 +158,17 @@ def _laboratory_checks(names: tuple[str, str], one: Fit, other: Fit) -> Iterator
         effect for side in sides for label, effect in side.items() if label in different
     )
     for effect in effects:
-        yield Proposal(f'check {effect.replace("_", " ")}', names, effect=effect)
+        check = EFFECTS[effect].laboratory_check
+        yield Proposal(f'check {effect.replace("_", " ")}', names, check)
+
+
+def tell_kinds_apart(form: RemainderForm, sample: Sample) -> tuple[Proposal, ...]:
+    """Return the checks of the `form` of an unexplained gap, and experiments that show its kind."""
+    checks = (Proposal(f'check: {term.name}', (term.name,), term.check) for term in form.terms)
+    kinds = tuple(process.value for process in Process)
+    experiments = (
+        Proposal(change.name, kinds, change.description)
+        for change in SCHEDULE_CHANGES
+        if change.name in TELLING_KINDS and change.apply(sample) is not None
+    )
+    return (*checks, *experiments)

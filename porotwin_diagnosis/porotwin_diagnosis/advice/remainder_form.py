@@ -75,6 +75,7 @@ class Term:
         amount: fitted factor of its first change.
         unit: unit of the amount.
         words: the cause with its size, in words.
+        check: how to check the cause in the laboratory.
         place: (x, z) [m], or None for a cause of the whole rig.
     """
 
@@ -83,6 +84,7 @@ class Term:
     amount: float
     unit: str
     words: str
+    check: str
     place: Place | None = None
 
 
@@ -288,5 +290,6 @@ def _terms(causes: Sequence[Cause], amounts: Sequence[FloatArray]) -> Iterable[T
             float(values[0]),
             cause.unit,
             cause.words(values.tolist()),
+            cause.check,
             cause.place,
         )

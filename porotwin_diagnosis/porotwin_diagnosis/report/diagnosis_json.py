@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from porotwin_diagnosis.advice.cause import Place
 from porotwin_diagnosis.advice.proposals import Proposal
 from porotwin_diagnosis.advice.remainder_form import RemainderForm
 from porotwin_diagnosis.decision.held_out import (
@@ -133,9 +134,8 @@ def _terms(form: RemainderForm) -> list[dict[str, Any]]:
             'amount': term.amount,
             'unit': term.unit,
             'words': term.words,
-            'place': None
-            if term.place is None
-            else {'x_m': round(term.place[0], 4), 'z_m': round(term.place[1], 4)},
+            'check': term.check,
+            'place': _place(term.place),
         }
         for term in form.terms
     ]
@@ -178,9 +178,7 @@ def _phase(phase: Phase, result: Diagnosis) -> dict[str, Any]:
 def _proposal(proposal: Proposal) -> dict[str, Any]:
     return {
         'name': proposal.name,
-        'what': EFFECTS[proposal.effect].laboratory_check
-        if proposal.effect
-        else proposal.description,
+        'what': proposal.description,
         'separates': list(proposal.separates),
         'gain': None if proposal.gain is None else round(proposal.gain, 2),
     }
@@ -213,14 +211,24 @@ def _by_recording(result: Diagnosis) -> list[dict[str, Any]]:
     ]
 
 
+def _place(place: Place | None) -> dict[str, float] | None:
+    return None if place is None else {'x_m': round(place[0], 4), 'z_m': round(place[1], 4)}
+
+
 def _centre(result: Diagnosis) -> dict[str, float] | None:
-    """Return the place of the named effect (a zone, a leak or a well); None if it has no place."""
+    """Return the place of the named effect (a zone, a leak or a well); None if it has no place.
+
+    For an unexplained gap it is the place of the strongest term of its form.
+    """
+    form = result.remainder
+    if form is not None:
+        return _place(form.terms[0].place) if form.terms else None
     for described in result.verdict.model.effects:
         if described.name != result.verdict.name:
             continue
         values = described.parameters
         if EFFECTS[described.name].has_place:
-            return {'x_m': round(float(values['x']), 4), 'z_m': round(float(values['z']), 4)}
+            return _place((float(values['x']), float(values['z'])))
         if 'well' in values:
             well = result.recordings[0].rig.wells[str(values['well'])]
             return {'x_m': well.x_m, 'z_m': well.z_m}

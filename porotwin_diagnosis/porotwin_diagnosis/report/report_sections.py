@@ -1,6 +1,7 @@
 """The sections of the report below the pictures, each as HTML."""
 
 import html
+from collections.abc import Iterator
 
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -108,36 +109,60 @@ def when_it_arises(result: Diagnosis) -> str:
 
 
 def laboratory_checks(result: Diagnosis) -> str:
-    """Return how to check the named effects by other means than the camera."""
-    names = (*result.verdict.members, *result.verdict.not_separable)
-    if not names:
+    """Return how to check the named effects, or the form of an unexplained gap."""
+    checks = {
+        html.escape(name): check
+        for name, check in (*_checks_of_form(result), *_checks_of_effects(result))
+    }
+    if not checks:
         return (
             '<p>There is no effect to check. Look at the map of the remainder: is it at a well, '
             'along a side, at a layer, at a reflection in the glass? Did anybody touch the rig '
             'while the gap arose?</p>'
         )
-    items = ''.join(
-        f'<li><b>{spoken(name)}</b>: {EFFECTS[name].laboratory_check}.</li>' for name in names
-    )
+    items = ''.join(f'<li><b>{name}</b>: {check}.</li>' for name, check in checks.items())
     return f'<ul>{items}</ul>'
+
+
+def _checks_of_effects(result: Diagnosis) -> Iterator[tuple[str, str]]:
+    """Yield a name and a check for the named effects, or for those that close much of the gap."""
+    names = (*result.verdict.members, *result.verdict.not_separable)
+    if result.partial is not None:
+        names = tuple(member.effect for member in result.partial.model.members)
+    for name in names:
+        yield spoken(name), EFFECTS[name].laboratory_check
+
+
+def _checks_of_form(result: Diagnosis) -> Iterator[tuple[str, str]]:
+    """Yield a name and a check for every term of an unexplained gap."""
+    for term in result.remainder.terms if result.remainder else ():
+        yield spoken(term.name), term.check
 
 
 def next_experiments(result: Diagnosis, summary: Summary) -> str:
     """Return the table of proposed experiments."""
     if not result.proposals:
         return '<p>No other experiment shows more than a repetition of this recording.</p>'
+    proposals = summary['next_experiment']
+    if result.verdict.name == UNEXPLAINED:
+        rows = [[proposal['name'], proposal['what']] for proposal in proposals]
+        note = (
+            '<p>Checks of what is described above, and experiments that show what kind of cause is '
+            'missing: at rest, only the camera, the storage of tracer and flows from outside go '
+            'on; a wrong pump shows in its own turn alone.</p>'
+        )
+        return note + table(['experiment', 'instructions'], rows)
     one, other = result.proposals[0].separates
-    lacking = ' (neither explains the gap)' if result.verdict.name == UNEXPLAINED else ''
     rows = [
         [
             proposal['name'],
             proposal['what'],
             'decides' if proposal['gain'] is None else f'× {proposal["gain"]:.1f}',
         ]
-        for proposal in summary['next_experiment']
+        for proposal in proposals
     ]
     note = (
-        f'<p>These separate the two best explanations, {spoken(one)} and {spoken(other)}{lacking}. '
+        f'<p>These separate the two best explanations, {spoken(one)} and {spoken(other)}. '
         'The factor compares each with the same recording, made again.</p>'
     )
     return note + table(['experiment', 'instructions', 'gain'], rows, {2})
