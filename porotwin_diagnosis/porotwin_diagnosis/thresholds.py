@@ -158,6 +158,10 @@ COMBINATION_GAIN = 0.8
 kept, and likewise of a triple and the best pair. More effects always fit better, so that a further
 one must earn its place."""
 
+FAR_LESS = 0.5
+"""The same ratio where the fewer effects suffice already: a pair that halves what a sufficient
+effect leaves shows what the errors of the scheme cannot make."""
+
 SYSTEMATIC_MISFIT = 0.16
 """Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the
 scheme, which misplaces fronts by 0.16 of the 0.12 cells of the front tolerance."""

@@ -33,7 +33,3 @@ def test_what_the_calibration_swallows_counts_by_its_own_size_and_beside_the_eff
     assert calibration_log_odds(0.1, 0.0) > calibration_log_odds(0.4, 0.0) > 0.0
     assert calibration_log_odds(1.0, 0.0) == 0.0
     assert calibration_log_odds(1.0, 2.0) > calibration_log_odds(1.0, 1.2) > 0.0
-
-
-def test_a_model_that_needs_stated_noise_to_suffice_is_less_sure():
-    assert sufficient_log_odds(1.0) > sufficient_log_odds(1.3) > sufficient_log_odds(2.0)

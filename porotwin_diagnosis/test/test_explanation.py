@@ -20,7 +20,9 @@ def findings(null, singles, pairs=()):
     ('null', 'single', 'pair', 'kept'),
     [
         (0.4, 0.3, 0.2, 'none'),
-        (6.0, 0.5, 0.1, 'rate'),
+        (6.0, 0.3, 0.1, 'rate'),  # it surely suffices
+        (6.0, 0.5, 0.3, 'rate'),
+        (6.0, 0.5, 0.2, 'rate + decay'),  # far less
         (6.0, 2.0, 0.5, 'rate + decay'),
         (6.0, 2.0, 1.7, 'rate'),
     ],

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from porotwin_core.errors import InputError
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_diagnosis.data.misfit import misfit
-from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, coarsened, read_sample
+from porotwin_diagnosis.data.sample import SMOOTHING_WIDTH, STATED_SHARE, coarsened, read_sample
 from porotwin_diagnosis.model.forward import Forward
 from porotwin_recording.concentration import MapSeries
 from porotwin_recording.recording import open_recording
@@ -106,7 +106,12 @@ def test_random_deviations_that_were_delivered_bound_the_noise(quiet):
     one, other = (sample.weight(SMOOTHING_WIDTH) for sample in (plain, honest))
     assert (other <= one).all()
     assert other.max() < 1 / 0.05
-    assert honest.expected_noise_squares.max() > plain.expected_noise_squares.max()
+    deviations = [
+        np.sqrt(sample.expected_noise_squares[weight > 0]) / weight[weight > 0]
+        for sample, weight in ((plain, one), (honest, other))
+    ]
+    assert (deviations[1] >= 0.999 * deviations[0]).all()
+    assert deviations[1].min() == pytest.approx(STATED_SHARE * 0.05, rel=0.01)
 
 
 def test_a_wrong_scale_that_was_delivered_is_no_gap(quiet):

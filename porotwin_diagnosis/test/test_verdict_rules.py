@@ -70,17 +70,17 @@ def test_errors_of_all_maps_that_are_small_beside_the_effect_do_not_lower_its_co
     assert verdict_on(replace(found, singles=[large, rate])).confidence == 0.5
 
 
-def test_a_verdict_that_rests_on_noise_which_the_maps_do_not_show_is_unsure():
-    found = findings(0.65, ('clock', 0.62), ('rate', 0.64))
-    noisy = replace(found.null, noise_misfit=(0.6, 0.6), measured_noise=(0.2, 0.2))
-    verdict = verdict_on(replace(found, null=noisy))
-    assert verdict.name == 'none'
-    assert verdict.confidence < 0.5
-
-
 def test_an_effect_that_closes_the_gap_alone_is_named():
     verdict = verdict_on(findings(5.0, ('decay', 0.45), ('illumination', 2.4)))
     assert (verdict.name, verdict.members) == ('decay', ('decay',))
+    assert verdict.confidence > 0.8
+
+
+def test_a_pair_that_leaves_far_less_than_a_sufficient_effect_is_named():
+    found = findings(5.0, ('viscosity', 0.85), ('decay', 3.0))
+    pair = fit_of('viscosity', 'decay', misfit=0.15)
+    verdict = verdict_on(replace(found, pairs=[pair], pair_distances=[0.0]))
+    assert set(verdict.members) == {'viscosity', 'decay'}
     assert verdict.confidence > 0.8
 
 

@@ -30,20 +30,16 @@ def misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[
     return _root_mean_squares(samples, squares)
 
 
-def noise_misfit(
-    samples: Sequence[Sample], residuals: Sequence[FloatArray], *, measured_only: bool = False
-) -> tuple[float, float]:
+def noise_misfit(samples: Sequence[Sample], residuals: Sequence[FloatArray]) -> tuple[float, float]:
     """Return the misfit [-] that noise alone would cause, for fitted and held-out frames.
 
     It is the misfit with r^2 replaced by its expected value from noise, in the cells that count for
     `residuals` (whitened, (nt, nz', nx') for every one of `samples`). It is at least the cost of
     the errors that all maps share. The two are not added, because the delivered random deviation
-    at a front already contains the error of its place. With `measured_only` the noise that only
-    imaging states does not count.
+    at a front already contains the error of its place.
     """
     squares = [
-        (sample.measured_noise_squares if measured_only else sample.expected_noise_squares)
-        * _counted_cells(sample, residual)
+        sample.expected_noise_squares * _counted_cells(sample, residual)
         for sample, residual in zip(samples, residuals, strict=True)
     ]
     fitted, held_out = _root_mean_squares(samples, squares)

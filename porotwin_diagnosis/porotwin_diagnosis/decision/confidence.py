@@ -68,11 +68,8 @@ def calibration_log_odds(swallowed: float, gained: float) -> float:
 def sufficient_log_odds(lack_of_fit: float) -> float:
     """Return the log-odds that a model with this `lack_of_fit` misses nothing.
 
-    An effect outside the library can be imitated, but seldom as well as a true effect fits. Above 1
-    the model suffices only because imaging states more noise than the maps show.
+    An effect outside the library can be imitated, but seldom as well as a true effect fits.
     """
-    if lack_of_fit > 1.0:
-        return SUFFICIENT_LOG_ODDS - missing_log_odds(lack_of_fit)
     return SUFFICIENT_LOG_ODDS + SUFFICIENT_SLOPE * max(0.0, SURELY_SUFFICIENT - lack_of_fit)
 
 

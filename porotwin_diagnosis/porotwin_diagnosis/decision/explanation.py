@@ -18,9 +18,12 @@ from porotwin_diagnosis.search.ranking import (
     normalised_misfit,
 )
 from porotwin_diagnosis.thresholds import (
+    COMBINATION_GAIN,
+    FAR_LESS,
     INDISTINGUISHABLE,
     NEAR_EQUAL_LOG_ODDS,
     NO_GAP_MISFIT,
+    SURELY_SUFFICIENT,
 )
 
 
@@ -73,8 +76,8 @@ def kept_model(findings: Findings) -> Fit:
     """Return the model with the fewest effects that explains the recording.
 
     1. The model without effects, if it leaves no gap.
-    2. The best single effect, if it suffices.
-    3. The best pair, if the second effect earns its place, and if it suffices.
+    2. The best single effect, if it surely suffices, or if it suffices and no pair leaves far less.
+    3. The best pair, if the second effect earns its place, and if it suffices likewise.
     4. The best triple, if its further effects earn their place. The true triple may contain no pair
        that is better than its best member.
     5. Otherwise the pair, or the single effect if the second effect has not earned its place.
@@ -83,9 +86,11 @@ def kept_model(findings: Findings) -> Fit:
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return null
     for combinations in (findings.pairs, findings.triples):
-        if lack_of_fit(kept, null) <= 1.0:
+        lack = lack_of_fit(kept, null)
+        if lack <= SURELY_SUFFICIENT:
             break
-        if combinations and earns_its_place(combinations[0], kept):
+        gain = FAR_LESS if lack <= 1.0 else COMBINATION_GAIN
+        if combinations and earns_its_place(combinations[0], kept, gain):
             kept = combinations[0]
     return kept
 

@@ -13,8 +13,8 @@ from porotwin_diagnosis.decision.confidence import (
 from porotwin_diagnosis.decision.evidence import Evidence
 from porotwin_diagnosis.decision.probabilities import effect_probabilities
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED, Verdict
-from porotwin_diagnosis.search.noise_bound import with_measured_noise
 from porotwin_diagnosis.search.ranking import (
+    far_less,
     gained_misfit,
     lack_of_fit,
     normalised_misfit,
@@ -87,21 +87,18 @@ def _log_odds(evidence: Evidence) -> float:
       enough.
     """
     findings, kept = evidence.findings, evidence.explanation
-    null = with_measured_noise(findings.null)
-    calibrated = calibration_log_odds(
-        swallowed_misfit(kept.model), gained_misfit(kept.model, findings.null)
-    )
+    null = findings.null
+    calibrated = calibration_log_odds(swallowed_misfit(kept.model), gained_misfit(kept.model, null))
     if not kept.members:
         return min(no_gap_log_odds(normalised_misfit(null)), calibrated)
     same = (kept.members[0], *kept.inseparable)
-    lack = lack_of_fit(with_measured_noise(kept.model), null)
-    enough = min(sufficient_log_odds(lack), calibrated)
+    enough = min(sufficient_log_odds(kept.lack_of_fit), calibrated)
     if len(kept.members) == 1:
         return min(single_log_odds(same, effect_probabilities(findings)), enough)
     fewer = findings.singles[0] if len(kept.model.members) < 3 else findings.pairs[0]
     return min(
         pair_log_odds(kept.model, same, findings),
-        missing_log_odds(lack_of_fit(fewer, findings.null)),
+        missing_log_odds(max(lack_of_fit(fewer, null), far_less(kept.model, fewer))),
         order_log_odds(kept.members, findings),
         enough,
     )

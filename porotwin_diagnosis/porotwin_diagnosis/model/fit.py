@@ -20,13 +20,6 @@ class MemberParameters(NamedTuple):
     deviations: FloatArray
 
 
-class NoiseBound(NamedTuple):
-    """Shares [-] of the stated and of the measured noise that count (see `search.noise_bound`)."""
-
-    stated: float = 1.0
-    measured: float = 1.0
-
-
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Effects that were fitted together, or the model without effects (no members).
@@ -40,8 +33,7 @@ class Fit:
         held_out_error: relative L2 error [-] of the held-out maps.
         covariance: covariance of the scaled parameters, (p, p); zero until it is computed.
         noise_misfit: misfit [-] that the noise alone would cause, fitted and held out.
-        stated_noise: the same with all noise that imaging states (see `search.noise_bound`).
-        measured_noise: the same with the noise that the maps themselves show.
+        expected_noise: the same before the noise was bounded (see `search.noise_bound`).
         unshared_misfit: misfit [-] if the errors that all maps share were zero, fitted and held
             out; zero if the recording states no such errors.
         scheme_misfit: misfit [-] of the correction of the scheme alone, fitted and held out; zero
@@ -58,8 +50,7 @@ class Fit:
     held_out_error: float
     covariance: FloatArray
     noise_misfit: tuple[float, float] = (0.0, 0.0)
-    stated_noise: tuple[float, float] = (math.inf, math.inf)
-    measured_noise: tuple[float, float] = (math.inf, math.inf)
+    expected_noise: tuple[float, float] = (math.inf, math.inf)
     unshared_misfit: tuple[float, float] = (0.0, 0.0)
     scheme_misfit: tuple[float, float] = (0.0, 0.0)
     fingering_amplification: tuple[float, float] = (1.0, 1.0)
@@ -89,13 +80,10 @@ class Fit:
         )
 
 
-def with_noise_bound(fit: Fit, bound: NoiseBound) -> Fit:
-    """Return `fit` with the noise that `bound` allows. The noise of the fit does not grow."""
-    kinds = zip(fit.noise_misfit, fit.stated_noise, fit.measured_noise, strict=True)
-    fitted, held_out = (
-        min(noise, max(bound.measured * measured, bound.stated * stated))
-        for noise, stated, measured in kinds
-    )
+def with_noise_share(fit: Fit, share: float) -> Fit:
+    """Return `fit` with this `share` of its expected noise. The noise of the fit does not grow."""
+    kinds = zip(fit.noise_misfit, fit.expected_noise, strict=True)
+    fitted, held_out = (min(noise, share * expected) for noise, expected in kinds)
     return replace(fit, noise_misfit=(fitted, held_out))
 
 

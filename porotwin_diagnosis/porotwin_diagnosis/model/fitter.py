@@ -28,11 +28,10 @@ from porotwin_diagnosis.model.covariance import clustered_covariance
 from porotwin_diagnosis.model.effect_traits import needs_simulation
 from porotwin_diagnosis.model.fit import (
     Fit,
-    NoiseBound,
     effects_at,
     infeasible_fit,
     member_slices,
-    with_noise_bound,
+    with_noise_share,
 )
 from porotwin_diagnosis.model.forward import Forward, whitened_residuals
 from porotwin_diagnosis.model.rough_sand import RoughSands
@@ -64,14 +63,14 @@ class Fitter:
     Attributes:
         forwards: one forward model per recording.
         point_spread_width: width [cells] of the point spread that simulated maps lack.
-        noise_bound: shares of the noise that count.
+        noise_share: share of the expected noise that counts (see `search.noise_bound`).
         rough_sands: models on rough sands, for effects that destabilise fronts.
         pool: takes finite differences at the same time; None for one at a time.
     """
 
     forwards: Sequence[Forward]
     point_spread_width: float = field(default=0.0, kw_only=True)
-    noise_bound: NoiseBound = field(default=NoiseBound(), kw_only=True)
+    noise_share: float = field(default=1.0, kw_only=True)
     rough_sands: RoughSands = field(default_factory=RoughSands, kw_only=True)
     pool: Executor | None = field(default=None, kw_only=True)
 
@@ -188,15 +187,14 @@ class Fitter:
             held_out_error=self._relative_error(maps, held_out=True),
             covariance=np.zeros((size, size)),
             noise_misfit=noise,
-            stated_noise=noise,
+            expected_noise=noise,
             fingering_amplification=self.rough_sands.fingering_amplification(
                 self.forwards, effects, point_spread_width=self.point_spread_width
             ),
-            measured_noise=noise_misfit(self.samples, residuals, measured_only=True),
             unshared_misfit=misfit(self.samples, unshared),
             scheme_misfit=self._scheme_misfit,
         )
-        return with_noise_bound(fit, self.noise_bound)
+        return with_noise_share(fit, self.noise_share)
 
     def blurred_error(self, fit: Fit) -> float:
         """Return the relative L2 error [-] of the held-out maps, with the blur of the camera.

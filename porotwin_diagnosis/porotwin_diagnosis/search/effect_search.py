@@ -20,7 +20,7 @@ import numpy as np
 
 from porotwin_core.parallel import Crew
 from porotwin_diagnosis.data.sample import Sample
-from porotwin_diagnosis.model.fit import Fit, with_noise_bound
+from porotwin_diagnosis.model.fit import Fit, with_noise_share
 from porotwin_diagnosis.progress import Progress
 from porotwin_diagnosis.search.close_rivals import compared_rivals
 from porotwin_diagnosis.search.effect_pairs import (
@@ -33,13 +33,13 @@ from porotwin_diagnosis.search.levels import Judgement, Levels, make_levels
 from porotwin_diagnosis.search.noise_bound import (
     with_bounded_findings,
     with_bounded_levels,
-    with_measured_noise,
 )
 from porotwin_diagnosis.search.prior import NO_PRIOR, Prior
 from porotwin_diagnosis.search.ranking import (
     close_to_best,
     first_of_each_effect,
     leaves_a_gap,
+    may_need_a_second_effect,
     normalised_misfit,
     score,
 )
@@ -99,8 +99,7 @@ def search_effects(
     if score(null) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(())
     corrected = levels.corrected_at(null)
-    without = (with_measured_noise(fit) for fit in (null, corrected.null()))
-    if max(normalised_misfit(fit) for fit in without) < SURELY_NO_GAP_MISFIT:
+    if max(normalised_misfit(fit) for fit in (null, corrected.null())) < SURELY_NO_GAP_MISFIT:
         found = _found_no_gap(corrected, space)
         if normalised_misfit(found.findings.null) < SURELY_NO_GAP_MISFIT:
             return found
@@ -111,7 +110,7 @@ def search_effects(
     levels, findings = _with_bounded_noise(
         levels, Findings(levels.null(), screened_null, screened, singles)
     )
-    if leaves_a_gap(with_measured_noise(findings.singles[0])):
+    if may_need_a_second_effect(findings.singles[0], findings.null):
         levels, findings = _with_combinations(levels, space, findings)
         levels, findings = _with_bounded_noise(levels, findings)
     levels, singles = fitted_again_alone(levels, findings)
@@ -139,9 +138,9 @@ def _judged_singles(levels: Levels, screened: Sequence[Fit], null: Fit) -> Judge
     best = close_to_best(first_of_each_effect(screened))[:REFINED_FITS]
     judged = levels.judged(levels.refined(best, 0.3), 0.4)
     levels = with_bounded_levels(levels, [null, *judged])
-    bound = levels.judging.noise_bound
-    fits = [with_noise_bound(fit, bound) for fit in judged]
-    return levels.judged_again(fits, with_noise_bound(null, bound), 0.48)
+    share = levels.judging.noise_share
+    fits = [with_noise_share(fit, share) for fit in judged]
+    return levels.judged_again(fits, with_noise_share(null, share), 0.48)
 
 
 def _with_bounded_noise(levels: Levels, findings: Findings) -> SearchStep:

@@ -24,16 +24,22 @@ from porotwin_diagnosis.thresholds import (
     CLOSE_TO_BEST,
     COMBINATION_GAIN,
     EXPLAINED_MISFIT,
+    FAR_LESS,
+    NO_GAP_MISFIT,
     NOISE_UNCERTAINTY,
     PENALTY_PER_PARAMETER,
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
     SUFFICIENT_PAIR_MISFIT,
+    SURELY_SUFFICIENT,
     SYSTEMATIC_MISFIT,
     TIE,
     UNRESOLVED_SHARE,
 )
 from porotwin_solver.effects.definition.candidate import Candidate
+
+LEAST_SCORE = 1e-9
+"""Least score [-], so that ratios stay finite."""
 
 
 def misfit_beyond_noise(fit: Fit) -> tuple[float, float]:
@@ -119,19 +125,37 @@ def leaves_a_gap(fit: Fit) -> bool:
     return normalised_misfit(fit) > math.hypot(EXPLAINED_MISFIT, _unknown_of_the_scheme(fit))
 
 
+def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
+    """Return whether pairs are worth their time beside the best `single` effect.
+
+    They are if it leaves a gap, or does not surely suffice for the gap of the model `null`.
+    """
+    if normalised_misfit(null) < NO_GAP_MISFIT:
+        return False
+    return leaves_a_gap(single) or lack_of_fit(single, null) > SURELY_SUFFICIENT
+
+
 def _unknown_of_the_scheme(fit: Fit) -> float:
     """Return the misfit [-] of the unknown share of the correction of the scheme."""
     return SCHEME_SHARE * max(fit.scheme_misfit)
 
 
-def earns_its_place(more: Fit, fewer: Fit) -> bool:
+def earns_its_place(more: Fit, fewer: Fit, gain: float = COMBINATION_GAIN) -> bool:
     """Return whether the further effects earn their place in the judged fit `more`.
 
-    More effects always fit better. With every further effect the score must fall below
-    `COMBINATION_GAIN` of that of the fit with `fewer` effects, and the held-out misfit must fall.
+    More effects always fit better. With every further effect the score must fall below `gain` of
+    that of the fit with `fewer` effects, and the held-out misfit must fall.
     """
-    gain = COMBINATION_GAIN ** max(1, len(more.members) - len(fewer.members))
-    return score(more) < gain * score(fewer) and more.held_out_misfit < fewer.held_out_misfit
+    least = gain ** max(1, len(more.members) - len(fewer.members))
+    return score(more) < least * score(fewer) and more.held_out_misfit < fewer.held_out_misfit
+
+
+def far_less(more: Fit, fewer: Fit) -> float:
+    """Return `FAR_LESS` times the ratio of the scores of `fewer` and of `more` effects.
+
+    Above 1 the fit with more effects leaves far less.
+    """
+    return FAR_LESS * score(fewer) / max(score(more), LEAST_SCORE)
 
 
 def feasible(fits: Sequence[Fit]) -> list[Fit]:
