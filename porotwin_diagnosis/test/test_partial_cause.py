@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from porotwin_diagnosis.advice.partial_cause import partial_cause
+from porotwin_core.rig import EffectDescription
+from porotwin_diagnosis.advice.partial_cause import is_dipole, partial_cause
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, Term
 from porotwin_diagnosis.decision.verdict import Verdict
 from porotwin_diagnosis.model.gap_map import Spot
@@ -50,3 +51,15 @@ def test_the_page_and_the_file_tell_the_effects_and_the_place_of_the_rest(denser
     assert 'A part of it may be: the porosity is 12 % lower than nominal' in text
     assert 'arises most of all near x = 0.31 m, z = 0.22 m' in text
     assert summary['combination'] == []
+
+
+def leak(x, rate):
+    return EffectDescription(name='leak', parameters={'x': x, 'z': 0.3, 'rate': rate})
+
+
+def test_a_source_beside_an_equally_strong_sink_acts_like_other_sand():
+    assert is_dipole([leak(0.27, 260.0), leak(0.31, -240.0)], 0.934)
+    assert not is_dipole([leak(0.27, 260.0), leak(0.31, 240.0)], 0.934)
+    assert not is_dipole([leak(0.27, 260.0), leak(0.31, -40.0)], 0.934)
+    assert not is_dipole([leak(0.27, 260.0), leak(0.71, -240.0)], 0.934)
+    assert not is_dipole([leak(0.27, 260.0)], 0.934)

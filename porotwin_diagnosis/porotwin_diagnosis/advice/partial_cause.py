@@ -6,9 +6,11 @@ from the recording within single steps. Nothing of this is a verdict: the effect
 true ones would, so that one of them may be an imitation.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from porotwin_core.rig import EffectDescription
 from porotwin_diagnosis.advice.remainder_form import RemainderForm, describe_remainder
 from porotwin_diagnosis.data.sample import coarsened
 from porotwin_diagnosis.decision.held_out import HeldOut, gap_closed_with_interval
@@ -27,6 +29,11 @@ LEAST_PART = 0.5
 another cause, and the effects hardly tell which."""
 
 
+DIPOLE_RATIO, DIPOLE_WIDTH = 0.6, 0.15
+"""Least ratio of the rates of a source and a sink that act like other sand, and their largest
+distance as a share of the width of the rig."""
+
+
 @dataclass(frozen=True)
 class PartialCause:
     """The effects that were kept, and the remainder beside them.
@@ -42,6 +49,27 @@ class PartialCause:
     closed: float
     form: RemainderForm
     spot: Spot | None
+
+
+def is_dipole(effects: Sequence[EffectDescription], width: float) -> bool:
+    """Return whether `effects` are a source beside an equally strong sink, in a rig of this width.
+
+    Sand that conducts better or worse than its surroundings acts like that. A round patch in a
+    uniform flow is exactly a dipole, like a dielectric cylinder in a uniform field.
+
+    Args:
+        effects: effects of a model.
+        width: width of the rig [m].
+    """
+    leaks = [effect.parameters for effect in effects if effect.name == 'leak']
+    if len(leaks) != 2:
+        return False
+    one, other = leaks
+    rates = [float(one['rate']), float(other['rate'])]
+    apart = math.hypot(*(float(one[axis]) - float(other[axis]) for axis in ('x', 'z')))
+    weaker, stronger = sorted(map(abs, rates))
+    opposite = math.prod(rates) < 0.0
+    return opposite and weaker > DIPOLE_RATIO * stronger and apart < DIPOLE_WIDTH * width
 
 
 def form_model(levels: Levels) -> Forward:

@@ -4,6 +4,7 @@ import html
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from porotwin_diagnosis.advice.partial_cause import is_dipole
 from porotwin_diagnosis.data.sample import FRONT_TOLERANCE
 from porotwin_diagnosis.decision.held_out import blurred_errors
 from porotwin_diagnosis.decision.verdict import NONE, NUMERICAL, UNEXPLAINED
@@ -132,7 +133,7 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
-        return f'Not in the library of effects. {_form(result)}{_part(summary)}'
+        return f'Not in the library of effects. {_form(result)}{_part(result, summary)}'
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]
@@ -159,7 +160,7 @@ def _form(result: Diagnosis) -> str:
     )
 
 
-def _part(summary: Summary) -> str:
+def _part(result: Diagnosis, summary: Summary) -> str:
     """Say which effects close much of an unexplained gap, and where the rest arises."""
     beside = summary['remainder'] and summary['remainder']['beside']
     if not beside:
@@ -173,6 +174,12 @@ def _part(summary: Summary) -> str:
         words = ', and '.join(term['words'] for term in beside['terms'])
         rest.append(f'looks like this: {html.escape(words)}')
     remains = f' What remains beside that {" and ".join(rest)}.' if rest else ''
+    partial = result.partial
+    if partial and is_dipole(partial.model.effects, result.samples[0].grid.width):
+        remains = (
+            ' A source beside an equally strong sink acts like a patch of sand that conducts '
+            f'better or worse than its surroundings.{remains}'
+        )
     return (
         f'<br>A part of it may be: {means}. That{together} closes '
         f'{100 * min(beside["gap_closed"], 1.0):.0f} % of the gap.{remains}'
