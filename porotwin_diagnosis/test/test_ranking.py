@@ -13,8 +13,10 @@ from porotwin_diagnosis.search.ranking import (
     larger_misfit,
     leaves_a_gap,
     log_odds_against,
+    may_need_a_second_effect,
     misfit_beyond_noise,
     normalised_misfit,
+    one_effect_is_enough,
     overall_misfit,
     ranked,
     score,
@@ -123,3 +125,17 @@ def test_a_true_model_may_leave_a_share_of_the_errors_of_the_scheme():
     coarse = replace(fit, scheme_misfit=(0.3, 1.2))
     assert lack_of_fit(coarse, null) < 1.0
     assert not leaves_a_gap(coarse)
+
+
+def test_pairs_are_looked_for_until_one_effect_surely_suffices():
+    gap, none = fit_of(misfit=5.0), fit_of(misfit=0.4)
+    assert may_need_a_second_effect(fit_of('rate', misfit=0.45), gap)
+    assert not may_need_a_second_effect(fit_of('rate', misfit=0.3), gap)
+    assert not may_need_a_second_effect(fit_of('rate', misfit=0.45), none)
+
+
+def test_the_search_for_combinations_ends_where_one_effect_is_enough():
+    gap, rate = fit_of(misfit=5.0), fit_of('rate', misfit=0.5)
+    assert one_effect_is_enough(rate, [fit_of('rate', 'decay', misfit=0.45)], gap)
+    assert not one_effect_is_enough(rate, [fit_of('rate', 'decay', misfit=0.2)], gap)
+    assert not one_effect_is_enough(fit_of('rate', misfit=2.0), [], gap)

@@ -41,6 +41,7 @@ from porotwin_diagnosis.search.ranking import (
     leaves_a_gap,
     may_need_a_second_effect,
     normalised_misfit,
+    one_effect_is_enough,
     score,
 )
 from porotwin_diagnosis.search.single_effects import (
@@ -154,7 +155,10 @@ def _with_combinations(levels: Levels, space: SearchSpace, findings: Findings) -
     """Return `findings` with pairs, triples and the members of the best combination."""
     levels, pairs = _found_pairs(levels, space, findings)
     findings = replace(findings, pairs=pairs)
-    levels, triples = judged_triples(levels, space, findings)
+    if one_effect_is_enough(findings.singles[0], pairs, findings.null):
+        triples: list[Fit] = []
+    else:
+        levels, triples = judged_triples(levels, space, findings)
     best = [*triples, *pairs][:1]
     for fit in best:
         levels = levels.corrected_at(fit)
@@ -165,10 +169,13 @@ def _found_pairs(levels: Levels, space: SearchSpace, findings: Findings) -> Judg
     """Return the judged pairs.
 
     If the first pairs do not explain the gap, single effects are fitted again on coarse cells that
-    are corrected at the best one, and more pairs are made; at last members are exchanged.
+    are corrected at the best one, and more pairs are made; at last members are exchanged. Nothing
+    more is tried if one effect suffices and no pair is clearly better.
     """
     best, null, screened = findings.singles[0], findings.null, findings.screened
     levels, pairs = judged_pairs(levels, space, screened, best, null)
+    if one_effect_is_enough(best, pairs, null):
+        return Judgement(levels, pairs)
     unexplained = not pairs or leaves_a_gap(pairs[0])
     if unexplained and score(best) < CORRECTABLE_MISFIT:
         levels = levels.with_corrected_coarse_cells(best.effects)

@@ -135,6 +135,12 @@ def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
     return leaves_a_gap(single) or lack_of_fit(single, null) > SURELY_SUFFICIENT
 
 
+def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:
+    """Return whether `single` suffices, and no judged pair is clearly better; the best comes first."""
+    better = bool(pairs) and earns_its_place(pairs[0], single)
+    return lack_of_fit(single, null) <= 1.0 and not better
+
+
 def _unknown_of_the_scheme(fit: Fit) -> float:
     """Return the misfit [-] of the unknown share of the correction of the scheme."""
     return SCHEME_SHARE * max(fit.scheme_misfit)
