@@ -136,7 +136,7 @@ def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
 
 
 def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:
-    """Return whether `single` suffices, and no judged pair is clearly better; the best comes first."""
+    """Return whether `single` suffices, and none of the judged `pairs` is clearly better."""
     better = bool(pairs) and earns_its_place(pairs[0], single)
     return lack_of_fit(single, null) <= 1.0 and not better
 
