@@ -112,10 +112,12 @@ def _nothing_explains(result: Diagnosis, summary: Summary) -> str:
     shift = misplaced_fronts(result, result.verdict.model)
     remaining = f'as if fronts were {shift} off'
     if errors['after'] < errors['before']:
-        with_best = f'With the best one, {best}, the error is still {after}, {remaining}'
+        with_best = (
+            f'With {best}, which fits the fronts best, the error is still {after}, {remaining}'
+        )
     else:
         with_best = (
-            f'{best.capitalize()} fits the earlier part best, but with it the error in the '
+            f'{best.capitalize()} fits the fronts best, but with it the error in the '
             f'held-out part is {after}, {remaining}'
         )
     return f'None of the {tried} effects of the library{pairs} explains it. {with_best}'
