@@ -41,6 +41,8 @@ class CaseScore:
         absorbed: names of true effects that the calibration took out of the maps.
         gap: error of the model without effects in the held-out maps, in noise floors [-]; None if
             the diagnosis failed.
+        visible: whether the true maps explain the recording clearly better than a diagnosis that is
+            not right; None for other cases.
     """
 
     name: str
@@ -58,6 +60,7 @@ class CaseScore:
     seconds: float | None = None
     absorbed: tuple[str, ...] = ()
     gap: float | None = None
+    visible: bool | None = None
 
 
 def score_case(

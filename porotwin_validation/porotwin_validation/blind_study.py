@@ -13,7 +13,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from porotwin_rig.made_experiment import make_experiment
 from porotwin_rig.map_camera import MapNoise
 from porotwin_validation.blind_cases import BlindCase, draw_case
 from porotwin_validation.blind_hashes import Source, open_truth, publish_hashes
+from porotwin_validation.blind_limit import truth_is_visible
 from porotwin_validation.blind_photographs import MAPS, RECORDING, REFUSED, photograph_case
 from porotwin_validation.blind_score import CaseScore, failed_score, score_case
 from porotwin_validation.blind_table import summary, table
@@ -247,4 +248,9 @@ def _score(case: BlindCase, folder: Path, *, failed: bool) -> CaseScore:
     hidden: frozenset[str] = frozenset()
     if (folder / MAP_FIGURES).exists():
         hidden = MapFigures.read(folder / MAP_FIGURES).hidden
-    return score_case(case, folder / 'result', CaseTruth.read(folder / COMPARISON), hidden)
+    result = folder / 'result'
+    score = score_case(case, result, CaseTruth.read(folder / COMPARISON), hidden)
+    if score.right:
+        return score
+    visible = truth_is_visible(folder / RECORDING, result, folder / CLEAN_MAPS)
+    return replace(score, visible=visible)

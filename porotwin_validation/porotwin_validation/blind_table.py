@@ -42,6 +42,7 @@ def summary(scores: Sequence[CaseScore]) -> dict[str, Any]:
         'cases': len(scores),
         'right': _share(scores, lambda score: score.right),
         'imitated': _share(scores, lambda score: score.imitated),
+        'wrong_although_visible': _share(scores, _is_wrong_although_visible),
         'none_called_a_gap': _share(chosen('none'), lambda score: score.verdict != 'none'),
         'sure_and_wrong_name': _share(scores, _is_sure_and_wrong),
         'outside_called_unexplained': _share(strange, lambda score: score.right),
@@ -73,6 +74,10 @@ def _share(scores: Sequence[CaseScore], holds: Callable[[CaseScore], bool]) -> f
 def _median(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.median(known)) if known else None
+
+
+def _is_wrong_although_visible(score: CaseScore) -> bool:
+    return not score.right and score.visible is not False
 
 
 def _is_sure_and_wrong(score: CaseScore) -> bool:
@@ -125,12 +130,17 @@ def _cases(scores: Sequence[CaseScore]) -> Iterator[str]:
     yield '| case | kind | truth | verdict | confidence | right |'
     yield '|---|---|---|---|---|---|'
     for score in scores:
-        right = 'imitated' if score.imitated else 'yes' if score.right else 'no'
+        right = 'imitated' if score.imitated else 'yes' if score.right else _wrong(score)
         truth = ' + '.join(f'({name})' if name in score.absorbed else name for name in score.truth)
         yield (
             f'| {score.name} | {score.kind} | {truth} | {score.verdict} '
             f'| {score.confidence:.2f} | {right} |'
         )
+
+
+def _wrong(score: CaseScore) -> str:
+    """Return `no`, and whether the recording shows the truth at all."""
+    return 'no: the true maps fit no better' if score.visible is False else 'no'
 
 
 def _by_gap(scores: Sequence[CaseScore]) -> Iterator[str]:

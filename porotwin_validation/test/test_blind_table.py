@@ -55,3 +55,13 @@ def test_the_report_says_from_which_gap_on_effects_are_found():
     report = table(cases, summary(cases))
     assert '| 0 to 1.25 | 1 |  | 1 |  |  |' in report
     assert '| above 5 | 1 | 1 |  |  |  |' in report
+
+
+def test_a_truth_that_the_recording_does_not_show_is_told():
+    hidden = replace(SCORE, right=False, visible=False)
+    missed = replace(SCORE, right=False, visible=True)
+    cases = [SCORE, hidden, missed, replace(missed, visible=None)]
+    figures = summary(cases)
+    assert figures['right'] == 0.25
+    assert figures['wrong_although_visible'] == 0.5
+    assert 'no: the true maps fit no better' in table(cases, figures)

@@ -135,7 +135,7 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
-        return f'Not in the library of effects. {_form(result)}{_part(result, summary)}'
+        return f'Not in the library of effects.<br>{_form(result)}{_part(result, summary)}'
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]
