@@ -232,9 +232,13 @@ class Engine:
         by_coarse, by_source = self.coupling.flux_adjoint(rates, coarse, by_flux)
         return coarsen_adjoint(by_coarse, self.grid.shape), by_source
 
-    def splitting(self, duration: float) -> tuple[int, float]:
-        """Return the number of splitting steps in `duration` [s] and their length [s]."""
-        count = max(1, math.ceil(duration / self.longest_step - STEP_ROUND_OFF))
+    def splitting(self, duration: float, longest_step: float | None = None) -> tuple[int, float]:
+        """Return the number of splitting steps in `duration` [s] and their length [s].
+
+        `longest_step` [s] is that of the engine if it is not given.
+        """
+        longest = self.longest_step if longest_step is None else longest_step
+        count = max(1, math.ceil(duration / longest - STEP_ROUND_OFF))
         return count, duration / count
 
     def coefficients(
@@ -264,17 +268,22 @@ class Engine:
         )
 
     def interval(
-        self, state: State, rates: WellRates, duration: float
+        self,
+        state: State,
+        rates: WellRates,
+        duration: float,
+        longest_step: float | None = None,
     ) -> Iterator[StepCoefficients]:
         """Yield the coefficients of every splitting step in `duration` [s] under constant `rates`.
 
+        `longest_step` is as in `splitting`.
         The caller advances `state` by `step` before it takes the next ones. They change from step
         to step only where the tracer changes the flow.
 
         Raises:
             InputError: as `water_flux` and `coupled_flux`.
         """
-        count, length = self.splitting(duration)
+        count, length = self.splitting(duration, longest_step)
         if self.coupling is None:
             yield from itertools.repeat(self._uncoupled_coefficients(state, rates, length), count)
             return
@@ -297,27 +306,38 @@ class Engine:
         self._kept_step = (length, dict(rates), found)
         return found
 
-    def advance(self, state: State, rates: WellRates, duration: float) -> None:
+    def advance(
+        self,
+        state: State,
+        rates: WellRates,
+        duration: float,
+        longest_step: float | None = None,
+    ) -> None:
         """Advance `state` in place by `duration` [s] under constant `rates`.
+
+        `longest_step` is as in `splitting`.
 
         Raises:
             InputError: as `water_flux` and `coupled_flux`, or the supervision refuses the cost.
         """
         self.supervision.refuse_too_long(duration)
-        for number, coefficients in enumerate(self.interval(state, rates, duration)):
+        steps = self.interval(state, rates, duration, longest_step)
+        for number, coefficients in enumerate(steps):
             if number == 0:
                 self.supervision.refuse_too_costly(
-                    self.cell_updates(coefficients, duration), duration
+                    self.cell_updates(coefficients, duration, longest_step), duration
                 )
             self.supervision.check()
             self.step(state, coefficients)
 
-    def cell_updates(self, coefficients: StepCoefficients, duration: float) -> int:
+    def cell_updates(
+        self, coefficients: StepCoefficients, duration: float, longest_step: float | None = None
+    ) -> int:
         """Return the updates of single cells in `duration` [s], from those of its first step.
 
         A solution of the flow that the tracer changes counts as FLOW_UPDATES for each cell.
         """
-        count, _ = self.splitting(duration)
+        count, _ = self.splitting(duration, longest_step)
         advection = tape_length(coefficients.levels)
         diffusion = 2 * tape_length(coefficients.exchanges.levels)
         flow = FLOW_UPDATES * self.grid.nx * self.grid.nz if self.coupling is not None else 0

@@ -9,6 +9,7 @@ from porotwin_core.grid import FloatArray, Grid
 from porotwin_core.rig import EffectDescription, Rig
 from porotwin_core.wells import Schedule
 from porotwin_solver.engine import PROCESSOR, State
+from porotwin_solver.free_run_step import longest_free_step
 from porotwin_solver.model import Model
 from porotwin_solver.refinement import refine
 
@@ -92,6 +93,7 @@ def maps_of(
     for time in times:
         target = time + operator.clock_offset
         for low, high, rates in schedule.intervals(now, target):
-            engine.advance(state, rates, high - low)
+            step = longest_free_step(engine.physics, rates)
+            engine.advance(state, rates, high - low, step)
         now = max(now, target)
         yield operator.apply(engine.mean_concentration(state), model.grid, float(time))

@@ -1,0 +1,55 @@
+"""The longest splitting step of a free run, which follows from how fast the water moves."""
+
+import math
+
+import numpy as np
+
+from porotwin_core.units import GRAVITY
+from porotwin_core.wells import WellRates
+from porotwin_solver.engine import LONGEST_STEP
+from porotwin_solver.physics import Physics
+
+EXCHANGED_SHARE = 1.0 / 240.0
+"""Share of the moving water that may be exchanged in a step. Fronts move by about a cell of the
+recording then. It gives 60 s for the paper's small rig at 500 ml/h."""
+
+REACTED_SHARE = 0.05
+"""Largest product of a step and a reaction rate: so much tracer reacts in one step."""
+
+
+def longest_free_step(physics: Physics, rates: WellRates) -> float:
+    """Return the longest splitting step [s] of a free run under constant `rates`.
+
+    Slow rigs take long steps: the step is the time in which `EXCHANGED_SHARE` of the moving water
+    is exchanged, but at least `LONGEST_STEP`. Pumps, leaks, flow from outside, density and a tilted
+    water table exchange water. Decay and exchange with immobile water bound the step too.
+    """
+    water = EXCHANGED_SHARE * float(np.sum(physics.mobile_water))
+    flow = _pumped(physics, rates) + _driven(physics)
+    reaction = physics.decay_rate + physics.exchange_rate / max(
+        1.0 - physics.immobile_fraction, 0.1
+    )
+    limits = [
+        limit / rate for limit, rate in ((water, flow), (REACTED_SHARE, reaction)) if rate > 0.0
+    ]
+    return max(LONGEST_STEP, min(limits, default=math.inf))
+
+
+def _pumped(physics: Physics, rates: WellRates) -> float:
+    """Return the larger one of the injected and the withdrawn rate [m^3/s]."""
+    each = [
+        well.rate * physics.rate_factors.get(physics.well(name), 1.0)
+        for name, well in rates.items()
+    ]
+    each += [leak.rate for leak in physics.leaks]
+    return max(sum(rate for rate in each if rate > 0), -sum(rate for rate in each if rate < 0))
+
+
+def _driven(physics: Physics) -> float:
+    """Return the rate [m^3/s] at which outside flow, density and the water table move water."""
+    grid, depth = physics.grid, float(np.mean(physics.depth))
+    conductance = float(np.max(physics.permeability)) / physics.viscosity
+    flux = math.hypot(*physics.background_flux)
+    flux += conductance * abs(physics.density_difference) * GRAVITY
+    flux += conductance * abs(physics.table_tilt) / grid.width
+    return flux * depth * max(grid.width, grid.height)

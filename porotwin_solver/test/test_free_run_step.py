@@ -1,0 +1,56 @@
+"""The longest step of a free run: slow rigs take long steps, and see the same maps."""
+
+import numpy as np
+import pytest
+from effect_examples import described
+
+from porotwin_core.units import from_ml_h
+from porotwin_core.wells import Schedule, WellRate
+from porotwin_solver.engine import LONGEST_STEP
+from porotwin_solver.free_run_step import longest_free_step
+from porotwin_solver.model import Model
+from porotwin_solver.simulation import maps_of
+
+DAY = 86400.0
+
+
+def model_of(rig, *effects):
+    return Model(rig, rig.grid(47, 28), preset='fast', effects=effects)
+
+
+def rates_of(rate_ml_h):
+    return {'injector': WellRate(from_ml_h(rate_ml_h), 1.0)}
+
+
+def test_the_papers_rates_take_the_usual_steps(make_rig):
+    physics = model_of(make_rig()).engine.physics
+    assert longest_free_step(physics, rates_of(1500.0)) == LONGEST_STEP
+    assert longest_free_step(physics, rates_of(500.0)) == pytest.approx(LONGEST_STEP, rel=0.05)
+
+
+def test_slow_pumps_take_long_steps_and_resting_ones_no_limit(make_rig):
+    physics = model_of(make_rig()).engine.physics
+    slow, slower = (longest_free_step(physics, rates_of(rate)) for rate in (5.0, 0.5))
+    assert slower == pytest.approx(10.0 * slow)
+    assert longest_free_step(physics, {}) == np.inf
+
+
+@pytest.mark.parametrize('effect', ['buoyancy', 'background_flow', 'decay', 'dual_porosity'])
+def test_what_acts_without_pumps_bounds_the_step(make_rig, effect):
+    physics = model_of(make_rig(), described(effect)).engine.physics
+    assert longest_free_step(physics, {}) < np.inf
+
+
+def maps_at_the_end(rig, effects, duration, step=None):
+    """Return the maps after `duration` [s] at 5 ml/h, with steps of `step` [s] if it is given."""
+    model = model_of(rig, *effects)
+    schedule, initial = Schedule.constant(rates_of(5.0)), model.initial_condition()
+    times = np.array([duration]) if step is None else np.arange(step, duration + 1.0, step)
+    return list(maps_of(model, schedule, times, initial=initial, start=0.0))[-1]
+
+
+@pytest.mark.parametrize('effect', [None, 'dispersion', 'decay', 'dual_porosity', 'viscosity'])
+def test_long_steps_show_the_same_maps(make_rig, effect):
+    effects = [described(effect)] if effect else []
+    long, short = (maps_at_the_end(make_rig(), effects, 4.0 * DAY, step) for step in (None, 240.0))
+    assert np.linalg.norm(long - short) < 0.02 * np.linalg.norm(short)
