@@ -52,6 +52,13 @@ def checker_corners(camera: Camera, reduction: int) -> Array | None:
     return (np.array(camera.colour_checker_px) + 0.5) / reduction - 0.5
 
 
+MOVED_RIG = (
+    ': the camera or the rig has probably moved since the corners were marked, so that all maps are '
+    'displaced; mark camera.corners_px and camera.colour_checker_px anew'
+)
+"""What a chart far from its place means."""
+
+
 def colour_reference(
     pixels: NDArray[np.uint8],
     camera: Camera,
@@ -80,6 +87,8 @@ def colour_reference(
         f'colour checker found {found.moved_px * reduction:.0f} px from its given place, '
         f'{used.sum()} of 24 patches used'
     )
+    if found.moved_px > settings.most_moved * pixels.shape[1]:
+        remark += MOVED_RIG
     return ColourReference(corners, found.patches, matrix), [remark]
 
 

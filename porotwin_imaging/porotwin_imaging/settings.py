@@ -135,6 +135,10 @@ class ColourCheckerSettings:
     """Fewest patches per channel whose median ratio is a reliable gain."""
     least_diagonal: float = 0.2
     """Smallest plausible diagonal element of a colour matrix [-]."""
+    most_moved: float = 0.01
+    """Distance of the chart from its given place, relative to the width of the photograph, above
+    which camera or rig have probably moved since the corners were marked [-]. People read corners
+    to 0.1 to 0.3 % of the width."""
     most_mixing: float = 0.8
     """Largest plausible sum of off-diagonal elements relative to the diagonal one [-]."""
 

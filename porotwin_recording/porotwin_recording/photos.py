@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 from porotwin_core.errors import InputError
 from porotwin_recording.csv_table import number_text, parse_number, read_table, write_table
+from porotwin_recording.rates import LONGEST_S
 
 IMAGING_FILE = 'imaging.csv'
 HEADER = ('time_s', 'path', 'role')
@@ -62,6 +63,11 @@ def _header(path: Path) -> tuple[str, ...]:
 def _photo(words: list[str], where: str, folder: Path) -> Photo:
     time_s, name, role, *rest = words
     time = parse_number(time_s, f'{where}: time_s')
+    if abs(time) > LONGEST_S:
+        raise InputError(
+            f'{where}: time_s {time:g} is more than a year from the start; '
+            'write seconds since the start of the experiment'
+        )
     if role not in get_args(Role):
         raise InputError(f"{where}: role is '{role}'; write {' or '.join(get_args(Role))}")
     concentration = _concentration(role, rest[0] if rest else '', where)

@@ -18,6 +18,7 @@ from porotwin_recording.photos import Photo, read_photos, write_photos
         ('time_s,path,role\n0,photos\\\\gone.jpg,state\n', 'with / between folders'),
         ('time_s,path,role\n0,../first.jpg,state\n', 'leaves the folder'),
         ('time_s,path,role\n,photos/first.jpg,state\n', "time_s is ''"),
+        ('time_s,path,role\n1.7e9,photos/first.jpg,state\n', 'more than a year from the start'),
         ('time_s,path,role\n0,photos/first.jpg,dilution\n', "concentration is ''"),
         ('time_s,path,role,concentration\n0,photos/first.jpg,dilution,7\n', 'share of stock'),
         ('time_s,path,role,concentration\n0,photos/first.jpg,state,1\n', 'leave it empty'),

@@ -62,6 +62,7 @@ def command(
         typical_doubt,
     )
     from porotwin_cli.output_files import check_output, maker
+    from porotwin_cli.photo_remarks import PhotoRemarks
     from porotwin_cli.rig_drawing import picture_beside
     from porotwin_core.parallel import crew
     from porotwin_imaging.baseline import make_baseline
@@ -89,6 +90,7 @@ def command(
             f'{experiment}: needs a baseline and at least one state photograph; '
             'give their roles in imaging.csv'
         )
+    rates = recording.delivered if recording.measured or recording.commanded else None
     memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
     clean = [photo.read() for photo in baselines]
@@ -98,7 +100,7 @@ def command(
             rig,
             clean,
             [(photo.time, photo.read) for photo in states],
-            recording.measured or recording.commanded,
+            rates,
             source=experiment.name,
         )
         used = better.calibration
@@ -116,7 +118,7 @@ def command(
     )
     for remark in baseline.remarks:
         say(remark)
-    imaged, refused, doubts = [], [], []
+    imaged, refused, doubts, remarks = [], [], [], PhotoRemarks(say)
     origin = MapOrigin(calibration is not None, sha256_of_file(calibration), maker('image'))
     pool = crew(workers=workers, scheduler=scheduler, threads=True, task_bytes=memory, tell=say)
     writing = MapParts(output, rig, map_grid, source=fingerprints(recording), origin=origin)
@@ -141,6 +143,7 @@ def command(
                 refused.append(f'{photo.name}: {error}')
                 say(refused[-1])
             else:
+                remarks.tell(photo.name, found.status if used else found.status[1:])
                 doubts.append(plume_doubt(found.values, found.deviation, found.systematic))
                 imaged.append(
                     {
@@ -158,7 +161,8 @@ def command(
         imaged = [*(entry for entry, _ in before), *imaged]
         doubts = [*(doubt for _, doubt in before), *doubts]
     _draw(picture, output, rig, calibrated=calibration is not None)
-    excess = _excess(output, rig, recording.measured or recording.commanded) if used else ''
+    remarks.tell_the_rest()
+    excess = _excess(output, rig, rates) if used else ''
     if excess:
         say(excess)
     if as_json:
@@ -243,12 +247,17 @@ def _imaged_before(
 
 
 def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
-    """Return what is wrong if the last map in `output` holds more tracer than was injected."""
+    """Return what is wrong if a map in `output` holds more tracer than was injected before it."""
     from porotwin_imaging.mass_check import excess_remark
     from porotwin_recording.concentration import open_maps
 
+    if rates is None:
+        return ''
     maps = open_maps(output, rig)
-    return excess_remark(maps[-1], float(maps.times[-1]), rig, rates) if rates else ''
+    remarks = (
+        excess_remark(maps[index], float(time), rig, rates) for index, time in enumerate(maps.times)
+    )
+    return next(filter(None, remarks), '')
 
 
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:

@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import cv2
 import netCDF4
 import numpy as np
 import pytest
@@ -125,3 +126,29 @@ def test_image_does_not_replace_its_input(experiment: Path) -> None:
     assert result.returncode == 2
     assert 'is a file of the input' in result.stderr
     assert maps.read_bytes() == before
+
+
+def test_image_tells_what_is_odd_about_a_photograph(
+    experiment: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A hand in front of one photograph, and maps whose times are turned round."""
+    folder = tmp_path / 'experiment'
+    shutil.copytree(experiment, folder)
+    (folder / 'concentration.nc').unlink(missing_ok=True)
+    lines = (folder / 'imaging.csv').read_text().splitlines()
+    times = [line.split(',')[0] for line in lines if line.endswith('state')]
+    others = [line for line in lines if not line.endswith('state')]
+    states = [line.split(',', 1)[1] for line in lines if line.endswith('state')]
+    turned = [f'{t},{rest}' for t, rest in zip(times, reversed(states), strict=True)]
+    (folder / 'imaging.csv').write_text('\n'.join([*others, *turned]) + '\n')
+    name = states[0].split(',')[0]
+    picture = cv2.imread(str(folder / name))
+    rows, columns, _ = picture.shape
+    picture[rows // 3 : rows // 2, columns // 8 : columns // 4] = (120, 150, 200)
+    cv2.imwrite(str(folder / name), picture)
+    given = tmp_path / 'calibration.yaml'
+    save_calibration(Calibration(), given)
+    command(folder, tmp_path / 'maps.nc', '40x24', given)
+    told = capsys.readouterr().err
+    assert f'{name}: ' in told
+    assert f'the map at {float(times[0]):.0f} s holds' in told
