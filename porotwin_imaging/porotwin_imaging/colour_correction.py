@@ -53,7 +53,7 @@ def checker_corners(camera: Camera, reduction: int) -> Array | None:
 
 
 MOVED_RIG = (
-    ': the camera or the rig has probably moved since the corners were marked, so that all maps are '
+    ': the camera or the rig has probably moved since the corners were marked, and all maps are '
     'displaced; mark camera.corners_px and camera.colour_checker_px anew'
 )
 """What a chart far from its place means."""
