@@ -32,6 +32,8 @@ MOST_ROWS = 40
 """Most maps in a table on a terminal: about what a screen shows."""
 SAME_TIME_S = 1.0
 """Maps of two recordings within this belong together [s]."""
+LEAST_SEEN = 0.95
+"""Share of the cells with a value below which a map is told to hide a part of the rig [-]."""
 MOST_STOCK = 1.5
 """Median of a plume above which its scale is doubted [-]: 1 is stock, light lifts it a little."""
 
@@ -76,6 +78,9 @@ def command(
     rows = _rows(description, found, other, level, side)
     if found.origin.calibrated is False:
         say(_uncalibrated(rows))
+    hidden = _hidden(rows)
+    if hidden:
+        say(hidden)
     if output is not None:
         write_rows(output, rows)
         say(f'table: {output}')
@@ -97,6 +102,19 @@ def command(
         half = MOST_ROWS // 2
         shown = [*shown[:half], ['...'] * len(SHOWN), *shown[-half:]]
     print_table(title, SHOWN, shown)
+
+
+def _hidden(rows: list[dict[str, Any]]) -> str:
+    """Return which maps hide a part of the rig; '' if all show nearly all of it."""
+    seen = {row['time_s']: row['seen'] for row in rows if row['seen'] < LEAST_SEEN}
+    if not seen:
+        return ''
+    time, share = min(seen.items(), key=lambda item: item[1])
+    return (
+        f'{len(seen)} of {len(rows)} maps hide more than {1.0 - LEAST_SEEN:.0%} of the rig (the one '
+        f'at {time:g} s {1.0 - share:.0%}): tracer in the hidden part is not counted, nor is it in '
+        'the deviations'
+    )
 
 
 def _maps(path: Path, rig: Path | None) -> tuple['Rig', 'ConcentrationMaps']:
