@@ -111,9 +111,9 @@ def _hidden(rows: list[dict[str, Any]]) -> str:
         return ''
     time, share = min(seen.items(), key=lambda item: item[1])
     return (
-        f'{len(seen)} of {len(rows)} maps hide more than {1.0 - LEAST_SEEN:.0%} of the rig (the one '
-        f'at {time:g} s {1.0 - share:.0%}): tracer in the hidden part is not counted, nor is it in '
-        'the deviations'
+        f'{len(seen)} of {len(rows)} maps hide more than {1.0 - LEAST_SEEN:.0%} of the rig '
+        f'(the one at {time:g} s {1.0 - share:.0%}): hidden tracer is neither counted nor in the '
+        'deviations'
     )
 
 
