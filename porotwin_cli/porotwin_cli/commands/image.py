@@ -68,6 +68,7 @@ def command(
     from porotwin_imaging.calibration import load_calibration, save_calibration
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
+    from porotwin_imaging.photo_names import named
     from porotwin_imaging.photo_to_map import concentration_map
     from porotwin_imaging.sand_refinement import refined
     from porotwin_recording.concentration import MapOrigin
@@ -89,7 +90,9 @@ def command(
             f'{experiment}: needs a baseline and at least one state photograph; '
             'give their roles in imaging.csv'
         )
-    memory = _tell_cost(baselines[0], rig, map_grid)
+    names = [str(experiment / photo.name) for photo in baselines]
+    with named(names[0]):
+        memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
     clean = [photo.read() for photo in baselines]
     if used:
@@ -100,6 +103,7 @@ def command(
             [(photo.time, photo.read) for photo in states],
             recording.measured or recording.commanded,
             source=experiment.name,
+            baseline_names=names,
         )
         used = better.calibration
         for line in better.lines:
@@ -113,6 +117,7 @@ def command(
         map_grid,
         clean,
         calibration=used,
+        names=names,
     )
     for remark in baseline.remarks:
         say(remark)
