@@ -25,6 +25,7 @@ from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.colour_correction import ColourReference, colour_reference
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.imaging_cost import map_cost, refuse_costly
+from porotwin_imaging.light_check import refuse_grey_baseline
 from porotwin_imaging.light_drift import light_drift
 from porotwin_imaging.linear_light import linear_light
 from porotwin_imaging.photo_file import (
@@ -137,8 +138,9 @@ def make_baseline(
         names: names of the files, which begin the messages about them; empty: numbers do.
 
     Raises:
-        InputError: there is no photograph, one cannot be used or differs from the first, the rig
-            has no camera, the grid is too coarse, or the maps cost too much.
+        InputError: there is no photograph, one cannot be used or differs from the first, the first
+            is grey although the calibration is coloured, the rig has no camera, the grid is too
+            coarse, or the maps cost too much.
     """
     if not photographs:
         raise InputError('no baseline photograph: give one taken before the injection')
@@ -164,6 +166,7 @@ def make_baseline(
     sampling = Sampling.of(geometry, grid, reduction)
     used_calibration = calibration or Calibration()
     with named(called[0]):
+        refuse_grey_baseline(first, used_calibration.signal)
         features = reference_features(
             first, _inside_rig(camera, first.shape, reduction), settings.alignment
         )
