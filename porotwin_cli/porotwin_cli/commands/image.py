@@ -166,6 +166,9 @@ def command(
     excess = _excess(output, rig, recording.measured or recording.commanded) if used else ''
     if excess:
         say(excess)
+    pale = _pale_well(output, rig, recording.measured or recording.commanded) if used else ''
+    if pale:
+        say(pale)
     if as_json:
         print_json(
             {
@@ -178,6 +181,7 @@ def command(
                 'maps': imaged,
                 'refused': refused,
                 'too_much_tracer': excess or None,
+                'pale_well': pale or None,
             }
         )
         return
@@ -254,6 +258,15 @@ def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
 
     maps = open_maps(output, rig)
     return excess_remark(maps[-1], float(maps.times[-1]), rig, rates) if rates else ''
+
+
+def _pale_well(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
+    """Return what is wrong if the maps in `output` show no tracer at a well that injects it."""
+    from porotwin_imaging.well_check import pale_well_remark
+    from porotwin_recording.concentration import open_maps
+
+    maps = open_maps(output, rig)
+    return pale_well_remark(maps, maps.times.tolist(), rig, rates) if rates else ''
 
 
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:

@@ -7,6 +7,7 @@ import pytest
 
 from porotwin_cli.commands import calibrate, image
 from porotwin_core.errors import InputError
+from porotwin_imaging.calibration import Calibration, save_calibration
 
 
 @pytest.fixture
@@ -43,3 +44,18 @@ def test_a_further_baseline_with_tracer_is_named(folder: Path) -> None:
         image.command(folder, folder.parent / 'maps.nc', '40x24')
     with pytest.raises(InputError, match=words):
         calibrate.command(folder)
+
+
+@pytest.mark.parametrize('with_tracer', [False, True])
+def test_tracer_in_the_only_baseline_is_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], with_tracer: bool
+) -> None:
+    calibration, table = tmp_path / 'calibration.yaml', folder / 'imaging.csv'
+    save_calibration(Calibration(), calibration)
+    if with_tracer:
+        head, _, *states = table.read_text().splitlines()
+        early = states[2].split(',')[1]
+        table.write_text('\n'.join([head, f'-60,{early},baseline', *states[3:]]) + '\n')
+    image.command(folder, tmp_path / 'maps.nc', '187x112', calibration)
+    told = 'of the tracer at well injector while it injects: the baseline shows tracer already'
+    assert (told in capsys.readouterr().err) is with_tracer
