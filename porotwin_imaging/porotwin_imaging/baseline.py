@@ -18,12 +18,14 @@ from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
 from porotwin_core.rig import Camera, Rig
 from porotwin_imaging.alignment import ReferenceFeatures, align, reference_features
+from porotwin_imaging.baseline_agreement import common_light, refuse_other_sand
 from porotwin_imaging.baseline_mask import BaselineMask, baseline_mask, texture
 from porotwin_imaging.baseline_subtraction import log_ratio
 from porotwin_imaging.calibration import Calibration
 from porotwin_imaging.colour_correction import ColourReference, colour_reference
 from porotwin_imaging.geometry import Geometry
 from porotwin_imaging.imaging_cost import map_cost, refuse_costly
+from porotwin_imaging.light_check import refuse_grey_baseline
 from porotwin_imaging.light_drift import light_drift
 from porotwin_imaging.linear_light import linear_light
 from porotwin_imaging.photo_file import (
@@ -33,6 +35,7 @@ from porotwin_imaging.photo_file import (
     orientation,
     photo_size,
 )
+from porotwin_imaging.photo_names import baseline_names, named
 from porotwin_imaging.sampling import Sampling, choose_reduction
 from porotwin_imaging.settings import DEFAULTS, ImagingSettings
 
@@ -121,6 +124,7 @@ def make_baseline(
     *,
     calibration: Calibration | None = None,
     settings: ImagingSettings = DEFAULTS,
+    names: Sequence[str] = (),
 ) -> Baseline:
     """Return the baseline of a rig.
 
@@ -131,10 +135,12 @@ def make_baseline(
             position of the camera and the light.
         calibration: conversion of signal to concentration; without one a default scale is used.
         settings: settings of all steps.
+        names: names of the files, which begin the messages about them; empty: numbers do.
 
     Raises:
-        InputError: there is no photograph, one cannot be used, the rig has no camera, the grid
-            is too coarse, or the maps cost too much.
+        InputError: there is no photograph, one cannot be used or differs from the first, the first
+            is grey although the calibration is coloured, the rig has no camera, the grid is too
+            coarse, or the maps cost too much.
     """
     if not photographs:
         raise InputError('no baseline photograph: give one taken before the injection')
@@ -146,31 +152,39 @@ def make_baseline(
     geometry = Geometry.of(rig)
     camera = rig.camera
     assert camera is not None  # Geometry.of has checked it
-    size = photo_size(photographs[0])
-    _refuse_corners_outside(camera, size)
+    called = baseline_names(names, len(photographs))
+    with named(called[0]):
+        size = photo_size(photographs[0])
+        _refuse_corners_outside(camera, size)
     refuse_costly(map_cost(rig, grid, size, settings), grid)
     reduction = choose_reduction(geometry, grid, size[0], settings.sampling)
-    pictures = [_decode(data, size, reduction, settings).pixels for data in photographs]
+    pictures = []
+    for name, data in zip(called, photographs, strict=True):
+        with named(name):
+            pictures.append(_decode(data, size, reduction, settings).pixels)
     first = pictures[0]
-    features = reference_features(
-        first, _inside_rig(camera, first.shape, reduction), settings.alignment
-    )
     sampling = Sampling.of(geometry, grid, reduction)
-    sampled = _sampled(pictures, sampling, features, settings)
-    mask = baseline_mask(
-        sampled[0],
-        width_m=grid.width,
-        checker=_checker_on_sampling(camera, geometry, sampling),
-        settings=settings.baseline_mask,
-    )
     used_calibration = calibration or Calibration()
-    usable = mask.usable & used_calibration.shown(mask.usable.shape)
-    share = sampling.cell_means(usable.astype(np.float32))
-    if not (share > settings.validity.least_visible_share).any():
-        raise InputError('baseline shows no sand: check light and corners_px')
-    over_exposed = _remarks_on_exposure(sampled[0], settings)
+    with named(called[0]):
+        refuse_grey_baseline(first, used_calibration.signal)
+        features = reference_features(
+            first, _inside_rig(camera, first.shape, reduction), settings.alignment
+        )
+        first_colours = linear_light(sampling.sample(first))
+        mask = baseline_mask(
+            first_colours,
+            width_m=grid.width,
+            checker=_checker_on_sampling(camera, geometry, sampling),
+            settings=settings.baseline_mask,
+        )
+        usable = mask.usable & used_calibration.shown(mask.usable.shape)
+        share = sampling.cell_means(usable.astype(np.float32))
+        if not (share > settings.validity.least_visible_share).any():
+            raise InputError('baseline shows no sand: check light and corners_px')
+        over_exposed = _remarks_on_exposure(first_colours, settings)
     chart, remarks = colour_reference(first, camera, reduction, settings.colour_checker)
-    colours, fluctuation = _average(sampled, sampling, usable, share, settings)
+    sampled = [first_colours, *_sampled(pictures[1:], called[1:], sampling, features, settings)]
+    colours, fluctuation = _average(sampled, called, sampling, usable, share, settings)
     return Baseline(
         grid=grid,
         photo_size=size,
@@ -240,21 +254,28 @@ def _checker_on_sampling(camera: Camera, geometry: Geometry, sampling: Sampling)
 
 
 def _sampled(
-    pictures: list[NDArray[np.uint8]],
+    pictures: Sequence[NDArray[np.uint8]],
+    names: Sequence[str],
     sampling: Sampling,
     features: ReferenceFeatures,
     settings: ImagingSettings,
 ) -> list[Array]:
-    """Return the linear colours of all pictures on the sampling grid, aligned to the first."""
-    sampled = [linear_light(sampling.sample(pictures[0]))]
-    for pixels in pictures[1:]:
-        alignment = align(pixels, features, settings.alignment)
+    """Return the linear colours of further pictures on the sampling grid, aligned to the first.
+
+    Raises:
+        InputError: one cannot be aligned; the message begins with its name.
+    """
+    sampled = []
+    for name, pixels in zip(names, pictures, strict=True):
+        with named(name):
+            alignment = align(pixels, features, settings.alignment)
         sampled.append(linear_light(sampling.sample(pixels, alignment.homography)))
     return sampled
 
 
 def _average(
-    sampled: list[Array],
+    sampled: Sequence[Array],
+    names: Sequence[str],
     sampling: Sampling,
     usable: NDArray[np.bool_],
     share: Array,
@@ -263,20 +284,23 @@ def _average(
     """Return the mean of sampled baselines in the light of the first, and their fluctuation.
 
     The fluctuation (nz, nx, 3) is the variance of the log ratio of a single photograph.
+
+    Raises:
+        InputError: one shows other sand than the first; the message begins with its name.
     """
     if len(sampled) == 1:
         return sampled[0], np.zeros((*sampling.grid.shape, 3), np.float32)
+    visible = share > settings.validity.least_visible_share
     means = [sampling.cell_means(one * usable[..., None]) for one in sampled]
-    drifts = [light_drift(log_ratio(m, means[0]), share, None, settings.light) for m in means]
-    ratios = np.array(
-        [
-            log_ratio(mean, means[0]) - drift.log_gain
-            for mean, drift in zip(means, drifts, strict=True)
-        ]
-    )
-    gains = [drift.log_gain.mean(axis=(0, 1)) for drift in drifts]
-    same_light = [one * np.exp(-gain) for one, gain in zip(sampled, gains, strict=True)]
-    return np.mean(same_light, axis=0).astype(np.float32), ratios.var(axis=0, ddof=1)
+    ratios, same_light = [np.zeros_like(means[0])], [sampled[0]]
+    for name, mean, one in zip(names[1:], means[1:], sampled[1:], strict=True):
+        ratio = log_ratio(mean, means[0])
+        drift = light_drift(ratio, share, common_light(ratio, visible), settings.light)
+        ratios.append(drift.removed_from(ratio))
+        with named(name):
+            refuse_other_sand(ratios[-1], visible, names[0])
+        same_light.append(one * np.exp(-drift.log_gain.mean(axis=(0, 1))))
+    return np.mean(same_light, axis=0).astype(np.float32), np.var(ratios, axis=0, ddof=1)
 
 
 def _remarks_on_exposure(colours: Array, settings: ImagingSettings) -> list[str]:

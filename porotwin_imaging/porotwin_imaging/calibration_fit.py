@@ -126,6 +126,7 @@ def fit_calibration(
     source: str = '',
     progress: Callable[[str], None] = lambda _: None,
     settings: ImagingSettings = DEFAULTS,
+    baseline_names: Sequence[str] = (),
 ) -> CalibrationFit:
     """Return the calibration of a camera and rig.
 
@@ -144,6 +145,7 @@ def fit_calibration(
         source: name of the experiment, for the file.
         progress: called with a line for each photograph.
         settings: settings of all steps.
+        baseline_names: names of the files of the baselines, for messages.
 
     Raises:
         CalibrationRefused: no photograph can be used, none shows tracer, or the level of stock
@@ -151,7 +153,7 @@ def fit_calibration(
         InputError: the rig has no camera, or the baseline cannot be used.
     """
     grid = calibration_grid(rig, settings.calibration)
-    baseline = make_baseline(rig, grid, baselines, settings=settings)
+    baseline = make_baseline(rig, grid, baselines, settings=settings, names=baseline_names)
     lines = list(baseline.remarks)
     compared, times = _compare_all(baseline, states, lines, progress)
     colours, texture = baseline.sand_appearance()

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from porotwin_core.errors import InputError
 from porotwin_imaging.light_drift import LightDrift
 from porotwin_imaging.settings import DEFAULTS, LightSettings
+from porotwin_imaging.tracer_signal import TracerSignal
 
 Array = NDArray[Any]
 Mask = NDArray[np.bool_]
@@ -29,6 +30,11 @@ _GREY = np.full((1, 3), 1 / 3, np.float32)
 """Mean of red, green and blue; OpenCV takes it six times faster than numpy."""
 _LEAST_COLOUR = 0.02
 """Mean difference of the channels, relative to the light, below which a photograph is grey."""
+_MOST_GREY_DIFFERENCE = 1
+"""Largest difference of the channels in a grey photograph [grey levels]. It is 0 in a grey JPEG,
+and more for white sand: noise of the sensor colours it."""
+_COLOUR_PERCENTILE = 99.5
+"""Percentile of the difference over the photograph: damaged pixels do not count."""
 
 
 def lit_as_baseline(
@@ -115,6 +121,29 @@ def refuse_grey(state: Array, baseline: Array) -> None:
     if _colour(state) < _LEAST_COLOUR < _colour(baseline) / 2:
         raise InputError(
             'photograph is grey, its baseline coloured; set the camera to colour again'
+        )
+
+
+def refuse_grey_baseline(pixels: NDArray[np.uint8], signal: TracerSignal) -> None:
+    """Refuse a baseline without colours if the calibration has seen coloured photographs.
+
+    The calibration tells tracer from shadow by its colour. In grey photographs all tracer would
+    count as shadow. A calibration made of grey photographs, or of a grey dye, knows no colour.
+
+    Args:
+        pixels: decoded baseline, blue-green-red, shape (rows, columns, 3).
+        signal: the signal of the calibration.
+
+    Raises:
+        InputError: the photograph is grey, the calibration coloured.
+    """
+    if signal.tracer_colour is None:
+        return
+    difference = pixels.max(axis=2) - pixels.min(axis=2)
+    if float(np.percentile(difference, _COLOUR_PERCENTILE)) <= _MOST_GREY_DIFFERENCE:
+        raise InputError(
+            'photographs are grey, but the calibration is of coloured ones: set the camera to '
+            'colour again, or calibrate with grey photographs'
         )
 
 

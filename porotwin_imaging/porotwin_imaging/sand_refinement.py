@@ -61,6 +61,7 @@ def refined(
     schedule: Schedule | None,
     settings: ImagingSettings = DEFAULTS,
     source: str = 'experiment',
+    baseline_names: Sequence[str] = (),
 ) -> RefinedCalibration:
     """Return the calibration with better factors for sands whose factor was a guess.
 
@@ -73,6 +74,7 @@ def refined(
             the injected fluid may be a dilution.
         settings: settings of all steps.
         source: name of the experiment, for the record of where a factor is from.
+        baseline_names: names of the files of the baselines, for messages.
 
     Raises:
         InputError: the baseline cannot be used.
@@ -82,7 +84,9 @@ def refined(
     if calibration.sands is None or not guessed.any() or not chosen:
         return RefinedCalibration(calibration)
     grid = calibration_grid(rig, settings.calibration)
-    baseline = make_baseline(rig, grid, baselines, calibration=calibration, settings=settings)
+    baseline = make_baseline(
+        rig, grid, baselines, calibration=calibration, settings=settings, names=baseline_names
+    )
     signals = [signal for _, read in chosen if (signal := _signal(read, baseline)) is not None]
     if not signals:
         return RefinedCalibration(calibration)

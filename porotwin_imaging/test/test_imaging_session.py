@@ -48,6 +48,17 @@ def test_baselines_before_the_first_state_are_averaged(
     assert session.baseline_photos == [empty_photograph, second]
 
 
+def test_a_further_baseline_with_tracer_is_refused_before_the_first_state(
+    session, laboratory, empty_photograph, true_map
+) -> None:
+    session.add_baseline(empty_photograph)
+    before = session.baseline
+    with pytest.raises(InputError, match='baseline 2: differs from baseline 1 on'):
+        session.add_baseline(laboratory.photograph(true_map, seed=4))
+    assert session.baseline is before
+    assert session.baseline_photos == [empty_photograph]
+
+
 def test_a_baseline_after_a_state_starts_a_new_experiment(
     session, laboratory, empty_photograph, no_tracer, true_map
 ) -> None:

@@ -1,5 +1,7 @@
 """Photographs in another light are corrected, left out in part, or refused; none erases a plume."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -92,3 +94,29 @@ def test_a_baseline_says_that_it_is_over_exposed(laboratory, no_tracer, make_jpe
     light[150:600, 300:700] = 1.0
     with pytest.raises(InputError, match=r'baseline is over-exposed on .* of the rig'):
         make_baseline(rig, rig.grid(90, 50), [make_jpeg(light)])
+
+
+def test_grey_photographs_need_a_calibration_of_grey_ones(
+    laboratory, calibration, empty_photograph, make_jpeg, no_tracer
+) -> None:
+    rig = laboratory.rig
+    grid = rig.grid(90, 50)
+    grey = _as_grey(empty_photograph)
+
+    def made(photograph: bytes, absorbance: tuple[float, float, float] | None) -> Baseline:
+        signal = dataclasses.replace(calibration.signal, absorbance=absorbance)
+        used = dataclasses.replace(calibration, signal=signal)
+        return make_baseline(rig, grid, [photograph], calibration=used)
+
+    with pytest.raises(InputError, match='photographs are grey, but the calibration is of colour'):
+        made(grey, (1.2, 0.45, 0.8))
+    for unknown_or_grey in (None, (0.8, 0.8, 0.79)):
+        made(grey, unknown_or_grey)
+    white = laboratory.scene(no_tracer).mean(axis=2, keepdims=True) * np.ones(3)
+    for coloured in (empty_photograph, make_jpeg(white)):  # noise colours white sand
+        made(coloured, (1.2, 0.45, 0.8))
+
+
+def _as_grey(photograph: bytes) -> bytes:
+    pixels = cv2.imdecode(np.frombuffer(photograph, np.uint8), cv2.IMREAD_GRAYSCALE)
+    return cv2.imencode('.jpg', pixels)[1].tobytes()

@@ -74,6 +74,9 @@ def command(
             plumes=partial(plume_model, rig, schedule) if schedule else None,
             source=folder.name,
             progress=say,
+            baseline_names=[
+                str(folder / photo.name) for photo in recording.photos if photo.role == 'baseline'
+            ],
         )
         if fit.trust.objections:  # a photograph that was left out may be why
             for line in fit.lines:

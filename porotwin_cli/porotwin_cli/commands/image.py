@@ -69,6 +69,7 @@ def command(
     from porotwin_imaging.calibration import load_calibration, save_calibration
     from porotwin_imaging.file_hash import sha256_of_file
     from porotwin_imaging.photo_file import MOST_PIXELS
+    from porotwin_imaging.photo_names import named
     from porotwin_imaging.photo_to_map import concentration_map
     from porotwin_imaging.sand_refinement import refined
     from porotwin_recording.concentration import MapOrigin
@@ -91,7 +92,9 @@ def command(
             'give their roles in imaging.csv'
         )
     rates = recording.delivered if recording.measured or recording.commanded else None
-    memory = _tell_cost(baselines[0], rig, map_grid)
+    names = [str(experiment / photo.name) for photo in baselines]
+    with named(names[0]):
+        memory = _tell_cost(baselines[0], rig, map_grid)
     used = load_calibration(calibration) if calibration else None
     clean = [photo.read() for photo in baselines]
     if used:
@@ -102,6 +105,7 @@ def command(
             [(photo.time, photo.read) for photo in states],
             rates,
             source=experiment.name,
+            baseline_names=names,
         )
         used = better.calibration
         for line in better.lines:
@@ -115,6 +119,7 @@ def command(
         map_grid,
         clean,
         calibration=used,
+        names=names,
     )
     for remark in baseline.remarks:
         say(remark)
@@ -165,6 +170,9 @@ def command(
     excess = _excess(output, rig, rates) if used else ''
     if excess:
         say(excess)
+    pale = _pale_well(output, rig, rates) if used else ''
+    if pale:
+        say(pale)
     if as_json:
         print_json(
             {
@@ -177,6 +185,7 @@ def command(
                 'maps': imaged,
                 'refused': refused,
                 'too_much_tracer': excess or None,
+                'pale_well': pale or None,
             }
         )
         return
@@ -258,6 +267,15 @@ def _excess(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
         excess_remark(maps[index], float(time), rig, rates) for index, time in enumerate(maps.times)
     )
     return next(filter(None, remarks), '')
+
+
+def _pale_well(output: Path, rig: 'Rig', rates: 'Schedule | None') -> str:
+    """Return what is wrong if the maps in `output` show no tracer at a well that injects it."""
+    from porotwin_imaging.well_check import pale_well_remark
+    from porotwin_recording.concentration import open_maps
+
+    maps = open_maps(output, rig)
+    return pale_well_remark(maps, maps.times.tolist(), rig, rates) if rates else ''
 
 
 def _tell_cost(photo: 'Photo', rig: 'Rig', grid: 'Grid') -> float:

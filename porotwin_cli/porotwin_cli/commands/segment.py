@@ -89,13 +89,15 @@ def command(
     rig = recording.rig
     map_grid = grid_of(grid, rig, MOST_PIXELS)
     states = [photo for photo in recording.photos if photo.role == 'state']
-    first = [read_photo(photo) for photo in recording.photos if photo.role == 'baseline']
+    baselines = [photo for photo in recording.photos if photo.role == 'baseline']
+    first = [read_photo(photo) for photo in baselines]
     if not first or not states:
         raise InputError(
             f'{experiment}: needs a baseline, with the indicator but without CO2, and at least one '
             'state photograph; give their roles in imaging.csv'
         )
-    baseline = make_baseline(rig, map_grid, first)
+    names = [str(experiment / photo.name) for photo in baselines]
+    baseline = make_baseline(rig, map_grid, first, names=names)
     for remark in baseline.remarks:
         say(remark)
     study = PhaseStudy.of({photo.time: photo.read for photo in states}, baseline, boxes)
