@@ -134,7 +134,7 @@ def make_baseline(
 
     Raises:
         InputError: there is no photograph, one cannot be used, the rig has no camera, the grid
-            is too coarse, or the maps cost too much.
+            is too coarse, the maps cost too much, or the calibration is of another rig.
     """
     if not photographs:
         raise InputError('no baseline photograph: give one taken before the injection')
@@ -143,6 +143,8 @@ def make_baseline(
             f'grid {grid} is too coarse for photographs: it needs {_FEWEST_CELLS} columns and rows '
             f'or more; {rig.default_grid()} has cells of 5 mm'
         )
+    used_calibration = calibration or Calibration()
+    used_calibration.check_rig(rig)
     geometry = Geometry.of(rig)
     camera = rig.camera
     assert camera is not None  # Geometry.of has checked it
@@ -163,7 +165,6 @@ def make_baseline(
         checker=_checker_on_sampling(camera, geometry, sampling),
         settings=settings.baseline_mask,
     )
-    used_calibration = calibration or Calibration()
     usable = mask.usable & used_calibration.shown(mask.usable.shape)
     share = sampling.cell_means(usable.astype(np.float32))
     if not (share > settings.validity.least_visible_share).any():

@@ -240,7 +240,7 @@ def fit_calibration(
         curve,
         np.ascontiguousarray(labels[::-1]) if len(factors.values) > 1 else None,
         factors.values,
-        made=_origin(source, evidence),
+        made=_origin(source, rig, evidence),
         scale_error=scale_error,
         factor_deviations=factors.deviations,
         blur_px=fronts.blur_px if fronts else None,
@@ -499,11 +499,12 @@ def _worst_dilution(
     return f'{value:g} at {times} is read as {seen[worst]:.2f}'
 
 
-def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:
+def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, Any]:
     """Return the entry `made` of the calibration file."""
     made: dict[str, Any] = {
         'by': 'porotwin calibrate',
         'from': source,
+        'rig': {'name': rig.name, 'width_m': rig.width_m, 'height_m': rig.height_m},
         'photographs': len(evidence.photographs),
         'disagreeing': [one.time for one in evidence.disagreeing],
         'anchor': evidence.anchor,
