@@ -53,7 +53,7 @@ def check_early(
         make_objective(rig, grid)
     architecture_called(architecture)
     if calibration is not None:
-        load_calibration(calibration)
+        load_calibration(calibration).check_rig(rig)
     if model is not None:
         learned = CorrectiveModel.load(model).for_physics(rig, grid, preset)
         if learned.doubt:

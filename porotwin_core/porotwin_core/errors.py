@@ -59,12 +59,15 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Check that the file or new folder `path` may be written.
+    """Check that the file or new folder `path` may be written, with the folders it needs.
 
     Raises:
-        InputError: its folder, or the file itself, may not be written.
+        InputError: its nearest existing folder, or the file itself, may not be written.
     """
-    for place in (path.parent, path):
+    above = next(place for place in path.absolute().parents if place.exists())
+    if not above.is_dir():
+        raise write_error(path, NotADirectoryError(errno.ENOTDIR, ''))
+    for place in (above, path):
         if place.exists() and not os.access(place, os.W_OK):
             raise write_error(path, PermissionError(errno.EACCES, ''))
 

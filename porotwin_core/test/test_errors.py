@@ -1,6 +1,7 @@
 """Tests of the errors about files that cannot be written."""
 
 import errno
+import os
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -36,6 +37,21 @@ def test_a_writable_place_passes(tmp_path: Path) -> None:
     check_writable(tmp_path / 'maps.nc')
     (tmp_path / 'maps.nc').touch()
     check_writable(tmp_path / 'maps.nc')
+
+
+def test_a_place_below_a_file_is_refused(tmp_path: Path) -> None:
+    check_writable(tmp_path / 'new' / 'newer' / 'maps.nc')
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError, match=r'maps\.nc: cannot be written \(Not a directory\)'):
+        check_writable(tmp_path / 'file' / 'new' / 'maps.nc')
+
+
+def test_the_nearest_existing_folder_must_be_writable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, 'access', lambda place, _: Path(place) != tmp_path)
+    with pytest.raises(InputError, match='cannot be written'):
+        check_writable(tmp_path / 'new' / 'newer')
 
 
 def test_a_fault_while_writing_names_the_output(tmp_path: Path) -> None:

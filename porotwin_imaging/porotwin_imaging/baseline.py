@@ -140,7 +140,7 @@ def make_baseline(
     Raises:
         InputError: there is no photograph, one cannot be used or differs from the first, the first
             is grey although the calibration is coloured, the rig has no camera, the grid is too
-            coarse, or the maps cost too much.
+            coarse, the maps cost too much, or the calibration is of another rig.
     """
     if not photographs:
         raise InputError('no baseline photograph: give one taken before the injection')
@@ -149,6 +149,8 @@ def make_baseline(
             f'grid {grid} is too coarse for photographs: it needs {_FEWEST_CELLS} columns and rows '
             f'or more; {rig.default_grid()} has cells of 5 mm'
         )
+    used_calibration = calibration or Calibration()
+    used_calibration.check_rig(rig)
     geometry = Geometry.of(rig)
     camera = rig.camera
     assert camera is not None  # Geometry.of has checked it
@@ -164,7 +166,6 @@ def make_baseline(
             pictures.append(_decode(data, size, reduction, settings).pixels)
     first = pictures[0]
     sampling = Sampling.of(geometry, grid, reduction)
-    used_calibration = calibration or Calibration()
     with named(called[0]):
         refuse_grey_baseline(first, used_calibration.signal)
         features = reference_features(

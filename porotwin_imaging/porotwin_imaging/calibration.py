@@ -9,15 +9,15 @@
     hidden: {file: hidden.png}
     blur_px: 1.3
 
-`made` describes the origin of the calibration. `scale_error` is the relative standard deviation of
-the scale. `response` is a monotone, piecewise linear curve; `deviation` is the standard deviation
-of its concentrations for a known scale. `sands` names a picture of the whole rig with one grey
-level per sand (0, 1, 2, ...), row 0 at the top; the signal of each sand is multiplied by its factor
-before the response. `deviations` are the relative standard deviations of the factors. `hidden`
-names a picture that is white where photographs do not show sand. Both pictures can be corrected by
-hand with any paint program. `blur_px` is the standard deviation of the blur of tracer in a
-photograph, in pixels of the file; without it the default of `settings.py` holds. Files of schema 1
-have no deviations; they are read with zeros there.
+`made` describes the origin of the calibration, with the name and size of its rig. `scale_error` is
+the relative standard deviation of the scale. `response` is a monotone, piecewise linear curve;
+`deviation` is the standard deviation of its concentrations for a known scale. `sands` names a
+picture of the whole rig with one grey level per sand (0, 1, 2, ...), row 0 at the top; the signal
+of each sand is multiplied by its factor before the response. `deviations` are the relative standard
+deviations of the factors. `hidden` names a picture that is white where photographs do not show
+sand. Both pictures can be corrected by hand with any paint program. `blur_px` is the standard
+deviation of the blur of tracer in a photograph, in pixels of the file; without it the default of
+`settings.py` holds. Files of schema 1 have no deviations; they are read with zeros there.
 """
 
 from dataclasses import dataclass, field
@@ -31,6 +31,8 @@ from numpy.typing import NDArray
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_core.rig import Rig
+from porotwin_imaging.calibration_keys import read_content
 from porotwin_imaging.tracer_signal import Contrast, TracerSignal
 
 Array = NDArray[Any]
@@ -38,8 +40,6 @@ Labels = NDArray[np.uint8]
 
 SCHEMA = 2
 """Version of the file format that is written."""
-_READ_SCHEMAS = (1, 2)
-"""Versions that are read. Version 1 has no deviations of the response and of the factors."""
 DEFAULT_FULL_SIGNAL = 0.8
 """Signal of tracer stock without a calibration: the share of red light that the green tracer of the
 large FluidFlower absorbs, 0.87 in coarse sand and 0.71 in fine sand."""
@@ -60,6 +60,9 @@ _MOST_BLUR_PX = 20.0
 """Largest blur of a file [px]; a camera out of focus has 5."""
 _SHOWN = 40
 """Characters of a wrong value that a message repeats."""
+_SAME_SIZE = 0.01
+"""Relative difference of width or height up to which a rig is that of the calibration [-]: a rig
+is measured to some millimetres, and another rig differs by much more."""
 _HIDDEN_LEVEL = 128
 """Lighter grey levels of the picture `hidden` are white."""
 
@@ -124,7 +127,7 @@ class Calibration:
         sands: index of the sand, uint8, shape (rows, columns), row 0 at the top; None for one sand.
         factors: factor on the signal of each sand.
         hidden: picture that is white where no sand is visible, same orientation, or None.
-        made: origin of the calibration, for the reader of the file.
+        made: origin of the calibration, for the reader of the file; `rig` is checked.
         scale_error: relative standard deviation of the scale [-].
         factor_deviations: relative standard deviation of each factor [-]; () if they are not known.
         blur_px: standard deviation of the blur of tracer in a photograph [px of the file]; None if
@@ -140,6 +143,24 @@ class Calibration:
     scale_error: float = UNCALIBRATED_ERROR
     factor_deviations: tuple[float, ...] = ()
     blur_px: float | None = None
+
+    def check_rig(self, rig: Rig) -> None:
+        """Check that the calibration was made on a rig of the size of `rig`, if it tells its rig.
+
+        Raises:
+            InputError: it was made on a rig of another width or height.
+        """
+        made_on = self.made.get('rig')
+        if made_on is None:
+            return
+        ratios = rig.width_m / made_on['width_m'], rig.height_m / made_on['height_m']
+        if all(abs(ratio - 1.0) <= _SAME_SIZE for ratio in ratios):
+            return
+        raise InputError(
+            f"calibration was made on the rig '{made_on['name']}' of {made_on['width_m']:g} m x "
+            f"{made_on['height_m']:g} m, but the rig '{rig.name}' has {rig.width_m:g} m x "
+            f'{rig.height_m:g} m; use a calibration of this rig, or correct its size in rig.yaml'
+        )
 
     def factor_map(self, grid: Grid) -> Array:
         """Return the factor of each cell, shape (nz, nx): the mean over the sands in it."""
@@ -189,38 +210,24 @@ def load_calibration(path: Path | str) -> Calibration:
         InputError: the file is missing or wrong; one line names the file, the key and the remedy.
     """
     path = Path(path)
+    data = read_content(path)
     try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        raise InputError(f'{path}: no such file; make one with: porotwin calibrate') from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path}: not readable as YAML: {" ".join(str(error).split())}') from None
-    if not isinstance(data, dict):
-        found = 'is empty' if data is None else 'holds no keys'
-        raise InputError(f'{path}: {found}; make a calibration with: porotwin calibrate')
-    try:
-        _check_schema(data)
-        sands = data.get('sands') or {}
+        sands, hidden = data.get('sands', {}), data.get('hidden', {})
+        blur = data.get('blur_px')
         calibration = Calibration(
             _signal(data['signal']),
             _response(data['response']),
-            _picture(path, sands.get('file')),
+            _picture(path, 'sands.file', sands.get('file')),
             _numbers('sands.factors', sands.get('factors', [1.0]), *FACTOR_RANGE),
-            _picture(path, (data.get('hidden') or {}).get('file')),
-            data.get('made') or {},
+            _picture(path, 'hidden.file', hidden.get('file')),
+            data.get('made', {}),
             _number('scale_error', data['scale_error'], 0.0, _MOST_DEVIATION),
             _numbers('sands.deviations', sands.get('deviations', ()), 0.0, _MOST_DEVIATION),
-            None
-            if data.get('blur_px') is None
-            else _number('blur_px', data['blur_px'], 0.0, _MOST_BLUR_PX),
+            None if blur is None else _number('blur_px', blur, 0.0, _MOST_BLUR_PX),
         )
         _check_sands(calibration)
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f'{path}: not a calibration ({type(error).__name__}: {error}); calibrate again'
-        ) from None
     return calibration
 
 
@@ -258,13 +265,6 @@ def save_calibration(calibration: Calibration, path: Path | str) -> None:
         data['blur_px'] = round(calibration.blur_px, 3)
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
     path.write_text(text, encoding='utf-8')
-
-
-def _check_schema(data: dict[str, Any]) -> None:
-    """Raise InputError for a version of the file that is not read."""
-    if type(data['schema']) is not int or data['schema'] not in _READ_SCHEMAS:
-        versions = ' or '.join(map(str, _READ_SCHEMAS))
-        raise InputError(f'schema: {data["schema"]!r} is not {versions}; calibrate again')
 
 
 def _check_sands(calibration: Calibration) -> None:
@@ -343,11 +343,24 @@ def _weights(key: str, values: Any) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _picture(path: Path, name: str | None) -> Labels | None:
-    """Return the grey picture `name` in the folder of `path`, None without a name."""
+def _picture(path: Path, key: str, name: Any) -> Labels | None:
+    """Return the grey picture `name` in the folder of `path`, None without a name.
+
+    Raises:
+        InputError: the value of `key` is no name of a file, or there is no such picture.
+    """
     if name is None:
         return None
-    picture = cv2.imread(str(path.with_name(name)), cv2.IMREAD_GRAYSCALE)
+    if not isinstance(name, str) or not name or Path(name).name != name:
+        raise InputError(
+            f'{key}: {name!r} is no name of a picture beside this file; name one, such as '
+            f'{key.partition(".")[0]}.png'
+        )
+    file = path.with_name(name)
+    picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) if file.is_file() else None
     if picture is None:
-        raise InputError(f"picture '{name}' is not beside it or cannot be read")
+        fault = 'cannot be read' if file.is_file() else 'is not beside it'
+        raise InputError(
+            f"{key}: picture '{name}' {fault}; put a copy of the picture there, or calibrate again"
+        )
     return np.asarray(picture, np.uint8)

@@ -14,6 +14,8 @@ FactorSource = Literal['core', 'same sand', 'interface', 'prior']
 """Where the factor of a sand comes from: its core, a core in the same sand at another place, the
 signal across its interfaces, or the appearance of its grains."""
 
+RATES_FILE = 'rates.csv'
+"""File with the commanded rates, which messages name unless other rates were used."""
 SURE_END = 0.03
 """Standard deviation of the bend by fronts [-] below which a bend at the end of the tried range is
 sure. Fronts that fit the model have 0.015 to 0.03; with 0.04 and more they fit several bends."""
@@ -93,6 +95,7 @@ class CalibrationEvidence:
         fronts: the fronts beside those of a model; None if they were not compared.
         dilution_misfit: largest difference between known and imaged dilutions [-]; NaN without.
         worst_dilution: the dilution with that difference, its photographs and what is read from it.
+        rates_file: name of the file with the injected rates, for messages.
     """
 
     anchor: Anchor
@@ -110,6 +113,7 @@ class CalibrationEvidence:
     dilution_misfit: float
     fronts: FrontFit | None = None
     worst_dilution: str = ''
+    rates_file: str = RATES_FILE
 
     @property
     def bend_by_fronts(self) -> float:

@@ -13,7 +13,8 @@ Without a core the mass gives the level of stock; without a pump log too, the st
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +30,7 @@ from porotwin_imaging import sands
 from porotwin_imaging.baseline import Baseline, make_baseline
 from porotwin_imaging.calibration import Calibration, Labels
 from porotwin_imaging.calibration_evidence import (
+    RATES_FILE,
     Anchor,
     CalibrationEvidence,
     PhotographEvidence,
@@ -124,6 +126,7 @@ def fit_calibration(
     contrast: Contrast | None = None,
     plumes: Callable[[Sequence[float], int], PlumeModel] | None = None,
     source: str = '',
+    rates_file: str = RATES_FILE,
     progress: Callable[[str], None] = lambda _: None,
     settings: ImagingSettings = DEFAULTS,
     baseline_names: Sequence[str] = (),
@@ -143,13 +146,14 @@ def fit_calibration(
         plumes: returns the modelled injection at times [s] with at most a number of cells; None:
             fronts are not compared.
         source: name of the experiment, for the file.
+        rates_file: name of the file with the injected rates, for messages.
         progress: called with a line for each photograph.
         settings: settings of all steps.
         baseline_names: names of the files of the baselines, for messages.
 
     Raises:
         CalibrationRefused: no photograph can be used, none shows tracer, or the level of stock
-            cannot be found.
+            cannot be found. It holds the remarks about the photographs until then.
         InputError: the rig has no camera, or the baseline cannot be used.
     """
     grid = calibration_grid(rig, settings.calibration)
@@ -161,16 +165,17 @@ def fit_calibration(
     parts = described_parts(looks, described_kinds(rig, grid, settings.sands), settings.sands)
     labels = parts.labels
     lights = sands.sand_lights(colours, labels, compared[0].visible)
-    choice = choose_signal(
-        [one.log_ratio for one in compared],
-        [one.visible for one in compared],
-        labels,
-        contrast,
-        settings.calibration,
-    )
+    with _refusal_with(lines):
+        choice = choose_signal(
+            [one.log_ratio for one in compared],
+            [one.visible for one in compared],
+            labels,
+            contrast,
+            settings.calibration,
+        )
     lines.append(choice.line)
     raw = [_signal(choice.signal, one) for one in compared]
-    injected = _injected(schedule, times)
+    injected = _injected(schedule, times, rates_file)
     concentrations = _core_concentrations(schedule, times)
     stock = stock_levels(raw, labels, concentrations, settings.core)
     factors = sands.fit_factors(
@@ -185,9 +190,17 @@ def fit_calibration(
         for one in dilutions
     ]
     seen = diluted_signals(diluted, labels, factor_map, settings.core)
-    anchor, level, scale_error = _level_of_stock(
-        stock, factors, seen, signals, _integrals(tracer, volume), injected, settings
-    )
+    with _refusal_with(lines):
+        anchor, level, scale_error = _level_of_stock(
+            stock,
+            factors,
+            seen,
+            signals,
+            _integrals(tracer, volume),
+            injected,
+            settings,
+            rates_file,
+        )
     known = [Dilution(signal / level, concentration) for concentration, signal in seen]
     agreeing = _agreeing(_integrals(tracer, volume), injected, settings)
     relative = [tracer[number] / level for number in agreeing] if anchor != 'mass' else []
@@ -233,6 +246,7 @@ def fit_calibration(
         fronts=fronts,
         dilution_misfit=_dilution_misfit(known, response),
         worst_dilution=_worst_dilution(known, response, dilutions),
+        rates_file=rates_file,
     )
     plume = plume_evidence(signals, times, rig=rig, grid=grid, schedule=schedule)
     trust = judged(evidence, plume, sand_edges(baseline.mask.unlit), settings.trust)
@@ -242,7 +256,7 @@ def fit_calibration(
         curve,
         np.ascontiguousarray(labels[::-1]) if len(factors.values) > 1 else None,
         factors.values,
-        made=_origin(source, evidence),
+        made=_origin(source, rig, evidence),
         scale_error=scale_error,
         factor_deviations=factors.deviations,
         blur_px=fronts.blur_px if fronts else None,
@@ -288,7 +302,7 @@ def _integrals(planes: Sequence[Array], volume: Array) -> list[float]:
     return [float((plane * volume).sum()) for plane in planes]
 
 
-def _injected(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
+def _injected(schedule: Schedule | None, times: Sequence[float], rates_file: str) -> list[float]:
     """Return the volume of stock injected before each photograph [m^3]; empty without a log.
 
     Raises:
@@ -301,7 +315,7 @@ def _injected(schedule: Schedule | None, times: Sequence[float]) -> list[float]:
     if max(volumes) <= 0:
         raise InputError(
             f'calibration: the pump log injects no tracer until the last photograph ({times[-1]:g} '
-            's); check rates.csv and the times in imaging.csv'
+            f's); check {rates_file} and the times in imaging.csv'
         )
     return volumes
 
@@ -325,6 +339,7 @@ def _level_of_stock(
     integrals: Sequence[float],
     injected: Sequence[float],
     settings: ImagingSettings,
+    rates_file: str,
 ) -> tuple[Anchor, float, float]:
     """Return the anchor, the signal of stock in the reference sand, and its relative deviation.
 
@@ -342,14 +357,17 @@ def _level_of_stock(
         concentration, signal = max(diluted)
         return 'dilutions', signal / concentration, settings.calibration.scale_error
     if injected:
-        return 'mass', *_level_by_mass(integrals, injected, settings)
+        return 'mass', *_level_by_mass(integrals, injected, settings, rates_file)
     strong = np.concatenate([s[s > _TOP_SHARE * np.nanmax(s)] for s in signals])
     top = float(np.nanpercentile(strong, settings.calibration.stock_percentile))
     return 'strongest signal', top, settings.calibration.scale_error_without_log
 
 
 def _level_by_mass(
-    integrals: Sequence[float], injected: Sequence[float], settings: ImagingSettings
+    integrals: Sequence[float],
+    injected: Sequence[float],
+    settings: ImagingSettings,
+    rates_file: str,
 ) -> tuple[float, float]:
     """Return the signal of stock that balances the injected mass, and its relative deviation.
 
@@ -364,8 +382,8 @@ def _level_by_mass(
     line = fit_line(integrals, injected, settings.mass_balance)
     if line.factor <= 0 or line.agree.sum() < fewest:
         raise CalibrationRefused(
-            'calibration: the signal does not grow with the injected volume; check rates.csv, the '
-            'times of the photographs and the baseline'
+            'calibration: the signal does not grow with the injected volume; check '
+            f'{rates_file}, the times of the photographs and the baseline'
         )
     return line.factor, max(settings.calibration.scale_error, line.misfit / line.factor)
 
@@ -501,11 +519,12 @@ def _worst_dilution(
     return f'{value:g} at {times} is read as {seen[worst]:.2f}'
 
 
-def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:
+def _origin(source: str, rig: Rig, evidence: CalibrationEvidence) -> dict[str, Any]:
     """Return the entry `made` of the calibration file."""
     made: dict[str, Any] = {
         'by': 'porotwin calibrate',
         'from': source,
+        'rig': {'name': rig.name, 'width_m': rig.width_m, 'height_m': rig.height_m},
         'photographs': len(evidence.photographs),
         'disagreeing': [one.time for one in evidence.disagreeing],
         'anchor': evidence.anchor,
@@ -522,6 +541,15 @@ def _origin(source: str, evidence: CalibrationEvidence) -> dict[str, Any]:
     return made
 
 
+@contextmanager
+def _refusal_with(lines: Sequence[str]) -> Iterator[None]:
+    """Give a refusal in the block the remarks `lines`; they may tell its reason."""
+    try:
+        yield
+    except CalibrationRefused as refusal:
+        raise CalibrationRefused(str(refusal), lines) from None
+
+
 def _compare_all(
     baseline: Baseline,
     states: Iterable[tuple[float, bytes]],
@@ -531,19 +559,29 @@ def _compare_all(
     """Return the usable photographs relative to the baseline, in the order of time, and times.
 
     Remarks are appended to `lines`.
+
+    Raises:
+        CalibrationRefused: none is usable.
     """
     compared = []
+    left_out = []
     for time, data in states:
         progress(f'photograph at {time:g} s')
         try:
             found = compare_with_baseline(data, baseline)
         except InputError as error:
+            left_out.append(f'at {time:g} s: {error}')
             lines.append(f'photograph at {time:g} s left out: {error}')
             continue
         lines += [f'photograph at {time:g} s: {remark}' for remark in found.remarks]
         compared.append((time, found))
     if not compared:
-        raise CalibrationRefused('calibration: no photograph of the injection can be used')
+        first = f' (the first one, {left_out[0]})' if left_out else ''
+        raise CalibrationRefused(
+            f'calibration: none of {len(left_out)} photographs of the injection can be used{first}'
+            '; copy them from the camera again, or photograph the injection again',
+            lines,
+        )
     compared.sort(key=lambda one: one[0])
     return [found for _, found in compared], [time for time, _ in compared]
 

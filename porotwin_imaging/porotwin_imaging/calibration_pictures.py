@@ -1,5 +1,6 @@
 """The calibration file, and pictures of each step for a person who checks the calibration."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from porotwin_imaging.baseline import Baseline
 from porotwin_imaging.calibration import save_calibration
 from porotwin_imaging.calibration_evidence import Anchor
 from porotwin_imaging.calibration_fit import CalibrationFit
+from porotwin_imaging.calibration_keys import FILE_NAME
 from porotwin_imaging.calibration_trust import CalibrationRefused
 from porotwin_imaging.colour_checker import REFERENCE
 from porotwin_imaging.sands import FactorSource
@@ -23,23 +25,53 @@ Array = NDArray[Any]
 
 REFUSED = 'refused.txt'
 """File with the reasons beside the pictures of a refused calibration."""
+_REASONS_SEEN = '6_mass.png'
+"""Picture that shows the reasons of most refusals."""
 
 
 def write_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
     """Write calibration.yaml and a picture of every step into `folder`; return the pictures.
 
+    The files are made in a hidden folder beside it, so that an interruption leaves no part of a
+    calibration. They replace those of an earlier refusal.
+
     Raises:
         CalibrationRefused: the calibration cannot be trusted. The pictures are written and show
             why; `REFUSED` holds the line, and there is no calibration.yaml.
+        InputError: the folder may not be written.
+        OSError: the disk is full or fails.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    pictures = draw_fit(fit, folder)
+    unfinished = folder.with_name(f'.{folder.name}.unfinished')
+    with writing(folder):
+        shutil.rmtree(unfinished, ignore_errors=True)  # of a call that was killed
+        unfinished.mkdir(parents=True)
+        try:
+            pictures = draw_fit(fit, unfinished)
+            if fit.trust.objections:
+                reasons = fit.trust.refusal + '\n'
+                (unfinished / REFUSED).write_text(reasons, encoding='utf-8')
+            else:
+                save_calibration(fit.calibration, unfinished / FILE_NAME)
+            _put(unfinished, folder)
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
     if fit.trust.objections:
-        (folder / REFUSED).write_text(fit.trust.refusal + '\n', encoding='utf-8')
-        raise CalibrationRefused(fit.trust.refusal)
-    (folder / REFUSED).unlink(missing_ok=True)
-    save_calibration(fit.calibration, folder / 'calibration.yaml')
-    return pictures
+        raise CalibrationRefused(fit.trust.refusal, fit.lines, folder / _REASONS_SEEN)
+    return [folder / picture.name for picture in pictures]
+
+
+def _put(made: Path, folder: Path) -> None:
+    """Rename the folder `made` to `folder`; if this exists, move the files into it.
+
+    `REFUSED` goes last: a folder that holds it may be written by the next call.
+    """
+    if not folder.exists():
+        made.rename(folder)
+        return
+    refused = (made / REFUSED).exists()
+    for file in made.iterdir():
+        file.replace(folder / file.name)
+    (folder / (FILE_NAME if refused else REFUSED)).unlink(missing_ok=True)
 
 
 def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
@@ -59,8 +91,7 @@ def draw_fit(fit: CalibrationFit, folder: Path) -> list[Path]:
         figure = Figure(figsize=(9, 5.5), dpi=110, layout='constrained')
         draw(figure.subplots())
         paths.append(folder / name)
-        with writing(paths[-1]):
-            figure.savefig(paths[-1])
+        figure.savefig(paths[-1])
     return paths
 
 

@@ -8,6 +8,7 @@ every photograph. It is refused, with the likely reasons and with the photograph
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from porotwin_core.errors import InputError
 from porotwin_core.units import ML
@@ -25,7 +26,20 @@ _NAMED_PHOTOGRAPHS = 3
 
 
 class CalibrationRefused(InputError):  # noqa: N818  a state of the work
-    """The photographs do not make a calibration that can be trusted; the message is one line."""
+    """The photographs do not make a calibration that can be trusted; the message is one line.
+
+    Attributes:
+        lines: remarks about the photographs until the refusal, for the operator.
+        picture: the picture that shows why; None if the refusal came before the pictures.
+    """
+
+    def __init__(
+        self, message: str, lines: Sequence[str] = (), picture: Path | None = None
+    ) -> None:
+        """Keep the one-line `message` and the evidence."""
+        super().__init__(message)
+        self.lines = tuple(lines)
+        self.picture = picture
 
 
 @dataclass(frozen=True)
@@ -85,7 +99,7 @@ def judged(
     return Trust(
         (
             *_absence(evidence, plume),
-            *_place(plume, settings),
+            *_place(evidence, plume, settings),
             *_amount(evidence, plume, settings),
             *_baseline(evidence, plume, settings),
             *_followers(evidence, settings),
@@ -108,7 +122,9 @@ def _absence(evidence: CalibrationEvidence, plume: PlumeEvidence) -> Iterator[Ob
         )
 
 
-def _place(plume: PlumeEvidence, settings: TrustSettings) -> Iterator[Objection]:
+def _place(
+    evidence: CalibrationEvidence, plume: PlumeEvidence, settings: TrustSettings
+) -> Iterator[Objection]:
     """Yield an objection if the plume lies away from every well that injects tracer."""
     if plume.apart > settings.most_apart:
         yield Objection(
@@ -116,7 +132,7 @@ def _place(plume: PlumeEvidence, settings: TrustSettings) -> Iterator[Objection]
             f'{" and ".join(plume.told_wells)}, which injects in the pump log'
             f'{_elsewhere(plume)}',
             'photographs that are turned or mirrored, camera.corners_px in another order, the well '
-            'in rates.csv, or the wells in rig.yaml',
+            f'in {evidence.rates_file}, or the wells in rig.yaml',
             'correct these until the plume begins at its well, and calibrate again',
         )
 
@@ -138,10 +154,11 @@ def _amount(
     yield Objection(
         f'the pump log injected {ratio:.2f} times {"more" if more else "less"} tracer than the '
         f'plume holds ({volumes})',
-        f'{small}rates, unit or times in rates.csv, stamps of the photographs, '
+        f'{small}rates, unit or times in {evidence.rates_file}, stamps of the photographs, '
         f'{"a leaking well" if more else "another well that injects"}, porosity or depth in '
         f'rig.yaml{wells}',
-        'weigh the stock before and after, correct rates.csv or rig.yaml, and calibrate again',
+        f'weigh the stock before and after, correct {evidence.rates_file} or rig.yaml, and '
+        'calibrate again',
     )
 
 
@@ -321,7 +338,8 @@ def _remarks(
     if evidence.anchor != 'mass' and abs(apart) > max(settings.told_mass_error, sure):
         yield (
             f'the maps hold {100 * abs(apart):.0f} % {"more" if apart > 0 else "less"} tracer than '
-            'the pump log: check rates.csv, porosity and depth; sorbed tracer is not seen'
+            f'the pump log: check {evidence.rates_file}, porosity and depth; sorbed tracer is not '
+            'seen'
         )
     if abs(evidence.mass_offset) > settings.told_offset:
         yield (
@@ -344,7 +362,7 @@ def _remarks(
     if evidence.anchor == 'mass':
         yield 'no photograph shows a core of stock: the scale follows the pump log alone'
     if wells := _elsewhere(plume):
-        yield wells.removeprefix('; ') + ': check the well in rates.csv'
+        yield wells.removeprefix('; ') + f': check the well in {evidence.rates_file}'
     if evidence.bend_deviation > settings.told_bend_deviation:
         yield (
             f'concentrations between water and stock are uncertain by {evidence.bend_deviation:.2f}'

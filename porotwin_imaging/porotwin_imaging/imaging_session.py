@@ -57,7 +57,8 @@ class ImagingSession:
         longest_gap_s: longest time without photographs [s]; None: from the usual interval.
 
     Raises:
-        InputError: the rig has no camera, or an impossible one.
+        InputError: the rig has no camera, or an impossible one, or the calibration is of another
+            rig.
     """
 
     def __init__(
@@ -69,6 +70,8 @@ class ImagingSession:
         longest_gap_s: float | None = None,
     ) -> None:
         Geometry.of(rig)  # a wrong camera is reported before the first photograph
+        if calibration is not None:
+            calibration.check_rig(rig)
         self.rig = rig
         self.grid = grid
         self.calibration = calibration

@@ -77,8 +77,9 @@ def refined(
         baseline_names: names of the files of the baselines, for messages.
 
     Raises:
-        InputError: the baseline cannot be used.
+        InputError: the baseline cannot be used, or the calibration is of another rig.
     """
+    calibration.check_rig(rig)
     guessed = np.array(calibration.factor_deviations) > settings.fronts.surest_factor
     chosen = _with_stock(photographs, schedule)
     if calibration.sands is None or not guessed.any() or not chosen:

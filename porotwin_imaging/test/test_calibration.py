@@ -10,12 +10,14 @@ import yaml
 
 from porotwin_core.errors import InputError
 from porotwin_core.grid import Grid
+from porotwin_imaging.baseline import make_baseline
 from porotwin_imaging.calibration import (
     Calibration,
     Response,
     load_calibration,
     save_calibration,
 )
+from porotwin_imaging.imaging_session import ImagingSession
 from porotwin_imaging.tracer_signal import TracerSignal
 
 
@@ -51,7 +53,9 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
     [
         ('{', 'not readable as YAML'),
         ('schema: 7', 'schema: 7 is not 1 or 2'),
-        ('schema: 1', 'not a calibration'),
+        ('schema: 3', 'update PoroTwin'),
+        ('schema: 1', "'scale_error' is missing; calibrate again"),
+        ('scale_error: 0.1', "'schema' is missing; calibrate again"),
         ('', 'is empty'),
         ('[1, 2]', 'holds no keys'),
         (
@@ -62,7 +66,11 @@ def test_a_calibration_survives_its_file(tmp_path) -> None:
         (
             'schema: 1\nscale_error: 0.1\nsignal: {contrast: difference, weights: [1, 0, 0]}\n'
             'response: {signal: [0, 1], concentration: [0, 1]}\nsands: {file: lost.png}',
-            "'lost.png' is not beside it",
+            "sands.file: picture 'lost.png' is not beside it",
+        ),
+        (
+            'schema: 2\nscale_error: 0.1\nscale_error: 0.5',
+            "'scale_error' stands twice, in the lines",
         ),
     ],
 )
@@ -166,3 +174,76 @@ def test_the_undamaged_file_is_read(tmp_path) -> None:
     path = tmp_path / 'calibration.yaml'
     path.write_text(yaml.safe_dump(WHOLE))
     assert load_calibration(path).factors == (1.0, 1.5)
+
+
+def written_file(folder, data):
+    """Write `data` as a calibration with a picture of two sands; return its path."""
+    cv2.imwrite(str(folder / 'sands.png'), np.eye(20, dtype=np.uint8))
+    path = folder / 'calibration.yaml'
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+@pytest.mark.parametrize(
+    ('change', 'complaint'),
+    [
+        (
+            {'hiden': {'file': 'hidden.png'}},
+            "unknown key 'hiden'; correct or remove it; did you mean 'hidden'?",
+        ),
+        ({'signal': {**WHOLE['signal'], 'wieghts': [1, 0, 0]}}, "'signal.wieghts'; correct"),
+        ({'sands': {**WHOLE['sands'], 'factor': [1.0]}}, "did you mean 'sands.factors'"),
+        ({'response': {'signal': [0, 1]}}, "'response.concentration' is missing"),
+        ({'hidden': {}}, "'hidden.file' is missing"),
+        ({'hidden': 'hidden.png'}, 'is no section; write it as hidden: {file: hidden.png}'),
+        ({'hidden': {'file': '../hidden.png'}}, 'is no name of a picture beside this file'),
+        ({'hidden': {'file': 3}}, 'is no name of a picture beside this file'),
+        ({'signal': None}, 'signal: None is no section'),
+        ({'made': 'by hand'}, "made: 'by hand' is no section"),
+        ({'made': {'rig': 'small'}}, 'made.rig: needs name, width_m, height_m'),
+        ({'made': {'rig': {'name': 'a', 'width_m': '1', 'height_m': 1}}}, 'made.rig.width_m'),
+    ],
+)
+def test_a_wrong_key_is_named_in_plain_words(tmp_path, change, complaint) -> None:
+    path = written_file(tmp_path, WHOLE | change)
+    with pytest.raises(InputError) as error:
+        load_calibration(path)
+    line = str(error.value)
+    assert line.startswith(f'{path}: ')
+    assert complaint in line
+    assert 'Error' not in line
+    assert '\n' not in line
+
+
+def test_a_missing_picture_is_told_without_a_warning_of_opencv(tmp_path, capfd) -> None:
+    path = written_file(tmp_path, WHOLE)
+    (tmp_path / 'sands.png').unlink()
+    with pytest.raises(InputError, match=r"picture 'sands\.png' is not beside it"):
+        load_calibration(path)
+    assert capfd.readouterr() == ('', '')
+
+
+def test_a_folder_is_answered_with_the_file_in_it(tmp_path) -> None:
+    with pytest.raises(InputError, match=r'is a folder; name the file in it: .*calibration\.yaml'):
+        load_calibration(tmp_path)
+
+
+@pytest.mark.parametrize(('width', 'agrees'), [(1.0, True), (1.009, True), (1.02, False)])
+def test_a_calibration_of_another_rig_is_refused(
+    laboratory, empty_photograph, tmp_path, width, agrees
+) -> None:
+    rig = laboratory.rig
+    made_on = {'name': 'other', 'width_m': width * rig.width_m, 'height_m': rig.height_m}
+    calibration = load_calibration(written_file(tmp_path, WHOLE | {'made': {'rig': made_on}}))
+    if agrees:
+        make_baseline(rig, rig.grid(90, 50), [empty_photograph], calibration=calibration)
+        return
+    with pytest.raises(InputError, match="made on the rig 'other'") as error:
+        make_baseline(rig, rig.grid(90, 50), [empty_photograph], calibration=calibration)
+    assert '\n' not in str(error.value)
+    with pytest.raises(InputError, match='use a calibration of this rig'):
+        ImagingSession(rig, rig.grid(90, 50), calibration=calibration)
+
+
+def test_a_calibration_that_does_not_tell_its_rig_fits_any_rig(laboratory) -> None:
+    Calibration(made={'from': 'an older file'}).check_rig(laboratory.rig)

@@ -78,6 +78,8 @@ def test_a_calibration_reads_other_photographs_and_is_read_back(
     assert sorted(path.name for path in tmp_path.glob('*.png'))[0] == '1_geometry.png'
     calibration = load_calibration(tmp_path / 'calibration.yaml')
     assert calibration.made['anchor'] == 'core'
+    size = {'width_m': rig.width_m, 'height_m': rig.height_m}
+    assert calibration.made['rig'] == {'name': rig.name, **size}
     baseline = make_baseline(rig, rig.grid(90, 50), [empty], calibration=calibration)
     truth = make_plume(true_shape, 0.45, 0.22, 0.1)
     photograph = laboratory_of_two_sands.photograph(truth, gain=0.95, seed=60)

@@ -247,3 +247,10 @@ def test_random_good_evidence_is_never_refused() -> None:
             core_flatness=generator.uniform(0, 0.06),
         )
         assert refusal(evidence, replace(PLUME, hollow=generator.uniform(0.85, 1.1))) == ''
+
+
+def test_a_refusal_names_the_file_with_the_measured_rates() -> None:
+    measured = replace(GOOD, mass_factor=0.3, rates_file='rates_measured.csv')
+    refusal = judged(measured, PLUME).refusal
+    assert 'correct rates_measured.csv' in refusal
+    assert ' rates.csv' not in refusal

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from porotwin_cli.terminal import Json, WorkFailed, print_json, refuse_existing, say
-from porotwin_core.errors import InputError
+from porotwin_core.errors import InputError, check_writable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from porotwin_core.wells import Schedule
+    from porotwin_imaging.calibration_fit import CalibrationFit
     from porotwin_recording.photos import Photo
+    from porotwin_recording.recording import Recording
 
 
 def command(
@@ -41,57 +44,128 @@ def command(
 
     Example: ./porotwin calibrate monday --output monday-calibration
     """
-    from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
-    from porotwin_imaging.calibration_pictures import REFUSED, write_fit
-    from porotwin_imaging.calibration_trust import CalibrationRefused
+    from porotwin_recording.one_writer import only_writer
     from porotwin_recording.recording import open_recording
-    from porotwin_solver.plume_model import plume_model
 
-    target = output or folder.with_name(f'{folder.name}-calibration')
-    if not (target / REFUSED).exists():  # a refused calibration may be tried again
-        refuse_existing(target)
+    _refuse_other_files(folder)
+    target = output or _beside(folder)
+    _refuse_complete(target)
     recording = open_recording(folder)
-    baselines = [photo.read() for photo in recording.photos if photo.role == 'baseline']
-    states = [photo for photo in recording.photos if photo.role == 'state']
-    if not baselines or not states:
-        raise InputError(
-            f'{folder}: needs a baseline and state photographs; give their roles in imaging.csv'
-        )
-    _check_sizes(folder, recording.photos)
-    rig, schedule = recording.rig, recording.measured or recording.commanded
-    try:
-        fit = fit_calibration(
-            rig,
-            baselines,
-            ((photo.time, photo.read()) for photo in states),
-            schedule=schedule,
-            dilutions=[
-                DilutionPhoto(photo.time, photo.read, photo.concentration)
-                for photo in recording.photos
-                if photo.concentration is not None
-            ],
-            contrast=contrast,
-            plumes=partial(plume_model, rig, schedule) if schedule else None,
-            source=folder.name,
-            progress=say,
-            baseline_names=[
-                str(folder / photo.name) for photo in recording.photos if photo.role == 'baseline'
-            ],
-        )
-        if fit.trust.objections:  # a photograph that was left out may be why
-            for line in fit.lines:
-                say(line)
-        say('drawing')
-        write_fit(fit, target)
-    except CalibrationRefused as refusal:
-        seen = f'; see {target / "6_mass.png"}' if (target / REFUSED).exists() else ''
-        raise WorkFailed(f'{folder}: {refusal}{seen}') from None
+    _check_photos(recording)
+    with only_writer(target):
+        _refuse_complete(target)  # another call may have ended just now
+        fit = _calibrated(recording, target, contrast)
     if as_json:
         print_json({'output': target, 'lines': fit.lines, **fit.calibration.made})
         return
     for line in fit.lines:
         print(line)
     print(f'use it with --calibration {target / "calibration.yaml"}; check the pictures beside it')
+
+
+def _refuse_other_files(folder: Path) -> None:
+    """Raise InputError if `folder` is a file, and neither a bag nor the rig.yaml of a folder."""
+    from porotwin_recording.experiment_folder import RIG_FILE
+
+    if folder.is_file() and folder.name != RIG_FILE and folder.suffix != '.mcap':
+        raise InputError(f'{folder}: is no recording; name an experiment folder or an MCAP bag')
+
+
+def _beside(folder: Path) -> Path:
+    """Return the default output for the recording `folder`: a folder beside it.
+
+    Raises:
+        InputError: `folder` is the root of the disk.
+    """
+    from porotwin_recording.experiment_folder import RIG_FILE
+
+    if folder.name == RIG_FILE and folder.is_file():  # its folder is meant
+        folder = folder.parent
+    if folder.name in ('', '..'):
+        folder = folder.resolve()
+    if not folder.name:
+        raise InputError(f'{folder}: has no folder beside it; name one with --output')
+    return folder.with_name(f'{folder.name}-calibration')
+
+
+def _refuse_complete(target: Path) -> None:
+    """Raise InputError if `target` exists, but for a refused calibration, which is tried again."""
+    from porotwin_imaging.calibration_pictures import REFUSED
+
+    if (target / REFUSED).exists():
+        check_writable(target)
+    else:
+        refuse_existing(target)
+
+
+def _check_photos(recording: 'Recording') -> None:
+    """Raise InputError unless there are a baseline and state photographs, all of one size."""
+    roles = {photo.role for photo in recording.photos}
+    if not {'baseline', 'state'} <= roles:
+        raise InputError(
+            f'{recording.source}: needs a baseline and state photographs; give their roles in '
+            'imaging.csv'
+        )
+    _check_sizes(recording.source, recording.photos)
+
+
+def _calibrated(
+    recording: 'Recording', target: Path, contrast: Literal['absorbance', 'difference'] | None
+) -> 'CalibrationFit':
+    """Return the calibration of `recording`, written to the folder `target`.
+
+    Raises:
+        InputError: the photographs or rates are wrong, or `target` may not be written.
+        WorkFailed: the calibration cannot be trusted.
+    """
+    from porotwin_imaging.calibration_fit import DilutionPhoto, fit_calibration
+    from porotwin_imaging.calibration_pictures import write_fit
+    from porotwin_imaging.calibration_trust import CalibrationRefused
+    from porotwin_solver.plume_model import plume_model
+
+    rig, photos = recording.rig, recording.photos
+    schedule, rates_file = _injected_rates(recording)
+    try:
+        fit = fit_calibration(
+            rig,
+            [photo.read() for photo in photos if photo.role == 'baseline'],
+            ((photo.time, photo.read()) for photo in photos if photo.role == 'state'),
+            schedule=schedule,
+            dilutions=[
+                DilutionPhoto(photo.time, photo.read, photo.concentration)
+                for photo in photos
+                if photo.concentration is not None
+            ],
+            contrast=contrast,
+            plumes=partial(plume_model, rig, schedule) if schedule else None,
+            source=recording.source.resolve().name,
+            rates_file=rates_file,
+            progress=say,
+            baseline_names=[
+                str(recording.source / photo.name) for photo in photos if photo.role == 'baseline'
+            ],
+        )
+        say('drawing')
+        write_fit(fit, target)
+    except CalibrationRefused as refusal:
+        for line in refusal.lines:  # a photograph that was left out may be why
+            say(line)
+        seen = f'; see {refusal.picture}' if refusal.picture else ''
+        raise WorkFailed(f'{recording.source}: {refusal}{seen}') from None
+    return fit
+
+
+def _injected_rates(recording: 'Recording') -> 'tuple[Schedule | None, str]':
+    """Return the delivered rates, None if there are none, and the file that holds them.
+
+    The commanded rates count before the first measurement.
+    """
+    from porotwin_recording.experiment_folder import COMMANDED_FILE, MEASURED_FILE
+
+    measured = recording.measured is not None and bool(recording.measured.rows)
+    if not measured and recording.commanded is None:
+        return None, COMMANDED_FILE
+    return recording.delivered, MEASURED_FILE if measured else COMMANDED_FILE
 
 
 def _check_sizes(folder: Path, photos: 'Sequence[Photo]') -> None:
