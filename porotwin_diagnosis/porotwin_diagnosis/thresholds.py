@@ -159,8 +159,8 @@ kept, and likewise of a triple and the best pair. More effects always fit better
 one must earn its place."""
 
 FAR_LESS = 0.5
-"""The same ratio where the fewer effects suffice already: a pair that halves what a sufficient
-effect leaves shows what the errors of the scheme cannot make."""
+"""The same ratio where the fewer effects suffice already: a pair that halves the misfit of a
+sufficient effect shows more than errors of the scheme can make."""
 
 SYSTEMATIC_MISFIT = 0.16
 """Standard deviation of the misfit that the true effect leaves beyond the noise. Its cause is the

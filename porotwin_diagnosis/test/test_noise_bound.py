@@ -1,4 +1,4 @@
-"""The noise is bounded by what the best fit leaves."""
+"""The remainder of the best fit bounds the noise."""
 
 import pytest
 from diagnosis_examples import fit_of

@@ -61,7 +61,7 @@ _MOST_BLUR_PX = 20.0
 _SHOWN = 40
 """Characters of a wrong value that a message repeats."""
 _SAME_SIZE = 0.01
-"""Relative difference of width or height up to which a rig is that of the calibration [-]: a rig
+"""Relative difference of width or height up to which a rig fits a calibration [-]: a rig
 is measured to some millimetres, and another rig differs by much more."""
 _HIDDEN_LEVEL = 128
 """Lighter grey levels of the picture `hidden` are white."""

@@ -6,7 +6,7 @@ The steps, each with its evidence:
 2. The weights of red, green and blue that separate tracer best from noise.
 3. The level of tracer stock in each sand: the core of the injected plume is stock.
 4. The bend of the response: known dilutions, the mass over the photographs, and their fronts
-   beside those of a model of the flow.
+   beside the fronts of a model of the flow.
 5. The mass of the pump log against the imaged one, as a check of all of them.
 
 Without a core the mass gives the level of stock; without a pump log too, the strongest signal does.

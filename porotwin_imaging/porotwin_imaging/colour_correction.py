@@ -56,7 +56,7 @@ MOVED_RIG = (
     ': the camera or the rig has probably moved since the corners were marked, and all maps are '
     'displaced; mark camera.corners_px and camera.colour_checker_px anew'
 )
-"""What a chart far from its place means."""
+"""The meaning of a chart far from its place, for a remark."""
 
 
 def colour_reference(

@@ -316,7 +316,7 @@ class NoiseSettings:
 
 @dataclass(frozen=True)
 class LightErrorSettings:
-    """Error of the map from light that is not that of the baseline (`light_error.py`)."""
+    """Error of the map from light that differs from the baseline (`light_error.py`)."""
 
     measured: float = 3e-4
     """Standard deviation of the drift of light on clean sand, where it is measured [log ratio]."""
@@ -591,7 +591,7 @@ class PhaseSettings:
     least_spread: float = 0.04
     """Standard deviation of the colour of a cell that is added to its scatter [log]."""
     most_samples: int = 60_000
-    """Cells from which colours are found; more tell nothing more."""
+    """Most cells that are used to find colours; more tell nothing more."""
     sharpness: float = 0.5
     """Factor on the costs of colours, which are not independent from cell to cell [-]."""
     coupling: float = 4.0

@@ -15,7 +15,7 @@ from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule
 
 LEAST_AT_WELL = 0.5
-"""Concentration at a well relative to what it injects, below which the maps must be wrong [-].
+"""Least concentration at a well relative to its injected one; below it the maps must be wrong [-].
 Calibrated maps are right within a tenth there."""
 
 _REACH = 2
@@ -37,7 +37,7 @@ class Maps(Protocol):
 
 
 def pale_well_remark(maps: Maps, times: Sequence[float], rig: Rig, schedule: Schedule) -> str:
-    """Return what is wrong if maps show little tracer at a well that injects it; '' if none does.
+    """Return a remark if maps show little tracer at a well that injects it; '' if none does.
 
     Half of the maps of a well must show it: a clock or a tube may delay the first tracer.
 

@@ -1,4 +1,4 @@
-"""The limit of what a recording shows: whether its true maps explain it better than a diagnosis.
+"""The limit of a recording: do its true maps explain it better than the diagnosis does?
 
 A diagnosis that knew everything would predict the true maps. Its misfit comes from noise and from
 the errors of imaging alone. If the model that was named has hardly more misfit, no rule on this
@@ -18,7 +18,7 @@ from porotwin_recording.concentration import open_maps
 from porotwin_recording.recording import open_recording
 
 BLURS = (0.0, 0.3, 0.5, 0.7, 0.9)
-"""Widths of the point spread [cells] that the true maps may need: those of the diagnosis."""
+"""Widths of the point spread [cells] that the true maps may need, as in the diagnosis."""
 
 
 def truth_is_visible(recording: Path, result: Path, clean: Path) -> bool:
@@ -39,7 +39,7 @@ def truth_is_visible(recording: Path, result: Path, clean: Path) -> bool:
 def misfit_of_truth(recording: Path, clean: Path) -> float:
     """Return the misfit [-] of the true maps `clean`, with the point spread that suits them best.
 
-    The arguments are those of `truth_is_visible`.
+    The arguments are as in `truth_is_visible`.
     """
     sample = read_sample(open_recording(recording))
     true = open_maps(clean, sample.rig)

@@ -1,4 +1,4 @@
-"""The limit of what a recording shows."""
+"""The limit of a recording: its true maps against a model."""
 
 import json
 from dataclasses import replace

@@ -23,8 +23,8 @@ CHECKS = {
         'still water goes on changing'
     ),
     Process.CAMERA: (
-        'photograph the rig with all pumps at rest for as long as the recording lasts: what '
-        'changes then is of the camera or its light'
+        'photograph the rig with all pumps at rest for as long as the recording lasts: '
+        'changes come from the camera or its light then'
     ),
 }
 """How to check a cause of each process without the model."""

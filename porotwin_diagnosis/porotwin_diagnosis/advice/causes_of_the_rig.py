@@ -212,5 +212,7 @@ def delay_of_pale_tracer(runs: FreeRuns) -> Iterator[Cause]:
     except InputError:
         return
     change = delay * (1.0 - np.clip(runs.maps, 0.0, 1.0))
-    check = 'shake sand with stock and with diluted stock; compare what is left in the water'
+    check = (
+        'shake sand with stock and with diluted stock; compare the concentrations left in the water'
+    )
     yield Cause('pale tracer delayed', Process.STORAGE, '-', change[None], words, own_check=check)

@@ -68,7 +68,7 @@ BACKGROUND_TOLERANCE = 0.004
 
 STATED_SHARE = 0.5
 """Share of a delivered random deviation that is expected in smoothed maps. It is the deviation of
-single cells, and smoothing damps what changes from cell to cell. On eleven recordings from
+single cells, and smoothing damps changes from cell to cell. On eleven recordings from
 photographs with known truth, the true maps leave 0.17 to 0.65 of it, 0.45 in the mean."""
 
 TRACER_PRESENT = 0.03
@@ -225,7 +225,7 @@ class Sample:
         return np.maximum(measured, stated_share * np.sqrt(own))
 
     def _measured_deviation(self, width: float) -> FloatArray:
-        """Return that standard deviation without what imaging states, (nt, nz, nx)."""
+        """Return that standard deviation without the deviation that imaging states, (nt, nz, nx)."""
         grain = self.noise.correlation
         damping = grain / np.hypot(grain, width)
         return self.noise.clipped_deviation(self._smoothed(width)) * damping

@@ -147,8 +147,8 @@ def next_experiments(result: Diagnosis, summary: Summary) -> str:
     if result.verdict.name == UNEXPLAINED:
         rows = [[proposal['name'], proposal['what']] for proposal in proposals]
         note = (
-            '<p>Checks of what is described above, and experiments that show what kind of cause is '
-            'missing: at rest, only the camera, the storage of tracer and flows from outside go '
+            '<p>Checks of this description, and experiments that show the kind of the missing '
+            'cause: at rest, only the camera, the storage of tracer and flows from outside go '
             'on; a wrong pump shows in its own turn alone.</p>'
         )
         return note + table(['experiment', 'instructions'], rows)

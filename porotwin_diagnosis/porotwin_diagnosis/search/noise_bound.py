@@ -1,4 +1,4 @@
-"""The bound on the noise: what the best fit leaves.
+"""The bound on the noise: the remainder of the best fit.
 
 Noise that is estimated too large hides gaps: imaging states the deviation of single cells, and
 smoothing damps it by a factor that differs from photograph to photograph; rings of many pulses look
