@@ -1,4 +1,4 @@
-"""The remainder beside even the true effect: a check of the limits of the diagnosis, effect by effect.
+"""The remainder beside the true effect: a check of the limits of the diagnosis.
 
     python -m porotwin_validation.true_effect 4 [EFFECT ...]
 

@@ -225,7 +225,7 @@ class Sample:
         return np.maximum(measured, stated_share * np.sqrt(own))
 
     def _measured_deviation(self, width: float) -> FloatArray:
-        """Return that standard deviation without the deviation that imaging states, (nt, nz, nx)."""
+        """Return that standard deviation without the stated one, (nt, nz, nx)."""
         grain = self.noise.correlation
         damping = grain / np.hypot(grain, width)
         return self.noise.clipped_deviation(self._smoothed(width)) * damping
