@@ -20,6 +20,7 @@ SAME_CONCEPT_FOLDERS = {'effects', 'commands', 'panels'}
 """Folders whose files are named after an effect, a command or a panel, in any package."""
 
 TESTS_WITHOUT_MODULE = {
+    'test_bad_baselines.py': 'image and calibrate with the same bad baselines',
     'test_real_photographs.py': 'the whole imaging on real photographs',
     'test_chart_panels.py': 'all small panels with a chart',
     'test_map_panels.py': 'all small panels with a map',
