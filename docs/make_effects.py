@@ -42,7 +42,8 @@ parameters and a check in the laboratory.
 OUTSIDE = """
 ## Effects of the virtual rig only
 
-The diagnosis does not know these effects. With them the blind check tests whether the diagnosis
+The diagnosis does not know these effects. The lines of Python in [rig.md](rig.md) make recordings
+with them. With them the blind check tests whether the diagnosis
 admits that it has no explanation. They are in
 [`porotwin_rig/effects`](../porotwin_rig/porotwin_rig/effects).
 

@@ -40,7 +40,8 @@ class FreeRunErrors:
         return (
             f'free run beside the maps of the recording, last {HELD_OUT_SHARE:.0%}: error '
             f'{self.error:.1%}, or {self.blurred_error:.1%} with fronts blurred as in the maps '
-            f'(--blur {self.blur_cells:.2f}); the noise of the maps alone makes {self.noise:.1%}'
+            f'(--blur {self.blur_cells:.2f}); the noise of the maps alone, without blur, makes '
+            f'{self.noise:.1%}'
         )
 
 

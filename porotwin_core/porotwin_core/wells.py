@@ -155,6 +155,15 @@ class Schedule:
         """Names of the wells, in the order of their first rows."""
         return tuple(dict.fromkeys(row.well for row in self.rows))
 
+    @property
+    def largest(self) -> dict[str, WellRate]:
+        """The rate of largest magnitude of every well that pumps at all."""
+        largest: dict[str, WellRate] = {}
+        for row in self.rows:
+            if abs(row.rate.rate) > abs(largest.get(row.well, WellRate()).rate):
+                largest[row.well] = row.rate
+        return largest
+
 
 def mean_rates(periods: Iterable[tuple[float, float, WellRates]]) -> dict[str, WellRate]:
     """Return the constant rates that pump as much water and tracer as periods of other rates.

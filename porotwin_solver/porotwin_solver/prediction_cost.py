@@ -92,6 +92,7 @@ def prediction_cost(
     preset: str = 'fast',
     duration: float,
     rates: WellRates | None = None,
+    longest_step: float = LONGEST_STEP,
     slowness: float = 1.0,
 ) -> PredictionCost:
     """Return the estimated cost of a prediction over `duration` [s].
@@ -102,6 +103,7 @@ def prediction_cost(
         preset: name of a preset.
         duration: time to predict [s].
         rates: rates of the wells; the largest ones that rig.yaml allows where not given.
+        longest_step: longest splitting step [s].
         slowness: time of this machine over the time of the one that the constants stand for.
 
     Raises:
@@ -110,7 +112,7 @@ def prediction_cost(
     chosen = preset_named(preset)
     factor = chosen.refinement(grid)
     fine = grid.refined(factor)
-    steps = max(1, math.ceil(duration / LONGEST_STEP))
+    steps = max(1, math.ceil(duration / longest_step))
     per_second = _cfl_per_second(rig, fine, rates if rates is not None else working_rates(rig))
     cfl = per_second * duration / steps
     levels = np.ceil(np.log2(np.maximum(cfl / CFL_LIMIT, 1.0)))

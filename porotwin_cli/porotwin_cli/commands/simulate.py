@@ -53,7 +53,8 @@ def command(
         str,
         typer.Option(
             help='START:END:STEP [s]. Default: the times of the maps or photographs, or a map at '
-            'least every half minute until the last row of rates.csv.'
+            'least every half minute until the last row of rates.csv, but at most some '
+            f'{MOST_TIMES} maps.'
         ),
     ] = '',
     preset: Annotated[
@@ -92,6 +93,8 @@ def command(
     from porotwin_recording.concentration import ConcentrationWriter, MapOrigin
     from porotwin_recording.recording import open_recording
     from porotwin_solver.effects import parse_effects
+    from porotwin_solver.free_run_step import longest_free_step
+    from porotwin_solver.physics import nominal_physics
     from porotwin_solver.prediction_cost import prediction_cost
     from porotwin_solver.simulation import simulated_maps
 
@@ -106,7 +109,10 @@ def command(
     cells = grid_of(grid, rig, MOST_CELLS) if grid else recorded
     effects = parse_effects(effect or [])
     last = max(moments, default=0.0)
-    tell_cost(prediction_cost(rig, cells, preset=preset, duration=last), 'simulation')
+    rates = schedule.largest
+    step = longest_free_step(nominal_physics(rig, rig.default_grid()), rates)
+    cost = prediction_cost(rig, cells, preset=preset, duration=last, rates=rates, longest_step=step)
+    tell_cost(cost, 'simulation')
     maps = simulated_maps(
         rig,
         schedule,

@@ -31,9 +31,13 @@ IMITATION_STEPS = 2
 """Iterations of the fit of the second explanation to the first. The fit starts at its best
 parameters for the present recording, and two steps bring it close to its best imitation."""
 
-TELLING_KINDS = ('rest', 'one well at a time')
-"""Experiments that show the kind of an unknown cause: at rest only the camera, storage and flows
-from outside go on; a wrong pump shows in its turn alone."""
+TELLING_KINDS: dict[str, tuple[str | None, ...]] = {
+    'rest': ('source', 'transport', 'storage', 'camera', None),
+    'one well at a time': ('source', 'transport', None),
+}
+"""Experiments that show whether an unknown cause is of the described kind (None: no description):
+at rest only the camera, storage and flows from outside go on; a wrong pump shows in its turn alone,
+the sand in every turn."""
 
 SAME_AGAIN = np.sqrt(2.0)
 """Factor between the distance of two explanations in one recording and in two equal ones."""
@@ -169,6 +173,6 @@ def tell_kinds_apart(form: RemainderForm, sample: Sample) -> tuple[Proposal, ...
     experiments = (
         Proposal(change.name, kinds, change.description)
         for change in SCHEDULE_CHANGES
-        if change.name in TELLING_KINDS and change.apply(sample) is not None
+        if form.kind in TELLING_KINDS.get(change.name, ()) and change.apply(sample) is not None
     )
     return (*checks, *experiments)

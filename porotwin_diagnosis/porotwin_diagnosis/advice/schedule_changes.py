@@ -84,7 +84,7 @@ def _one_well_at_a_time(sample: Sample) -> Sample | None:
     nearest other well. In a closed rig the injectors take turns, and the producers take out as much
     as is injected. None where only one well can pump.
     """
-    largest = _largest_rates(sample)
+    largest = sample.schedule.largest
     closed = sample.rig.closed
     producing = {well: rate.rate for well, rate in largest.items() if rate.rate < 0}
     turns = [(well, rate) for well, rate in largest.items() if rate.rate > 0 or not closed]
@@ -103,15 +103,6 @@ def _one_well_at_a_time(sample: Sample) -> Sample | None:
         begin = sample.start + sample.duration * number / len(turns)
         rows += [ScheduleRow(begin, name, value) for name, value in rates.items()]
     return _with(sample, rows)
-
-
-def _largest_rates(sample: Sample) -> dict[str, WellRate]:
-    """Return for every well that pumps its rate of largest magnitude."""
-    largest: dict[str, WellRate] = {}
-    for row in sample.schedule.rows:
-        if abs(row.rate.rate) > abs(largest.get(row.well, WellRate()).rate):
-            largest[row.well] = row.rate
-    return largest
 
 
 def _nearest_well(sample: Sample, name: str) -> str:

@@ -135,7 +135,9 @@ def _cause(result: Diagnosis, summary: Summary) -> str:
     if verdict.name == NONE:
         return 'None is needed.'
     if verdict.name == UNEXPLAINED:
-        return f'Not in the library of effects.<br>{_form(result)}{_part(result, summary)}'
+        said = [(_closed_by_form(result), _form(result)), _part(result, summary)]
+        said.sort(key=lambda item: -item[0])
+        return '<br>'.join(['Not in the library of effects.', *(text for _, text in said if text)])
     lines = [_with_origin(name) for name in verdict.members]
     if not verdict.alternatives:
         lines += [f'or {_with_origin(name)}' for name in verdict.not_separable]
@@ -158,15 +160,20 @@ def _form(result: Diagnosis) -> str:
     return (
         f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
-        'gaps with other causes than the library has, the kind was right in 23.'
+        'gaps with other causes than the library has, the kind was right in 23, but a thin tight '
+        'wall was never found.'
     )
 
 
-def _part(result: Diagnosis, summary: Summary) -> str:
-    """Say which effects close much of an unexplained gap, and where the rest arises."""
+def _closed_by_form(result: Diagnosis) -> float:
+    return result.remainder.closed if result.remainder and result.remainder.terms else 0.0
+
+
+def _part(result: Diagnosis, summary: Summary) -> tuple[float, str]:
+    """Return the share that known effects close of an unexplained gap, and say which they are."""
     beside = summary['remainder'] and summary['remainder']['beside']
     if not beside:
-        return ''
+        return 0.0, ''
     means = ', and '.join(phrase(row['name'], row['parameters']) for row in beside['effects'])
     together = ' together' if len(beside['effects']) > 1 else ''
     rest, place = [], beside['place']
@@ -182,9 +189,10 @@ def _part(result: Diagnosis, summary: Summary) -> str:
             ' A source beside an equally strong sink acts like a patch of sand that conducts '
             f'better or worse than its surroundings.{remains}'
         )
-    return (
-        f'<br>A part of it may be: {means}. That{together} closes '
-        f'{100 * min(beside["gap_closed"], 1.0):.0f} % of the gap.{remains}'
+    closed_share = min(beside['gap_closed'], 1.0)
+    return closed_share, (
+        f'A part of it may be: {means}. That{together} closes {100 * closed_share:.0f} % of the '
+        f'gap.{remains}'
     )
 
 
@@ -244,9 +252,11 @@ def _hot_spots(result: Diagnosis) -> str:
     if not result.gap.spots:
         return 'Everywhere: no place stands out.'
     spot = result.gap.spots[0]
+    seen = ' An effect of the camera has no place in the rig: it shows there.'
+    of_camera = result.remainder is not None and result.remainder.kind == 'camera'
     return (
         f'Most of all near x = {spot.x:.2f} m, z = {spot.z:.2f} m: {100 * spot.share:.0f} % of the '
-        f'gap arises within {1e3 * spot.radius:.0f} mm.'
+        f'gap arises within {1e3 * spot.radius:.0f} mm.{seen if of_camera else ""}'
     )
 
 

@@ -1,7 +1,8 @@
 """The sections of the report below the pictures, each as HTML."""
 
 import html
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from porotwin_diagnosis.decision.verdict import UNEXPLAINED
 from porotwin_diagnosis.diagnosis import Diagnosis
@@ -16,6 +17,10 @@ from porotwin_solver.effects.definition.words import number
 
 BAR_PIXELS, LONGEST_BAR = 80, 1.5
 """Length [pixels] of a bar for the error without effects, and the longest bar relative to it."""
+
+NO_SIGN = 0.003
+"""Relative change of the error below which a fitted effect changed nothing: its parameters are then
+those of no effect, and words for them read like nonsense."""
 
 LEAST_PROBABILITY = 1e-3
 """Probabilities below 0.1 % are not written out."""
@@ -33,7 +38,7 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
             [
                 f'<b>{spoken(name)}</b>' if name in result.verdict.members else spoken(name),
                 origin(name),
-                phrase(name, row['parameters']),
+                _meaning(row, named=name in result.verdict.members),
                 f'<span class="bar" style="width:{length:.0f}px"></span>',
                 percent(after) if after > floor else f'≤ {percent(floor)}',  # hidden in the noise
                 _probability(row['probability']),
@@ -57,6 +62,14 @@ def tried_effects(result: Diagnosis, summary: Summary) -> str:
         'library lacks.</p>'
     )
     return note + table(head, rows, {4, 5})
+
+
+def _meaning(row: Mapping[str, Any], *, named: bool) -> str:
+    """Return an effect with its fitted parameters in words, or that the maps show no sign of it."""
+    change = abs(row['error_after'] - row['error_before'])
+    if not named and change < NO_SIGN * row['error_before']:
+        return 'no sign of it'
+    return phrase(row['name'], row['parameters'])
 
 
 def _joint_error(result: Diagnosis, summary: Summary) -> str:
