@@ -160,8 +160,8 @@ def _form(result: Diagnosis) -> str:
     return (
         f'It looks most like {kind}: {html.escape(said)}. This form, found by regression, closes '
         f'{100 * form.closed:.0f} % of the gap in the held-out part. It is a hint: of 27 simulated '
-        'gaps with other causes than the library has, the kind was right in 23, but a thin tight '
-        'wall was never found.'
+        'gaps with other causes than the library has, the kind was right in 23, but in none of 3 '
+        'thin tight walls; there the row “Where” shows the place.'
     )
 
 
