@@ -39,5 +39,5 @@ def excess_remark(values: FloatArray, time: float, rig: Rig, schedule: Schedule)
     return (
         f'the map at {time:.0f} s holds {held * ML:.3g} ml of tracer stock, but the pumps '
         f'injected {injected * ML:.3g} ml; check the sizes, the depth and the porosity in '
-        'rig.yaml, the rates, and whether the calibration is of this rig'
+        'rig.yaml, the rates, the times in imaging.csv, and whether the calibration is of this rig'
     )
