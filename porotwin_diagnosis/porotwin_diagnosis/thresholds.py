@@ -158,6 +158,10 @@ COMBINATION_GAIN = 0.8
 kept, and likewise of a triple and the best pair. More effects always fit better, so that a further
 one must earn its place."""
 
+BARELY_SUFFICIENT = 0.88
+"""Lack of fit above which a single effect that suffices is compared with pairs. Below it, pairs
+took minutes and changed no verdict; a wrong single effect that hid its partner had 0.93."""
+
 FAR_LESS = 0.5
 """The same ratio where the fewer effects suffice already: a pair that halves the misfit of a
 sufficient effect shows more than errors of the scheme can make."""

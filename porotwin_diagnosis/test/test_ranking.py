@@ -129,8 +129,8 @@ def test_a_true_model_may_leave_a_share_of_the_errors_of_the_scheme():
 
 def test_pairs_are_looked_for_until_one_effect_surely_suffices():
     gap, none = fit_of(misfit=5.0), fit_of(misfit=0.4)
-    assert may_need_a_second_effect(fit_of('rate', misfit=0.45), gap)
-    assert not may_need_a_second_effect(fit_of('rate', misfit=0.3), gap)
+    assert may_need_a_second_effect(fit_of('rate', misfit=0.5), gap)
+    assert not may_need_a_second_effect(fit_of('rate', misfit=0.44), gap)
     assert not may_need_a_second_effect(fit_of('rate', misfit=0.45), none)
 
 

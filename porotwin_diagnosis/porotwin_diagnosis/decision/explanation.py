@@ -18,12 +18,12 @@ from porotwin_diagnosis.search.ranking import (
     normalised_misfit,
 )
 from porotwin_diagnosis.thresholds import (
+    BARELY_SUFFICIENT,
     COMBINATION_GAIN,
     FAR_LESS,
     INDISTINGUISHABLE,
     NEAR_EQUAL_LOG_ODDS,
     NO_GAP_MISFIT,
-    SURELY_SUFFICIENT,
 )
 
 
@@ -87,7 +87,7 @@ def kept_model(findings: Findings) -> Fit:
         return null
     for combinations in (findings.pairs, findings.triples):
         lack = lack_of_fit(kept, null)
-        if lack <= SURELY_SUFFICIENT:
+        if lack <= BARELY_SUFFICIENT:
             break
         gain = FAR_LESS if lack <= 1.0 else COMBINATION_GAIN
         if combinations and earns_its_place(combinations[0], kept, gain):

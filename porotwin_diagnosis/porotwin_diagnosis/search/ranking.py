@@ -21,6 +21,7 @@ import numpy as np
 from porotwin_diagnosis.model.effect_traits import misfit_allowance
 from porotwin_diagnosis.model.fit import Fit
 from porotwin_diagnosis.thresholds import (
+    BARELY_SUFFICIENT,
     CLOSE_TO_BEST,
     COMBINATION_GAIN,
     EXPLAINED_MISFIT,
@@ -31,7 +32,6 @@ from porotwin_diagnosis.thresholds import (
     SCHEME_SHARE,
     SUFFICIENT_MISFIT,
     SUFFICIENT_PAIR_MISFIT,
-    SURELY_SUFFICIENT,
     SYSTEMATIC_MISFIT,
     TIE,
     UNRESOLVED_SHARE,
@@ -132,7 +132,7 @@ def may_need_a_second_effect(single: Fit, null: Fit) -> bool:
     """
     if normalised_misfit(null) < NO_GAP_MISFIT:
         return False
-    return leaves_a_gap(single) or lack_of_fit(single, null) > SURELY_SUFFICIENT
+    return leaves_a_gap(single) or lack_of_fit(single, null) > BARELY_SUFFICIENT
 
 
 def one_effect_is_enough(single: Fit, pairs: Sequence[Fit], null: Fit) -> bool:
