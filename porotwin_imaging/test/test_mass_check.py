@@ -2,22 +2,12 @@
 
 import numpy as np
 import pytest
+from box_rig import box_rig
 
-from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_imaging.mass_check import excess_remark
 
-RIG = Rig(
-    name='box',
-    width_m=0.6,
-    height_m=0.4,
-    depth_m=0.02,
-    porosity=0.4,
-    permeability_m2=1e-10,
-    viscosity_pa_s=1e-3,
-    density_kg_m3=998.0,
-    wells={'in': {'x_m': 0.1, 'z_m': 0.1}},
-)
+RIG = box_rig(**{'in': (0.1, 0.1)})
 """1920 ml of pores."""
 
 INJECTED = Schedule((ScheduleRow(100.0, 'in', WellRate(1e-6, 0.5)),))

@@ -2,22 +2,12 @@
 
 import numpy as np
 import pytest
+from box_rig import box_rig
 
-from porotwin_core.rig import Rig
 from porotwin_core.wells import Schedule, ScheduleRow, WellRate
 from porotwin_imaging.well_check import pale_well_remark
 
-RIG = Rig(
-    name='box',
-    width_m=0.6,
-    height_m=0.4,
-    depth_m=0.02,
-    porosity=0.4,
-    permeability_m2=1e-10,
-    viscosity_pa_s=1e-3,
-    density_kg_m3=998.0,
-    wells={'in': {'x_m': 0.3, 'z_m': 0.2}, 'other': {'x_m': 0.05, 'z_m': 0.2}},
-)
+RIG = box_rig(**{'in': (0.3, 0.2), 'other': (0.05, 0.2)})
 GRID = RIG.grid(120, 80)
 TIMES = [0.0, 100.0, 200.0, 300.0, 400.0]
 STOCK = ScheduleRow(0.0, 'in', WellRate(1e-6, 1.0))

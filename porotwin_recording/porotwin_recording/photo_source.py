@@ -26,7 +26,7 @@ def fingerprints(recording: Recording) -> dict[str, str]:
             ]
         ),
         'rig.yaml': _short_hash([rig.physics_fingerprint, rig.model_dump(mode='json')]),
-        'rates': _short_hash(repr(recording.measured or recording.commanded)),
+        'rates': _short_hash(repr(recording.known_rates)),
     }
 
 

@@ -53,6 +53,12 @@ class Recording(RecordedData):
         return Schedule((*(row for row in commanded if row.time < begin), *self.measured.rows))
 
     @property
+    def known_rates(self) -> Schedule | None:
+        """The delivered rates; None if the recording holds none."""
+        measured = self.measured is not None and bool(self.measured.rows)
+        return self.delivered if measured or self.commanded is not None else None
+
+    @property
     def times(self) -> NDArray[np.float64]:
         """Times of the tracer maps [s], shape (nt,).
 

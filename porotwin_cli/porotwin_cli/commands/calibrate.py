@@ -163,9 +163,7 @@ def _injected_rates(recording: 'Recording') -> 'tuple[Schedule | None, str]':
     from porotwin_recording.experiment_folder import COMMANDED_FILE, MEASURED_FILE
 
     measured = recording.measured is not None and bool(recording.measured.rows)
-    if not measured and recording.commanded is None:
-        return None, COMMANDED_FILE
-    return recording.delivered, MEASURED_FILE if measured else COMMANDED_FILE
+    return recording.known_rates, MEASURED_FILE if measured else COMMANDED_FILE
 
 
 def _check_sizes(folder: Path, photos: 'Sequence[Photo]') -> None:

@@ -91,7 +91,7 @@ def command(
             f'{experiment}: needs a baseline and at least one state photograph; '
             'give their roles in imaging.csv'
         )
-    rates = recording.delivered if recording.measured or recording.commanded else None
+    rates = recording.known_rates
     names = [str(experiment / photo.name) for photo in baselines]
     with named(names[0]):
         memory = _tell_cost(baselines[0], rig, map_grid)
